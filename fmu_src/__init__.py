@@ -1,0 +1,9 @@
+"""Models of the project, each packaged by ``build_fmu.py`` as an FMI 2.0 co-simulation FMU.
+
+Nothing in this package but :mod:`fmu_src.slave` knows FMI, and nothing needs more than the standard
+library (and, in the FMU, the copy of pythonfmu that it carries), so that the FMUs run in any host
+that has libpython.
+"""
+
+#: Model name (the FMU's ``modelName`` and ``modelIdentifier``) -> module of this package.
+MODELS: dict[str, str] = {"CoupledOscillator": "coupled_oscillator"}

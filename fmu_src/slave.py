@@ -1,0 +1,416 @@
+"""The adapter between a model of this package and FMI 2.0 co-simulation, through pythonfmu.
+
+A model declares its variables in a table and its motion in a few methods; this module does the
+rest: the modelDescription, get and set, the state of the FMU, and failure. No exception leaves it,
+because pythonfmu turns one into fmi2Fatal and many hosts then crash. Instead the sentence goes to
+the FMI logger and to the String output ``status_message``, every Real output becomes NaN and each
+further doStep returns fmi2Discard until fmi2Reset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+from xml.etree.ElementTree import Element, SubElement
+
+from pythonfmu import Fmi2Slave
+from pythonfmu.enums import Fmi2Status
+
+from .model_error import ModelError
+
+STATUS_MESSAGE = "status_message"
+#: Unit -> (SI exponents of the base unit, display units with their factor per unit).
+UNITS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
+    "Hz": ({"s": "-1"}, {"kHz": "0.001", "MHz": "1e-06"}),
+    "rad": ({"rad": "1"}, {"deg": "57.29577951308232"}),
+    "s": ({"s": "1"}, {"us": "1000000", "ms": "1000"}),
+    "1/s": ({"s": "-1"}, {}),
+    "m": ({"m": "1"}, {"pm": "1000000000000"}),
+    "m/s2": ({"m": "1", "s": "-2"}, {}),
+}
+
+_INSTANTIATED, _INITIALISING, _STEPPING, _FAILED = range(4)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One row of a model's variable table, in FMI's own terms."""
+
+    name: str
+    kind: str  # Real, Integer, Boolean or String
+    causality: str
+    variability: str
+    description: str
+    start: Any = None
+    unit: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float | None = None
+
+    @property
+    def initial(self) -> str | None:
+        """Return exact for parameters, calculated for outputs, none for inputs."""
+        return {"parameter": "exact", "output": "calculated"}.get(self.causality)
+
+    def to_xml(self, reference: int, start: Any) -> Element:
+        """Return the ScalarVariable element; Reals with the digits that give the same double."""
+        attributes = {
+            "name": self.name,
+            "valueReference": str(reference),
+            "description": self.description,
+            "causality": self.causality,
+            "variability": self.variability,
+        }
+        if self.initial:
+            attributes["initial"] = self.initial
+        element = Element("ScalarVariable", attributes)
+        details = {
+            "unit": self.unit,
+            "min": self.minimum,
+            "max": self.maximum,
+            "nominal": self.nominal,
+            "start": None if self.causality == "output" else start,
+        }
+        SubElement(
+            element, self.kind, {key: _text(v) for key, v in details.items() if v is not None}
+        )
+        return element
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.17g}" if isinstance(value, float) else str(value)
+
+
+class ModelSlave(Fmi2Slave):
+    """Base of every model here; a model overrides ``begin``, ``change``, ``step`` and the outputs.
+
+    ``variables`` is the table; its order gives the value references. Outputs named in ``moving``
+    change with time, the others with the parameters only.
+    """
+
+    variables: ClassVar[tuple[Variable, ...]] = ()
+    moving: ClassVar[tuple[str, ...]] = ()
+    start_overrides: ClassVar[Mapping[str, Any]] = {}
+    guid_text: ClassVar[str] = "{00000000-0000-0000-0000-000000000000}"
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.guid = self.guid_text
+        table = _table(type(self))
+        self._table = table
+        self._values: list[Any] = list(table.starts)
+        self._phase = _INSTANTIATED
+        self._changed = False
+        self.time = 0.0
+        self._moving_stale = self._steady_stale = True
+
+    # -- what a model provides ------------------------------------------------------------------
+
+    def begin(self, t: float) -> None:
+        """Start the motion at ``t`` s from the parameters; raise ModelError if they forbid it."""
+        raise NotImplementedError
+
+    def change(self, t: float) -> None:
+        """Take over tunable parameters changed at ``t`` s, keeping state and phase."""
+        raise NotImplementedError
+
+    def step(self, t: float, end: float) -> None:
+        """Move from ``t`` to ``end`` s with the inputs held."""
+        raise NotImplementedError
+
+    def moving_outputs(self) -> Sequence[float]:
+        """Return the values of ``moving`` at the present time."""
+        raise NotImplementedError
+
+    def steady_outputs(self) -> Sequence[float]:
+        """Return the values of the outputs that depend on the parameters only, in table order."""
+        raise NotImplementedError
+
+    def motion(self) -> dict[str, Any]:
+        """Return the state beyond the variables as plain numbers, for JSON."""
+        raise NotImplementedError
+
+    def resume(self, motion: dict[str, Any]) -> None:
+        """Take up what ``motion`` returned; the variables are in place already."""
+        raise NotImplementedError
+
+    # -- for models -----------------------------------------------------------------------------
+
+    def value(self, name: str) -> Any:
+        """Return the present value of a variable."""
+        return self._values[self._table.references[name]]
+
+    def warn(self, sentence: str) -> None:
+        """Send a sentence to the FMI logger without failing."""
+        self.log(_loggable(sentence), Fmi2Status.warning)
+
+    # -- FMI life cycle -------------------------------------------------------------------------
+
+    def setup_experiment(self, start_time: float, *_: Any) -> None:
+        self.time = start_time
+
+    def enter_initialization_mode(self) -> None:
+        self._phase = _INITIALISING
+        self._changed = True
+
+    def exit_initialization_mode(self) -> None:
+        self._guarded(self._settle_parameters)
+        if self._phase != _FAILED:
+            self._phase = _STEPPING
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        if self._phase == _FAILED:
+            return False
+        try:
+            if self._changed:
+                self._settle_parameters()
+            end = current_time + step_size
+            slack = 1e-6 * step_size + 1e-9 * abs(current_time)
+            if not (step_size >= 0.0 and abs(current_time - self.time) <= slack):
+                raise ModelError(
+                    f"doStep at {current_time!r} s by {step_size!r} s does not follow the "
+                    f"communication point {self.time!r} s"
+                )
+            self.step(current_time, end)
+            self.time = end
+            self._moving_stale = True
+        except Exception as error:
+            self._fail(error)
+            return False
+        return True
+
+    def terminate(self) -> None:
+        pass
+
+    def _settle_parameters(self) -> None:
+        """Bring the model in line with parameters set since the last communication point."""
+        if self._changed:
+            self._moving_stale = self._steady_stale = True
+            if self._phase == _STEPPING:
+                self.change(self.time)
+            else:
+                self.begin(self.time)
+            self._changed = False
+
+    # -- failure --------------------------------------------------------------------------------
+
+    def _fail(self, error: Exception) -> None:
+        """Log why, put it into ``status_message``, and let no number out any more."""
+        sentence = str(error) if isinstance(error, ModelError) else f"internal error: {error!r}"
+        self._phase = _FAILED
+        for reference in self._table.real_outputs:
+            self._values[reference] = math.nan
+        self._moving_stale = self._steady_stale = self._changed = False
+        self._values[self._table.references[STATUS_MESSAGE]] = _loggable(sentence)
+        self.log(_loggable(sentence), Fmi2Status.error)
+
+    def _guarded(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:
+            self._fail(error)
+
+    # -- get and set ----------------------------------------------------------------------------
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        if self._moving_stale or self._changed:
+            self._guarded(self._update_moving)
+        table = self._table
+        if self._steady_stale and not table.steady.isdisjoint(vrs):
+            self._guarded(self._update_steady)
+        if not table.kinds["Real"].issuperset(vrs):
+            self._fail(ModelError(f"getReal: {vrs!r} names a variable that is not a Real"))
+            return [math.nan] * len(vrs)
+        values = self._values
+        return [values[vr] for vr in vrs]
+
+    def _update_moving(self) -> None:
+        if self._phase == _INSTANTIATED:
+            return
+        self._settle_parameters()
+        outputs = self.moving_outputs()
+        for reference, value in zip(self._table.moving, outputs, strict=True):
+            self._values[reference] = value
+        self._moving_stale = False
+        if not math.isfinite(sum(outputs)):
+            raise ModelError(f"the motion left the range of numbers at t = {self.time!r} s")
+
+    def _update_steady(self) -> None:
+        if self._phase == _INSTANTIATED:
+            return
+        self._settle_parameters()
+        for reference, value in zip(self._table.steady_order, self.steady_outputs(), strict=True):
+            self._values[reference] = value
+        self._steady_stale = False
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        return self._get("Integer", vrs, 0)
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        return self._get("Boolean", vrs, False)
+
+    def get_string(self, vrs: list[int]) -> list[str]:
+        return self._get("String", vrs, "")
+
+    def _get(self, kind: str, vrs: list[int], otherwise: Any) -> list[Any]:
+        if not self._table.kinds[kind].issuperset(vrs):
+            self._fail(ModelError(f"get{kind}: {vrs!r} names a variable that is not of this type"))
+            return [otherwise] * len(vrs)
+        return [self._values[vr] for vr in vrs]
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        self._set("Real", vrs, values)
+
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        self._set("Integer", vrs, values)
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        self._set("Boolean", vrs, values)
+
+    def set_string(self, vrs: list[int], values: list[str]) -> None:
+        self._set("String", vrs, values)
+
+    def _set(self, kind: str, vrs: list[int], values: list[Any]) -> None:
+        """Store values; refuse, by failing, what FMI does not let change at this moment."""
+        try:
+            if not self._table.kinds[kind].issuperset(vrs):
+                raise ModelError(f"set{kind}: {vrs!r} names a variable that is not of this type")
+            for vr, value in zip(vrs, values, strict=True):
+                self._set_one(vr, value)
+        except Exception as error:
+            self._fail(error)
+
+    def _set_one(self, vr: int, value: Any) -> None:
+        if self._values[vr] == value:
+            return
+        variable = type(self).variables[vr]
+        if variable.causality == "output":
+            raise ModelError(f"{variable.name} is an output and cannot be set")
+        if variable.causality == "parameter":
+            if self._phase == _STEPPING and variable.variability == "fixed":
+                raise ModelError(
+                    f"{variable.name} is fixed after initialisation and cannot be changed from "
+                    f"{self._values[vr]!r} to {value!r}"
+                )
+            self._changed = self._phase in (_INITIALISING, _STEPPING)
+        elif self._phase == _INITIALISING:
+            self._changed = True
+        self._values[vr] = value
+
+    # -- state ----------------------------------------------------------------------------------
+
+    def _get_fmu_state(self) -> dict[str, Any]:
+        """Return every variable and the motion as plain numbers."""
+        try:
+            if self._changed:
+                self._settle_parameters()
+            motion = self.motion() if self._phase in (_INITIALISING, _STEPPING) else None
+        except Exception as error:
+            self._fail(error)
+            motion = None
+        return {
+            "phase": self._phase,
+            "time": self.time,
+            "values": list(self._values),
+            "motion": motion,
+            "moving_stale": self._moving_stale,
+            "steady_stale": self._steady_stale,
+        }
+
+    def _set_fmu_state(self, state: dict[str, Any]) -> None:
+        try:
+            self._phase, self.time = state["phase"], state["time"]
+            self._values = list(state["values"])
+            self._changed = False
+            self._moving_stale, self._steady_stale = state["moving_stale"], state["steady_stale"]
+            if state["motion"] is not None:
+                self.resume(state["motion"])
+        except Exception as error:
+            self._fail(error)
+
+    # -- modelDescription -----------------------------------------------------------------------
+
+    def to_xml(self, model_options: Mapping[str, str] | None = None) -> Element:
+        """Return the modelDescription with units, bounds, full digits and initial unknowns."""
+        root: Element = super().to_xml(dict(model_options or {}))
+        root.attrib.pop("generationDateAndTime", None)
+        root.set("variableNamingConvention", "flat")
+        co_simulation = list(root).index(root.find("CoSimulation"))
+        root.insert(co_simulation + 1, self._unit_definitions())
+        variables, structure = root.find("ModelVariables"), root.find("ModelStructure")
+        if variables is None or structure is None:
+            raise ModelError("pythonfmu wrote no ModelVariables or ModelStructure")
+        structure.clear()
+        for reference, variable in enumerate(self.variables):
+            variables.append(variable.to_xml(reference, self._values[reference]))
+        outputs = [i + 1 for i, v in enumerate(self.variables) if v.causality == "output"]
+        direct, initial = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
+        for index in outputs:
+            # no output feels an input before the next communication point
+            SubElement(direct, "Unknown", {"index": str(index), "dependencies": ""})
+            SubElement(initial, "Unknown", {"index": str(index)})
+        return root
+
+    def _unit_definitions(self) -> Element:
+        definitions = Element("UnitDefinitions")
+        for name in sorted({v.unit for v in self.variables if v.unit}):
+            base, displays = UNITS[name]
+            unit = SubElement(definitions, "Unit", {"name": name})
+            SubElement(unit, "BaseUnit", dict(base))
+            for display, factor in displays.items():
+                SubElement(unit, "DisplayUnit", {"name": display, "factor": factor})
+        return definitions
+
+
+def _loggable(sentence: str) -> str:
+    """Return the sentence without percent signs, which hosts would read as printf formats."""
+    return sentence.replace("%", " percent")
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A model's variable table in the forms that get and set need."""
+
+    references: Mapping[str, int]
+    starts: tuple[Any, ...]
+    kinds: Mapping[str, frozenset[int]]
+    moving: tuple[int, ...]
+    steady_order: tuple[int, ...]
+    steady: frozenset[int]
+    real_outputs: tuple[int, ...]
+
+
+_TABLES: dict[type[ModelSlave], _Table] = {}
+
+
+def _table(model: type[ModelSlave]) -> _Table:
+    """Return the table of a model, made once per class."""
+    if model not in _TABLES:
+        variables = model.variables
+        references = {v.name: i for i, v in enumerate(variables)}
+        defaults = {"Real": math.nan, "String": "", "Integer": 0, "Boolean": False}
+        real_outputs = tuple(
+            i for i, v in enumerate(variables) if v.causality == "output" and v.kind == "Real"
+        )
+        moving = tuple(references[name] for name in model.moving)
+        steady = tuple(i for i in real_outputs if i not in moving)
+        _TABLES[model] = _Table(
+            references,
+            tuple(
+                model.start_overrides.get(v.name, defaults[v.kind] if v.start is None else v.start)
+                for v in variables
+            ),
+            {
+                kind: frozenset(i for i, v in enumerate(variables) if v.kind == kind)
+                for kind in defaults
+            },
+            moving,
+            steady,
+            frozenset(steady),
+            real_outputs,
+        )
+    return _TABLES[model]
