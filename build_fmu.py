@@ -1,0 +1,436 @@
+"""Build the FMUs of ``fmu_src/``: the same sources and options give the same bytes.
+
+    python build_fmu.py [--out DIR] [--model NAME ...] [--set NAME=VALUE ...]
+
+pythonfmu does the building; what it leaves to chance is settled here. Every FMU is assembled twice:
+first under a blank name, then under the name that is the digest of that content. The name goes into
+the GUID and into the module names inside the FMU, so that two FMUs, or a rebuilt one, never share a
+Python module in one process. The archive is stored, not deflated: deflated bytes differ between
+zlib and its replacements, and half a megabyte is not worth an FMU that depends on the builder's zlib.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import contextlib
+import hashlib
+import importlib
+import importlib.metadata
+import importlib.util
+import io
+import math
+import os
+import sys
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jinja2
+import pythonfmu
+
+if TYPE_CHECKING:
+    from fmu_src.slave import ModelSlave, Variable
+
+ROOT = Path(__file__).resolve().parent
+SOURCE = ROOT / "fmu_src"
+OUT = ROOT / "build"
+
+StartValue = float | int | bool | str
+
+# needsExecutionTool: the binary inside is a bridge to a Python interpreter that the machine must
+# have (libpython 3.8 or later), which is what this flag tells a host.
+OPTIONS = {
+    "needsExecutionTool": True,
+    "canHandleVariableCommunicationStepSize": True,
+    "canInterpolateInputs": False,
+    "canBeInstantiatedOnlyOncePerProcess": False,
+    "canGetAndSetFMUstate": True,
+    "canSerializeFMUstate": True,
+}
+
+BLANK_TAG = "0" * 12
+BLANK_GUID = f"{{{uuid.UUID(int=0)}}}"
+ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip can hold
+
+SLAVE = '''\
+"""The slave of this FMU; pythonfmu finds the class by the name of its base class."""
+
+from {package}.{module} import {model} as Fmi2Slave
+
+
+class {model}(Fmi2Slave):
+    start_overrides = {overrides!r}
+    guid_text = {guid!r}
+'''
+
+
+class BuildError(Exception):
+    """An FMU cannot be built from what was asked for; the text is one line for the user."""
+
+
+class _Entry(NamedTuple):
+    name: str
+    content: bytes
+
+
+class _Identity(NamedTuple):
+    tag: str
+    guid: str
+
+
+class _Job(NamedTuple):
+    model: str
+    source: Path
+    module: str
+    overrides: Mapping[str, StartValue]
+
+
+def build(
+    model: str = "CoupledOscillator",
+    out: str | os.PathLike[str] = OUT,
+    start_values: Mapping[str, StartValue] | None = None,
+    *,
+    source: Path = SOURCE,
+) -> Path:
+    """Build one model into ``out`` and return the path of the FMU.
+
+    ``start_values`` replaces start values of parameters, by variable name, in the variable's unit;
+    text is read as on the command line. ``source`` is the package with the models.
+
+    Raises ``BuildError`` for an unknown model and for a start value that is unknown, not a
+    parameter's, of the wrong type or out of bounds; nothing is written then.
+    """
+    return build_all([model], out, start_values, source=source)[0]
+
+
+def build_all(
+    models: Sequence[str] | None = None,
+    out: str | os.PathLike[str] = OUT,
+    start_values: Mapping[str, StartValue] | None = None,
+    *,
+    source: Path = SOURCE,
+) -> list[Path]:
+    """Build several models (all of them by default); either all are written or none is.
+
+    Raises ``BuildError`` as ``build`` does, for a start value that one of the models refuses too.
+    """
+    names = list(models) if models is not None else list(model_modules(source))
+    contents = {name: fmu_bytes(name, start_values, source=source) for name in names}
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return [_write_whole(folder / f"{name}.fmu", content) for name, content in contents.items()]
+    except OSError as error:
+        raise BuildError(f"cannot write into {folder}: {error.strerror}") from error
+
+
+def fmu_bytes(
+    model: str,
+    start_values: Mapping[str, StartValue] | None = None,
+    *,
+    source: Path = SOURCE,
+) -> bytes:
+    """Return the archive of one FMU; raises ``BuildError`` as ``build`` does."""
+    modules = model_modules(source)
+    if model not in modules:
+        raise BuildError(f"there is no model {model!r}; there are {', '.join(modules)}")
+    with _loaded(source, modules[model]) as module:
+        model_class = getattr(module, model)
+        overrides = checked_start_values(model_class, start_values or {})
+        job = _Job(model, source, modules[model], overrides)
+
+        def entries(identity: _Identity) -> list[_Entry]:
+            with tempfile.TemporaryDirectory(prefix="build_fmu_") as folder:
+                stage = Path(folder)
+                _write_documentation(stage / "documentation", _page(job, model_class, identity))
+                return _assemble(stage, job, identity)
+
+        return _archive(entries(_identity(entries(_Identity(BLANK_TAG, BLANK_GUID)))))
+
+
+def model_modules(source: Path = SOURCE) -> dict[str, str]:
+    """Return the models of a source package: class name -> module name."""
+    with _loaded(source, None) as package:
+        return dict(package.MODELS)
+
+
+def checked_start_values(
+    model_class: type[ModelSlave], start_values: Mapping[str, StartValue]
+) -> dict[str, StartValue]:
+    """Return the start values with the types of their variables, sorted by name.
+
+    Raises ``BuildError`` naming the variable, what was found and what is wanted.
+    """
+    table = {variable.name: variable for variable in model_class.variables}
+    checked = {}
+    for name, given in sorted(start_values.items()):
+        if name not in table:
+            raise BuildError(f"{model_class.__name__} has no variable {name!r}")
+        variable = table[name]
+        if variable.causality != "parameter":
+            raise BuildError(f"{name} is not a parameter, it is {_article(variable.causality)}")
+        checked[name] = _within_bounds(variable, _typed(variable, given))
+    return checked
+
+
+def _article(causality: str) -> str:
+    return f"{'an' if causality[0] in 'aeiou' else 'a'} {causality}"
+
+
+_WANTED = {
+    "Real": "a finite number",
+    "Integer": "a whole number of 32 bits",
+    "Boolean": "true or false",
+    "String": "text",
+}
+
+
+def _typed(variable: Variable, given: StartValue) -> StartValue:
+    """Return ``given`` as a value of the variable's kind; text is read, other types must fit."""
+    refusal = BuildError(
+        f"{variable.name} = {given!r}: {variable.name} is {variable.kind}, "
+        f"wanted is {_WANTED[variable.kind]}"
+    )
+    if variable.kind == "Boolean" and str(given).lower() in ("true", "false"):
+        return str(given).lower() == "true"
+    if variable.kind == "String" and isinstance(given, str):
+        return given
+    if variable.kind in ("Boolean", "String"):
+        raise refusal
+    if isinstance(given, bool) or (variable.kind == "Integer" and isinstance(given, float)):
+        raise refusal
+    try:
+        value = float(given) if variable.kind == "Real" else int(given)
+    except (ValueError, OverflowError) as error:
+        raise refusal from error
+    if not math.isfinite(value) or (variable.kind == "Integer" and not -(2**31) <= value < 2**31):
+        raise refusal
+    return value
+
+
+def _within_bounds(variable: Variable, value: StartValue) -> StartValue:
+    if isinstance(value, str | bool):
+        return value
+    unit = f" {variable.unit}" if variable.unit else ""
+    low, high = variable.minimum, variable.maximum
+    for outside, words in (
+        (low is not None and value < low, f"at least {low!r}"),
+        (high is not None and value > high, f"at most {high!r}"),
+    ):
+        if outside:
+            raise BuildError(f"{variable.name} = {value!r}{unit}: wanted is {words}{unit}")
+    return value
+
+
+# --- loading the sources without leaving a trace -------------------------------------------------
+
+
+@contextlib.contextmanager
+def _no_trace() -> Iterator[None]:
+    """Forget what is imported meanwhile: modules, search paths, and no bytecode is written."""
+    modules, path, bytecode = set(sys.modules), list(sys.path), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = bytecode
+        sys.path[:] = path
+        for name in set(sys.modules) - modules:
+            if name.startswith(("fmu_", "slave_", "_fmu_source")):
+                del sys.modules[name]
+
+
+@contextlib.contextmanager
+def _loaded(source: Path, module: str | None) -> Iterator[Any]:
+    """Import the source package, or one of its modules, afresh and under a name of its own."""
+    name = "_fmu_source"
+    spec = importlib.util.spec_from_file_location(
+        name, source / "__init__.py", submodule_search_locations=[str(source)]
+    )
+    if spec is None or spec.loader is None or not (source / "__init__.py").is_file():
+        raise BuildError(f"{source} is not a package with models")
+    with _no_trace():
+        package = importlib.util.module_from_spec(spec)
+        sys.modules[name] = package
+        spec.loader.exec_module(package)
+        importlib.invalidate_caches()
+        yield package if module is None else importlib.import_module(f"{name}.{module}")
+
+
+def needed_modules(source: Path, module: str) -> list[str]:
+    """Return the modules of the package that a module needs, itself included, sorted."""
+    needed: set[str] = set()
+    found = [module]
+    while found:
+        name = found.pop()
+        if name in needed or not (source / f"{name}.py").is_file():
+            continue
+        needed.add(name)
+        for node in ast.walk(ast.parse((source / f"{name}.py").read_bytes())):
+            if isinstance(node, ast.ImportFrom) and node.level == 1:
+                found += [node.module] if node.module else [alias.name for alias in node.names]
+    return sorted(needed)
+
+
+# --- one FMU ------------------------------------------------------------------------------------
+
+
+def _identity(entries: Sequence[_Entry]) -> _Identity:
+    """Return the name that follows from the content: SHA-256 over all names, lengths and bytes."""
+    digest = hashlib.sha256()
+    for name, content in entries:
+        digest.update(f"{name}\0{len(content)}\0".encode())
+        digest.update(content)
+    return _Identity(digest.hexdigest()[:12], f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
+
+
+def _assemble(stage: Path, job: _Job, identity: _Identity) -> list[_Entry]:
+    """Let pythonfmu build the FMU in ``stage`` and return its content, sorted by name."""
+    package = stage / f"fmu_{job.model.lower()}_{identity.tag}"
+    package.mkdir()
+    for name in ["__init__", *needed_modules(job.source, job.module)]:
+        (package / f"{name}.py").write_bytes((job.source / f"{name}.py").read_bytes())
+    script = stage / f"slave_{job.model.lower()}_{identity.tag}.py"
+    slave = SLAVE.format(
+        package=package.name,
+        module=job.module,
+        model=job.model,
+        overrides=dict(job.overrides),
+        guid=identity.guid,
+    )
+    script.write_text(slave, encoding="utf-8", newline="\n")
+    with _no_trace():
+        built = pythonfmu.FmuBuilder.build_FMU(
+            script,
+            dest=stage / "built",
+            project_files=[package],
+            documentation_folder=stage / "documentation",
+            **OPTIONS,
+        )
+    with zipfile.ZipFile(built) as archive:
+        return sorted(_Entry(name, archive.read(name)) for name in archive.namelist())
+
+
+def _archive(entries: Sequence[_Entry]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for name, content in entries:
+            info = zipfile.ZipInfo(name, ZIP_DATE)
+            info.create_system = 3  # Unix, wherever it is built
+            info.external_attr = 0o100644 << 16
+            archive.writestr(info, content)
+    return buffer.getvalue()
+
+
+def _write_whole(path: Path, content: bytes) -> Path:
+    """Write under a temporary name and rename, so that nobody meets half an FMU."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_bytes(content)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+# --- documentation ------------------------------------------------------------------------------
+
+
+def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
+    """Return index.html, made from the variable table by the model's template, else the base's."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(job.source / "documentation"),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    binaries = Path(pythonfmu.__file__).parent / "resources" / "binaries"
+    return environment.select_template([f"{job.model}.html.j2", "base.html.j2"]).render(
+        model=job.model,
+        description=model_class.description,
+        version=model_class.version,
+        guid=identity.guid,
+        pythonfmu_version=pythonfmu.__version__,
+        platforms=sorted(path.name for path in binaries.iterdir() if path.is_dir()),
+        variables=model_class.variables,
+        overrides=job.overrides,
+        number=_number,
+    )
+
+
+def _write_documentation(folder: Path, page: str) -> None:
+    licences = folder / "licenses"
+    licences.mkdir(parents=True)
+    for path, text in (
+        (folder / "index.html", page),
+        (licences / "license.txt", (ROOT / "LICENSE").read_text(encoding="utf-8")),
+        (licences / "pythonfmu.txt", _pythonfmu_licence()),
+    ):
+        path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _number(value: StartValue | None) -> str:
+    """Return a value as the tables show it: exact, in the shortest digits."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.17g}" if isinstance(value, float) and value.is_integer() else str(value)
+
+
+def _pythonfmu_licence() -> str:
+    """Return the licence of pythonfmu, whose runtime and binaries every FMU carries."""
+    distribution = importlib.metadata.distribution("pythonfmu")
+    for path in distribution.files or ():
+        if path.stem.upper() == "LICENSE":
+            return path.read_text(encoding="utf-8")
+    raise BuildError("the installed pythonfmu comes without its licence, which the FMU must carry")
+
+
+# --- command line -------------------------------------------------------------------------------
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0 built, 2 bad input."""
+    parser = argparse.ArgumentParser(
+        description="Build the FMUs of fmu_src/ and print their paths.",
+        epilog="example: python build_fmu.py --out build --set theta=1.95 d1=118",
+    )
+    parser.add_argument("--out", type=Path, default=OUT, help=f"folder to write into ({OUT})")
+    parser.add_argument(
+        "--model", nargs="+", action="extend", metavar="NAME", help="models to build (all)"
+    )
+    parser.add_argument(
+        "--set",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME=VALUE",
+        help="other start values of parameters, in the units of the FMU",
+    )
+    options = parser.parse_args(arguments)
+    try:
+        start_values = dict(_assignment(text) for text in options.set)
+        for path in build_all(options.model, options.out, start_values):
+            print(path)
+    except BuildError as error:
+        print(f"build_fmu.py: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not equals or not name:
+        raise BuildError(f"--set {text}: wanted is NAME=VALUE")
+    return name.strip(), value.strip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
