@@ -117,14 +117,15 @@ def _solve(p: Parameters, x: float, y: float, carrier: float, u: float) -> tuple
 
 
 def _damping_adjugate(p: Parameters) -> tuple[float, float]:
-    """Return adj(D~ / 2 pi) (g1, g2)^T = d1 n2 (n2 . g) + d2 n1 (n1 . g), n1 and n2 columns of T.
+    """Return adj(D~ / 2 pi) g = d_low g + (d_high - d_low) n (n . g), n the column of T across.
 
-    In terms of the columns of T the small damping coefficient keeps its digits beside a large one.
+    Split so, the small damping coefficient keeps its digits beside a large one, and nothing is
+    left of the coupling where both are equal.
     """
     t11, t12, t21, t22 = transformation(p.theta, p.reflection)
-    along1 = p.d2 * (t11 * p.g1 + t21 * p.g2)
-    along2 = p.d1 * (t12 * p.g1 + t22 * p.g2)
-    return along1 * t11 + along2 * t12, along1 * t21 + along2 * t22
+    low, high, n1, n2 = (p.d2, p.d1, t12, t22) if p.d1 >= p.d2 else (p.d1, p.d2, t11, t21)
+    across = (high - low) * (n1 * p.g1 + n2 * p.g2)
+    return low * p.g1 + across * n1, low * p.g2 + across * n2
 
 
 def physical(p: Parameters, q1: float, q2: float) -> tuple[float, float]:

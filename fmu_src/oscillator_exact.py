@@ -54,10 +54,12 @@ class ToneKernel(NamedTuple):
     """Divided differences of F for one tone of unit amplitude: vectors over the two modes.
 
     ``confluent`` holds F[iu], F[iu, x1], F[iu, x1, x2]; ``periodic`` the phasor X(u); ``pair`` the
-    coefficients of E[x1, x2] and E[x2] beside the phasor; ``mirror`` those of their conjugates.
+    coefficients of E[x1, x2] and E[x2] beside the phasor; ``mirror`` those of their conjugates;
+    ``gaps`` are i u - x1 and i u - x2.
     """
 
     node: complex
+    gaps: tuple[complex, complex]
     confluent: tuple[Pair, Pair, Pair]
     periodic: Pair
     pair: tuple[Pair, Pair]
@@ -162,17 +164,17 @@ def first_difference(ea: complex, eb: complex, gap: complex, t: float) -> comple
 
 
 def second_difference(
-    nodes: tuple[complex, complex, complex],
-    values: tuple[complex, complex, complex],
-    t: float,
+    gaps: tuple[complex, complex, complex], values: tuple[complex, complex, complex], t: float
 ) -> complex:
     """Return E[a, b, c], the second divided difference of exp(2 pi x t) over three poles.
 
-    The Taylor series of complete homogeneous polynomials where all lie close, else the recursion
-    over the widest gap, so that no difference of nearly equal numbers is divided by a small one.
+    ``gaps`` are a - b, a - c and b - c, which the poles themselves would give with too few digits;
+    ``values`` the exponentials. The Taylor series of complete homogeneous polynomials where all
+    lie close, else the recursion over the widest gap, so that no difference of nearly equal
+    numbers is divided by a small one.
     """
-    (a, b, c), (ea, eb, ec) = nodes, values
-    za, zb = TWO_PI * t * (a - c), TWO_PI * t * (b - c)
+    (ab, ac, bc), (ea, eb, ec) = gaps, values
+    za, zb = TWO_PI * t * ac, TWO_PI * t * bc
     if abs(za) < 1.0 and abs(zb) < 1.0:
         total, term, power, factorial = 0j, 1.0 + 0j, 1.0 + 0j, 2.0
         for order in range(3, 25):
@@ -182,9 +184,9 @@ def second_difference(
             factorial *= order
         return ec * total * (TWO_PI * t) ** 2
     if abs(za) < abs(zb):
-        (a, b), (ea, eb) = (b, a), (eb, ea)
-    near, far = first_difference(ea, eb, a - b, t), first_difference(eb, ec, b - c, t)
-    return (near - far) / (a - c)
+        ab, ac, bc, ea, eb = -ab, bc, ac, eb, ea
+    near, far = first_difference(ea, eb, ab, t), first_difference(eb, ec, bc, t)
+    return (near - far) / ac
 
 
 class Kernel:
@@ -240,6 +242,7 @@ class Kernel:
                 mirror = [rational_differences(n, image_table, images) for n in numerators]
         return ToneKernel(
             1j * u,
+            (complex(-gap1), complex(-gap2)),
             (_pair(front, 0), _pair(front, 1), _pair(front, 2)),
             (complex(periodic[0]) / FOUR_PI_SQUARED, complex(periodic[1]) / FOUR_PI_SQUARED),
             (_vector(first), _vector(second)),

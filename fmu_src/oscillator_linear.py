@@ -197,7 +197,7 @@ class LinearSolver:
         for tone, kernel, amplitude, until in self._prepared:
             if dt < until:
                 e0 = cmath.rect(1.0, TWO_PI * tone.frequency.cycles(dt, dt_low))
-                e012 = second_difference((kernel.node, roots.x1, roots.x2), (e0, e1, e2), dt)
+                e012 = second_difference((*kernel.gaps, roots.gap), (e0, e1, e2), dt)
                 d012 = kernel.node * e012 + e12
                 f0, f01, f012 = kernel.confluent
                 for i in (0, 1):
@@ -236,7 +236,7 @@ class LinearSolver:
                 mirror = kernel.mirror
                 first[i] += amplitude * kernel.pair[0][i] + (amplitude * mirror[0][i]).conjugate()
                 second[i] += amplitude * kernel.pair[1][i] + (amplitude * mirror[1][i]).conjugate()
-            nearest = min(abs(kernel.node - self._roots.x1), abs(kernel.node - self._roots.x2))
+            nearest = min(abs(gap) for gap in kernel.gaps)
             self._prepared.append((tone, kernel, amplitude, CONFLUENT / (TWO_PI * nearest)))
             self._periodic.append(
                 (tone, *(tone.amplitude * response for response in kernel.periodic))

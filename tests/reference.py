@@ -1,0 +1,94 @@
+"""The coupled oscillator at 50 digits, by a method of its own: a matrix exponential in mpmath.
+
+The FMU sums phasors and divided differences; here the first-order system, augmented by the drive,
+is propagated by scaling and squaring. Both take the same double parameters and times as exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mpmath as mp
+
+#: Squaring a phase of 1e15 rad loses 15 digits, its preparation as many.
+DIGITS = 90
+
+
+def _matrices(p: Any) -> tuple[mp.matrix, mp.matrix]:
+    """Return D~ and C~ of the equations."""
+    c, s = mp.cos(mp.mpf(p.theta)), mp.sin(mp.mpf(p.theta))
+    rows = [[-c, s], [s, c]] if p.reflection else [[c, -s], [s, c]]
+    t = mp.matrix(rows)
+    d = 2 * mp.pi * t * mp.diag([mp.mpf(p.d1), mp.mpf(p.d2)]) * t.T
+    k = mp.diag([(2 * mp.pi * mp.mpf(p.eta_plus)) ** 2, (2 * mp.pi * mp.mpf(p.eta_minus)) ** 2])
+    return d, k
+
+
+def _system(p: Any) -> mp.matrix:
+    """Return the generator of (q~, q~'/w, cos1, sin1, cos2, sin2, b) with w = 2 pi eta_plus."""
+    d, k = _matrices(p)
+    w = 2 * mp.pi * mp.mpf(p.eta_plus)
+    m = mp.zeros(9)
+    for i in range(2):
+        m[i, 2 + i] = w
+        for j in range(2):
+            m[2 + i, j] = -k[i, j] / w
+            m[2 + i, 2 + j] = -d[i, j]
+        gain = mp.mpf((p.g1, p.g2)[i]) / w
+        m[2 + i, 4], m[2 + i, 6] = gain * mp.mpf(p.A1), gain * mp.mpf(p.A2)
+        m[2 + i, 8] = gain
+    for place, u in ((4, p.u1), (6, p.u2)):
+        speed = 2 * mp.pi * mp.mpf(u)
+        m[place, place + 1], m[place + 1, place] = -speed, speed
+    return m
+
+
+def phasors(p: Any, u: float) -> tuple[Any, Any]:
+    """Return the steady-state response to cos(2 pi u t) by solving A(u) X = g at 50 digits."""
+    with mp.workdps(DIGITS):
+        d, k = _matrices(p)
+        w = 2 * mp.pi * mp.mpf(u)
+        a = k - w * w * mp.eye(2) + 1j * w * d
+        x = mp.lu_solve(a, mp.matrix([mp.mpf(p.g1), mp.mpf(p.g2)]))
+        return x[0], x[1]
+
+
+def _start(p: Any, periodic: bool, b: float) -> mp.matrix:
+    """Return the augmented state at time 0."""
+    w = 2 * mp.pi * mp.mpf(p.eta_plus)
+    y = mp.zeros(9, 1)
+    tones = ((p.u1, p.A1, p.phase1, 4), (p.u2, p.A2, p.phase2, 6))
+    for u, size, phase, place in tones:
+        y[place], y[place + 1] = mp.cos(mp.mpf(phase)), mp.sin(mp.mpf(phase))
+        if periodic and size:
+            for i, x in enumerate(phasors(p, u)):
+                z = x * mp.mpf(size) * mp.expj(mp.mpf(phase))
+                y[i] += mp.re(z)
+                y[2 + i] += mp.re(1j * 2 * mp.pi * mp.mpf(u) * z) / w
+    y[8] = mp.mpf(b)
+    return y
+
+
+def displacements(
+    p: Any, times: Sequence[float], periodic: bool = False, inputs: Sequence[float] | None = None
+) -> list[tuple[Any, Any, Any, Any]]:
+    """Return q~1, q~2 and their velocities over 2 pi eta_plus at the times; ``inputs[k]`` is held from ``times[k-1]`` (0) to ``times[k]``.
+
+    ``p`` has the attributes of the FMU's parameters. Times ascend. The result is good to 50 digits.
+    """
+    with mp.workdps(DIGITS):
+        generator = _system(p)
+        y = _start(p, periodic, inputs[0] if inputs else 0.0)
+        propagators: dict[Any, mp.matrix] = {}
+        now, result = mp.mpf(0), []
+        for k, t in enumerate(times):
+            span = mp.mpf(t) - now
+            if span not in propagators:
+                propagators[span] = mp.expm(generator * span, method="taylor")
+            if inputs:
+                y[8] = mp.mpf(inputs[k])
+            y = propagators[span] * y
+            now = mp.mpf(t)
+            result.append((+y[0], +y[1], +y[2], +y[3]))
+        return result
