@@ -70,6 +70,24 @@ def _start(p: Any, periodic: bool, b: float) -> mp.matrix:
     return y
 
 
+def retuned(p1: Any, p2: Any, change: float, times: Sequence[float]) -> list[tuple[Any, ...]]:
+    """Return what ``displacements`` does, from rest, with p1 until ``change`` and p2 from then on.
+
+    The tones are states of the system here, so their phases go on by themselves.
+    """
+    with mp.workdps(DIGITS):
+        y = mp.expm(_system(p1) * mp.mpf(change), method="taylor") * _start(p1, False, 0.0)
+        scale = mp.mpf(p2.eta_plus) / mp.mpf(p1.eta_plus)
+        y[2], y[3] = y[2] / scale, y[3] / scale
+        generator = _system(p2)
+        result = []
+        for t in times:
+            span = mp.mpf(t) - mp.mpf(change)
+            z = mp.expm(generator * span, method="taylor") * y
+            result.append((+z[0], +z[1], +z[2], +z[3]))
+        return result
+
+
 def displacements(
     p: Any, times: Sequence[float], periodic: bool = False, inputs: Sequence[float] | None = None
 ) -> list[tuple[Any, Any, Any, Any]]:
