@@ -6,7 +6,7 @@ pythonfmu does the building; what it leaves to chance is settled here. Every FMU
 first under a blank name, then under the name that is the digest of that content. The name goes into
 the GUID and into the module names inside the FMU, so that two FMUs, or a rebuilt one, never share a
 Python module in one process. The archive is stored, not deflated: deflated bytes differ between
-zlib and its replacements, and half a megabyte is not worth an FMU that depends on the builder's zlib.
+zlib and its replacements, and half a megabyte is not worth an FMU that depends on it.
 """
 
 from __future__ import annotations
@@ -56,10 +56,16 @@ BLANK_TAG = "0" * 12
 BLANK_GUID = f"{{{uuid.UUID(int=0)}}}"
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip can hold
 
+# pythonfmu 0.7 runs this text again at every instantiation and then gives back a reference to the
+# module's namespace that it does not own; without one more the second instance finds it freed.
 SLAVE = '''\
-"""The slave of this FMU; pythonfmu finds the class by the name of its base class."""
+"""The slave of this FMU: the model, named, with the start values that it was built with."""
+
+import sys
 
 from {package}.{module} import {model} as Fmi2Slave
+
+vars(sys.modules[Fmi2Slave.__module__]).setdefault("_namespaces", []).append(globals())
 
 
 class {model}(Fmi2Slave):
