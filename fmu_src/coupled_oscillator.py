@@ -1,4 +1,4 @@
-"""The FMU ``CoupledOscillator``: two hybridised modes, coupled by damping, under a two-tone drive."""
+"""The FMU ``CoupledOscillator``: two hybridised modes under a two-tone drive."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from .model_error import ModelError
 from .oscillator_equations import TWO_PI, Parameters, check, coupling, damping, physical
 from .oscillator_linear import LinearSolver
 from .oscillator_rk4 import RungeKuttaSolver
-from .slave import STATUS_MESSAGE, ModelSlave, Variable
+from .slave import STATUS_MESSAGE, ModelSlave
+from .variables import Variable
 
 EXACT, ENVELOPE, RK4 = 0, 1, 2
 
@@ -178,6 +179,7 @@ class CoupledOscillator(ModelSlave):
         self._solver: LinearSolver | RungeKuttaSolver | None = None
 
     def begin(self, t: float) -> None:
+        """Start at rest or on the periodic orbit."""
         p = self._parameters()
         periodic = self.value("periodic_start")
         self._warn(p, check(p, periodic))
@@ -186,11 +188,13 @@ class CoupledOscillator(ModelSlave):
         self._solver = solver
 
     def change(self, t: float) -> None:
+        """Go on from the present state and drive phases with new parameters."""
         p = self._parameters()
         self._warn(p, check(p, periodic_start=False))
         self._solver = self._running().retuned(p, t)
 
     def step(self, t: float, end: float) -> None:
+        """Hold the input and move; a growing oscillation is watched."""
         solver = self._running()
         b = self.value("b")
         if b != solver.b:
@@ -202,11 +206,13 @@ class CoupledOscillator(ModelSlave):
             raise ModelError(f"the growing oscillation left the range of numbers before {end!r} s")
 
     def moving_outputs(self) -> Sequence[float]:
+        """Return the displacements in both coordinates."""
         solver = self._running()
         q1, q2 = solver.displacement(self.time)
         return q1, q2, *physical(solver.p, q1, q2)
 
     def steady_outputs(self) -> Sequence[float]:
+        """Return quadratures, coupling, uncoupled eigenfrequencies and damping matrix."""
         solver = self._running()
         p = solver.p
         quadratures: list[float] = []
@@ -221,9 +227,11 @@ class CoupledOscillator(ModelSlave):
         return *quadratures, *coupling(p), *(TWO_PI * w for w in widths)
 
     def motion(self) -> dict[str, Any]:
+        """Return the solver's state."""
         return self._running().snapshot()
 
     def resume(self, motion: dict[str, Any]) -> None:
+        """Take up a solver's state."""
         offsets = motion["offsets"]
         self._solver = self._new_solver(self._parameters(), (offsets[0], offsets[1]))
         self._solver.restore(motion)

@@ -1,4 +1,4 @@
-"""The coupled oscillator of Bartsch et al. (arXiv:2412.07301) in SI units: parameters and closed forms.
+"""The coupled oscillator of Bartsch et al., arXiv:2412.07301, in SI units: closed forms.
 
     q~'' + D~ q~' + C~ q~ = (g1, g2) b~(t)
     b~(t) = A1 cos(2 pi u1 t + phase1) + A2 cos(2 pi u2 t + phase2) + b

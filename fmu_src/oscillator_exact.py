@@ -26,9 +26,8 @@ from .oscillator_equations import (
     TWO_PI,
     Parameters,
     damping,
-    phasors,
 )
-from .oscillator_phase import Frequency, difference
+from .oscillator_phase import Frequency
 from .oscillator_precise import (
     Polynomial,
     Precise,
@@ -43,7 +42,7 @@ from .oscillator_precise import (
 #: Below this phase angle between two poles the response is evaluated as one divided difference;
 #: above it periodic part and transient are added up, which costs at most two digits.
 CONFLUENT = 1e-2
-#: A transient of this exponent is below the smallest part of a double that anything here adds it to.
+#: A transient with this exponent is lost beside any number it could be added to.
 DECAYED = -100.0
 
 Pair = tuple[complex, complex]

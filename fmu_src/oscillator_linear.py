@@ -33,7 +33,7 @@ State = tuple[complex, complex, complex, complex]
 
 
 class Tone(NamedTuple):
-    """An active drive tone: A exp(i phase), frequency, cycles added by retuning, and the phasors."""
+    """An active drive tone: A exp(i phase), frequency, cycles added by retuning, phasors."""
 
     amplitude: complex
     u: float
@@ -67,7 +67,7 @@ class LinearSolver:
         return rotating_phasors(self.p, u, self.centre) if self.envelope else phasors(self.p, u)
 
     def start(self, t: float, state: State | None, b: float) -> None:
-        """Begin a stretch at ``t`` s from a state (None: on the periodic orbit) with input ``b``."""
+        """Begin at ``t`` s from a state (None: on the periodic orbit) with input ``b``."""
         if b and self.envelope:
             raise ModelError(
                 f"b = {b!r}: the rotating frame of solver 1 (envelope) cannot carry an arbitrary "
@@ -224,8 +224,8 @@ class LinearSolver:
     def _prepare_transient(self, state: State) -> None:
         """Fold tones, input and state at the anchor into the coefficients of the exponentials."""
         if self._kernel is None:
-            self._make_kernel()
-        self._free_first, self._free_second = self._free_part(state)
+            self._kernel = self._make_kernel()
+        self._free_first, self._free_second = self._free_part(self._kernel, state)
         first, second = list(self._free_first), list(self._free_second)
         self._prepared = []
         self._periodic = []
@@ -238,29 +238,28 @@ class LinearSolver:
                 second[i] += amplitude * kernel.pair[1][i] + (amplitude * mirror[1][i]).conjugate()
             nearest = min(abs(gap) for gap in kernel.gaps)
             self._prepared.append((tone, kernel, amplitude, CONFLUENT / (TWO_PI * nearest)))
-            self._periodic.append(
-                (tone, *(tone.amplitude * response for response in kernel.periodic))
-            )
+            y1, y2 = (tone.amplitude * response for response in kernel.periodic)
+            self._periodic.append((tone, y1, y2))
         self._early_until = max((until for *_, until in self._prepared), default=0.0)
         self._sum_first, self._sum_second = (first[0], first[1]), (second[0], second[1])
 
-    def _make_kernel(self) -> None:
+    def _make_kernel(self) -> Kernel:
         with in_precise_arithmetic():
             pencil = (
                 rotating_pencil(self.p, self.centre) if self.envelope else oscillator_pencil(self.p)
             )
-            self._kernel = Kernel(pencil, (self.p.g1, self.p.g2))
-        self._roots = self._kernel.roots
-        self._tone_kernels = [self._kernel.tone(tone.u) for tone in self.tones]
+            kernel = Kernel(pencil, (self.p.g1, self.p.g2))
+        self._roots = kernel.roots
+        self._tone_kernels = [kernel.tone(tone.u) for tone in self.tones]
+        return kernel
 
-    def _free_part(self, state: State) -> tuple[Pair, Pair]:
+    def _free_part(self, kernel: Kernel, state: State) -> tuple[Pair, Pair]:
         """Return the coefficients of E[x1, x2] and E[x2] of the motion left to itself."""
         start = (state[0] - self._static[0], state[1] - self._static[1], state[2], state[3])
         if not any(start):
             return NOTHING, NOTHING
         if self._free is None:
-            assert self._kernel is not None
-            self._free = self._kernel.free(self._columns())
+            self._free = kernel.free(self._columns())
         first, second = [0j, 0j], [0j, 0j]
         scale = 1.0 if self.envelope else 2.0  # exact: the mirrored poles add the conjugate
         for value, f, s in zip(start, *self._free, strict=False):

@@ -1,4 +1,4 @@
-"""Phases of long runs: the fractional part of a frequency times a time, exact to a double's last bit.
+"""Phases of long runs: the fractional part of frequency times time, to a double's last bit.
 
 At 10 GHz and 1e4 s a phase counts 1e14 cycles, of which a plain product keeps two decimals. Here
 the product is carried as an unevaluated sum of two doubles (T. J. Dekker, Numer. Math. 18, 224,

@@ -54,9 +54,11 @@ class Precise:
         return complex(float(self.re), float(self.im))
 
     def conjugate(self) -> Precise:
+        """Return the complex conjugate."""
         return Precise(self.re, -self.im)
 
     def is_zero(self) -> bool:
+        """Return whether both parts are exactly zero."""
         return not self.re and not self.im
 
     def size(self) -> Decimal:

@@ -11,78 +11,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .model_error import ModelError
+from .variables import Table, Variable, make_table, unit_definitions, write_structure
 
 STATUS_MESSAGE = "status_message"
-#: Unit -> (SI exponents of the base unit, display units with their factor per unit).
-UNITS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
-    "Hz": ({"s": "-1"}, {"kHz": "0.001", "MHz": "1e-06"}),
-    "rad": ({"rad": "1"}, {"deg": "57.29577951308232"}),
-    "s": ({"s": "1"}, {"us": "1000000", "ms": "1000"}),
-    "1/s": ({"s": "-1"}, {}),
-    "m": ({"m": "1"}, {"pm": "1000000000000"}),
-    "m/s2": ({"m": "1", "s": "-2"}, {}),
-}
-
 _INSTANTIATED, _INITIALISING, _STEPPING, _FAILED = range(4)
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One row of a model's variable table, in FMI's own terms."""
-
-    name: str
-    kind: str  # Real, Integer, Boolean or String
-    causality: str
-    variability: str
-    description: str
-    start: Any = None
-    unit: str | None = None
-    minimum: float | None = None
-    maximum: float | None = None
-    nominal: float | None = None
-
-    @property
-    def initial(self) -> str | None:
-        """Return exact for parameters, calculated for outputs, none for inputs."""
-        return {"parameter": "exact", "output": "calculated"}.get(self.causality)
-
-    def to_xml(self, reference: int, start: Any) -> Element:
-        """Return the ScalarVariable element; Reals with the digits that give the same double."""
-        attributes = {
-            "name": self.name,
-            "valueReference": str(reference),
-            "description": self.description,
-            "causality": self.causality,
-            "variability": self.variability,
-        }
-        if self.initial:
-            attributes["initial"] = self.initial
-        element = Element("ScalarVariable", attributes)
-        details = {
-            "unit": self.unit,
-            "min": self.minimum,
-            "max": self.maximum,
-            "nominal": self.nominal,
-            "start": None if self.causality == "output" else start,
-        }
-        SubElement(
-            element, self.kind, {key: _text(v) for key, v in details.items() if v is not None}
-        )
-        return element
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.17g}" if isinstance(value, float) else str(value)
 
 
 class ModelSlave(Fmi2Slave):
@@ -100,9 +39,8 @@ class ModelSlave(Fmi2Slave):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.guid = self.guid_text
-        table = _table(type(self))
-        self._table = table
-        self._values: list[Any] = list(table.starts)
+        self._table, self._steady = _table(type(self))
+        self._values: list[Any] = list(self._table.starts)
         self._phase = _INSTANTIATED
         self._changed = False
         self.time = 0.0
@@ -151,18 +89,22 @@ class ModelSlave(Fmi2Slave):
     # -- FMI life cycle -------------------------------------------------------------------------
 
     def setup_experiment(self, start_time: float, *_: Any) -> None:
+        """Take the start time."""
         self.time = start_time
 
     def enter_initialization_mode(self) -> None:
+        """Let the start values be read as outputs from now on."""
         self._phase = _INITIALISING
         self._changed = True
 
     def exit_initialization_mode(self) -> None:
+        """Start the motion, or fail with a sentence."""
         self._guarded(self._settle_parameters)
         if self._phase != _FAILED:
             self._phase = _STEPPING
 
     def do_step(self, current_time: float, step_size: float) -> bool:
+        """Move on by a step; False, which hosts see as fmi2Discard, after any failure."""
         if self._phase == _FAILED:
             return False
         try:
@@ -184,7 +126,7 @@ class ModelSlave(Fmi2Slave):
         return True
 
     def terminate(self) -> None:
-        pass
+        """Do nothing: there is nothing to release."""
 
     def _settle_parameters(self) -> None:
         """Bring the model in line with parameters set since the last communication point."""
@@ -217,12 +159,12 @@ class ModelSlave(Fmi2Slave):
     # -- get and set ----------------------------------------------------------------------------
 
     def get_real(self, vrs: list[int]) -> list[float]:
+        """Return Reals; outputs are evaluated when first asked for at a communication point."""
         if self._moving_stale or self._changed:
             self._guarded(self._update_moving)
-        table = self._table
-        if self._steady_stale and not table.steady.isdisjoint(vrs):
+        if self._steady_stale and not self._steady.isdisjoint(vrs):
             self._guarded(self._update_steady)
-        if not table.kinds["Real"].issuperset(vrs):
+        if not self._table.kinds["Real"].issuperset(vrs):
             self._fail(ModelError(f"getReal: {vrs!r} names a variable that is not a Real"))
             return [math.nan] * len(vrs)
         values = self._values
@@ -243,17 +185,20 @@ class ModelSlave(Fmi2Slave):
         if self._phase == _INSTANTIATED:
             return
         self._settle_parameters()
-        for reference, value in zip(self._table.steady_order, self.steady_outputs(), strict=True):
+        for reference, value in zip(self._table.steady, self.steady_outputs(), strict=True):
             self._values[reference] = value
         self._steady_stale = False
 
     def get_integer(self, vrs: list[int]) -> list[int]:
+        """Return Integers."""
         return self._get("Integer", vrs, 0)
 
     def get_boolean(self, vrs: list[int]) -> list[bool]:
+        """Return Booleans."""
         return self._get("Boolean", vrs, False)
 
     def get_string(self, vrs: list[int]) -> list[str]:
+        """Return Strings."""
         return self._get("String", vrs, "")
 
     def _get(self, kind: str, vrs: list[int], otherwise: Any) -> list[Any]:
@@ -263,15 +208,19 @@ class ModelSlave(Fmi2Slave):
         return [self._values[vr] for vr in vrs]
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
+        """Set Reals."""
         self._set("Real", vrs, values)
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        """Set Integers."""
         self._set("Integer", vrs, values)
 
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        """Set Booleans."""
         self._set("Boolean", vrs, values)
 
     def set_string(self, vrs: list[int], values: list[str]) -> None:
+        """Set Strings."""
         self._set("String", vrs, values)
 
     def _set(self, kind: str, vrs: list[int], values: list[Any]) -> None:
@@ -339,31 +288,16 @@ class ModelSlave(Fmi2Slave):
         root: Element = super().to_xml(dict(model_options or {}))
         root.attrib.pop("generationDateAndTime", None)
         root.set("variableNamingConvention", "flat")
-        co_simulation = list(root).index(root.find("CoSimulation"))
-        root.insert(co_simulation + 1, self._unit_definitions())
+        order = [child.tag for child in root]
+        root.insert(order.index("CoSimulation") + 1, unit_definitions(self.variables))
         variables, structure = root.find("ModelVariables"), root.find("ModelStructure")
         if variables is None or structure is None:
             raise ModelError("pythonfmu wrote no ModelVariables or ModelStructure")
         structure.clear()
         for reference, variable in enumerate(self.variables):
             variables.append(variable.to_xml(reference, self._values[reference]))
-        outputs = [i + 1 for i, v in enumerate(self.variables) if v.causality == "output"]
-        direct, initial = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
-        for index in outputs:
-            # no output feels an input before the next communication point
-            SubElement(direct, "Unknown", {"index": str(index), "dependencies": ""})
-            SubElement(initial, "Unknown", {"index": str(index)})
+        write_structure(structure, self.variables)
         return root
-
-    def _unit_definitions(self) -> Element:
-        definitions = Element("UnitDefinitions")
-        for name in sorted({v.unit for v in self.variables if v.unit}):
-            base, displays = UNITS[name]
-            unit = SubElement(definitions, "Unit", {"name": name})
-            SubElement(unit, "BaseUnit", dict(base))
-            for display, factor in displays.items():
-                SubElement(unit, "DisplayUnit", {"name": display, "factor": factor})
-        return definitions
 
 
 def _loggable(sentence: str) -> str:
@@ -371,46 +305,12 @@ def _loggable(sentence: str) -> str:
     return sentence.replace("%", " percent")
 
 
-@dataclass(frozen=True)
-class _Table:
-    """A model's variable table in the forms that get and set need."""
-
-    references: Mapping[str, int]
-    starts: tuple[Any, ...]
-    kinds: Mapping[str, frozenset[int]]
-    moving: tuple[int, ...]
-    steady_order: tuple[int, ...]
-    steady: frozenset[int]
-    real_outputs: tuple[int, ...]
+_TABLES: dict[type[ModelSlave], tuple[Table, frozenset[int]]] = {}
 
 
-_TABLES: dict[type[ModelSlave], _Table] = {}
-
-
-def _table(model: type[ModelSlave]) -> _Table:
-    """Return the table of a model, made once per class."""
+def _table(model: type[ModelSlave]) -> tuple[Table, frozenset[int]]:
+    """Return the table of a model and its steady outputs as a set, made once per class."""
     if model not in _TABLES:
-        variables = model.variables
-        references = {v.name: i for i, v in enumerate(variables)}
-        defaults = {"Real": math.nan, "String": "", "Integer": 0, "Boolean": False}
-        real_outputs = tuple(
-            i for i, v in enumerate(variables) if v.causality == "output" and v.kind == "Real"
-        )
-        moving = tuple(references[name] for name in model.moving)
-        steady = tuple(i for i in real_outputs if i not in moving)
-        _TABLES[model] = _Table(
-            references,
-            tuple(
-                model.start_overrides.get(v.name, defaults[v.kind] if v.start is None else v.start)
-                for v in variables
-            ),
-            {
-                kind: frozenset(i for i, v in enumerate(variables) if v.kind == kind)
-                for kind in defaults
-            },
-            moving,
-            steady,
-            frozenset(steady),
-            real_outputs,
-        )
+        table = make_table(model.variables, model.moving, model.start_overrides)
+        _TABLES[model] = table, frozenset(table.steady)
     return _TABLES[model]

@@ -91,8 +91,9 @@ def retuned(p1: Any, p2: Any, change: float, times: Sequence[float]) -> list[tup
 def displacements(
     p: Any, times: Sequence[float], periodic: bool = False, inputs: Sequence[float] | None = None
 ) -> list[tuple[Any, Any, Any, Any]]:
-    """Return q~1, q~2 and their velocities over 2 pi eta_plus at the times; ``inputs[k]`` is held from ``times[k-1]`` (0) to ``times[k]``.
+    """Return q~1, q~2 and their velocities over 2 pi eta_plus at the times.
 
+    ``inputs[k]`` is held from ``times[k-1]`` (0) to ``times[k]``.
     ``p`` has the attributes of the FMU's parameters. Times ascend. The result is good to 50 digits.
     """
     with mp.workdps(DIGITS):

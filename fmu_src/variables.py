@@ -1,0 +1,130 @@
+"""Variable tables of models, and what the modelDescription says of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+#: Unit -> (SI exponents of the base unit, display units with their factor per unit).
+UNITS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
+    "Hz": ({"s": "-1"}, {"kHz": "0.001", "MHz": "1e-06"}),
+    "rad": ({"rad": "1"}, {"deg": "57.29577951308232"}),
+    "s": ({"s": "1"}, {"us": "1000000", "ms": "1000"}),
+    "1/s": ({"s": "-1"}, {}),
+    "m": ({"m": "1"}, {"pm": "1000000000000"}),
+    "m/s2": ({"m": "1", "s": "-2"}, {}),
+}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One row of a model's variable table, in FMI's own terms."""
+
+    name: str
+    kind: str  # Real, Integer, Boolean or String
+    causality: str
+    variability: str
+    description: str
+    start: Any = None
+    unit: str | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    nominal: float | None = None
+
+    @property
+    def initial(self) -> str | None:
+        """Return exact for parameters, calculated for outputs, none for inputs."""
+        return {"parameter": "exact", "output": "calculated"}.get(self.causality)
+
+    def to_xml(self, reference: int, start: Any) -> Element:
+        """Return the ScalarVariable element; Reals with the digits that give the same double."""
+        attributes = {
+            "name": self.name,
+            "valueReference": str(reference),
+            "description": self.description,
+            "causality": self.causality,
+            "variability": self.variability,
+        }
+        if self.initial:
+            attributes["initial"] = self.initial
+        element = Element("ScalarVariable", attributes)
+        details = {
+            "unit": self.unit,
+            "min": self.minimum,
+            "max": self.maximum,
+            "nominal": self.nominal,
+            "start": None if self.causality == "output" else start,
+        }
+        SubElement(
+            element, self.kind, {key: _text(v) for key, v in details.items() if v is not None}
+        )
+        return element
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.17g}" if isinstance(value, float) else str(value)
+
+
+def unit_definitions(variables: Iterable[Variable]) -> Element:
+    """Return the UnitDefinitions element for the units that the variables use."""
+    definitions = Element("UnitDefinitions")
+    for name in sorted({v.unit for v in variables if v.unit}):
+        base, displays = UNITS[name]
+        unit = SubElement(definitions, "Unit", {"name": name})
+        SubElement(unit, "BaseUnit", dict(base))
+        for display, factor in displays.items():
+            SubElement(unit, "DisplayUnit", {"name": display, "factor": factor})
+    return definitions
+
+
+def write_structure(structure: Element, variables: Sequence[Variable]) -> None:
+    """Fill the ModelStructure element: every output, and that none feels an input directly."""
+    outputs = [i + 1 for i, v in enumerate(variables) if v.causality == "output"]
+    direct, initial = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
+    for index in outputs:
+        # an input is felt from the next communication point on
+        SubElement(direct, "Unknown", {"index": str(index), "dependencies": ""})
+        SubElement(initial, "Unknown", {"index": str(index)})
+
+
+@dataclass(frozen=True)
+class Table:
+    """A model's variable table in the forms that get and set need."""
+
+    references: Mapping[str, int]
+    starts: tuple[Any, ...]
+    kinds: Mapping[str, frozenset[int]]
+    moving: tuple[int, ...]
+    steady: tuple[int, ...]
+    real_outputs: tuple[int, ...]
+
+
+def make_table(
+    variables: Sequence[Variable], moving: Sequence[str], overrides: Mapping[str, Any]
+) -> Table:
+    """Return the table: the place in ``variables`` is the value reference."""
+    references = {v.name: i for i, v in enumerate(variables)}
+    defaults = {"Real": math.nan, "String": "", "Integer": 0, "Boolean": False}
+    real_outputs = tuple(
+        i for i, v in enumerate(variables) if v.causality == "output" and v.kind == "Real"
+    )
+    moving_references = tuple(references[name] for name in moving)
+    return Table(
+        references,
+        tuple(
+            overrides.get(v.name, defaults[v.kind] if v.start is None else v.start)
+            for v in variables
+        ),
+        {
+            kind: frozenset(i for i, v in enumerate(variables) if v.kind == kind)
+            for kind in defaults
+        },
+        moving_references,
+        tuple(i for i in real_outputs if i not in moving_references),
+        real_outputs,
+    )
