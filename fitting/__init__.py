@@ -1,0 +1,6 @@
+"""Fit the parameters of an FMU to driven measurements.
+
+Knows FMI and a campaign file; everything about the model comes from its modelDescription.xml.
+"""
+
+__version__ = "0.1.0"

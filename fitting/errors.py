@@ -1,0 +1,30 @@
+"""The two ways in which a command can end early: the input is wrong, or the FMU failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+StartValue = float | int | bool | str
+
+
+class BadInput(Exception):
+    """One line that names the file, row, column or key, what was found and what is wanted."""
+
+
+class FmuFailure(Exception):
+    """An FMU failed; says so in the FMU's own words.
+
+    ``message`` what happened, with the sentences that the FMU logged; ``parameters`` the start
+    values of the run that did it; ``fmu`` the file.
+    """
+
+    def __init__(self, message: str, parameters: Mapping[str, StartValue], fmu: Path) -> None:
+        super().__init__(message, parameters, fmu)
+        self.message = message
+        self.parameters = dict(parameters)
+        self.fmu = Path(fmu)
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {value!r}" for name, value in self.parameters.items())
+        return f"{self.fmu}: {self.message}" + (f" [with {values}]" if values else "")
