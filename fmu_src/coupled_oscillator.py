@@ -202,7 +202,16 @@ class CoupledOscillator(ModelSlave):
                 raise ModelError(f"b = {b!r} m/s2 is not a finite number")
             solver.with_input(b, t)
         solver.advance(end)
-        if solver.grows and not math.isfinite(sum(solver.displacement(end))):
+        if solver.grows:
+            self._check_range(solver, end)
+
+    def _check_range(self, solver: LinearSolver | RungeKuttaSolver, end: float) -> None:
+        """Raise ModelError where the motion at ``end`` s is no number any more."""
+        try:
+            total = sum(solver.displacement(end))
+        except OverflowError:
+            total = math.inf
+        if not math.isfinite(total):
             raise ModelError(f"the growing oscillation left the range of numbers before {end!r} s")
 
     def moving_outputs(self) -> Sequence[float]:
