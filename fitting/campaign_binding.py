@@ -1,0 +1,397 @@
+"""Campaign meets FMU: names, kinds and units checked, every number converted to the FMU's unit."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum
+from fitting.campaign_schema import ContinuationSettings, ParameterChoice
+from fitting.campaign_section import Scalar, Written, in_unit
+from fitting.errors import BadInput
+from fitting.parameters import Parameter
+from fitting.tables import did_you_mean
+from fitting.units import convert
+
+FloatArray = NDArray[np.float64]
+
+#: Causalities whose value an importer may set, for any FMI version.
+SETTABLE = ("parameter", "structuralParameter", "input", "local")
+READABLE = ("output", "local", "calculatedParameter")
+
+
+class VariableLike(Protocol):
+    """What binding needs to know about an FMU variable."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def kind(self) -> str:
+        """Real, Integer, Boolean, String or a type of FMI 3.0."""
+
+    @property
+    def unit(self) -> str | None:
+        """Its unit, None if the FMU declares none."""
+
+    @property
+    def causality(self) -> str:
+        """Its causality, in the words of FMI."""
+
+    @property
+    def min(self) -> float | None:
+        """Least allowed value."""
+
+    @property
+    def max(self) -> float | None:
+        """Largest allowed value."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How the FMU is driven, in its own units.
+
+    kind "tones": ``frequencies`` and ``amplitudes`` are FMU parameters, ``frequency_unit`` theirs;
+    kind "input": the tool applies tones of amplitude ``level`` to the FMU's ``input``, held
+    ``samples_per_period`` times per period. ``level`` belongs to every active tone.
+    """
+
+    kind: str
+    frequencies: tuple[str, ...]
+    amplitudes: tuple[str, ...]
+    input: str | None
+    level: float
+    samples_per_period: int
+    frequency_unit: str = "Hz"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
+
+    ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
+    :class:`fitting.campaign_data.MeasuredExperiment`.
+    """
+
+    label: str
+    settings: Mapping[str, Scalar]
+    tones_hz: tuple[float, ...]
+    peaks_v: FloatArray
+    sigmas_v: FloatArray
+    floor_v: float
+    spectrum: Spectrum | None
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
+
+    frequency_hz: FloatArray
+    amplitude_v: FloatArray
+    phase_rad: FloatArray | None
+    settings: Mapping[str, Scalar]
+    use: str
+    scale: str
+    source: Path
+    background: str = "none"
+    unit: str = "V"
+    notes: Mapping[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class BoundCampaign:
+    """A campaign that fits one FMU: every name exists there, every number is in its unit.
+
+    ``alternatives`` holds one mapping per combination (one empty mapping without any);
+    ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after);
+    ``notes`` are sentences for the report; ``files`` all files read.
+    """
+
+    title: str
+    path: Path
+    synthetic: bool
+    timeout_s: float
+    start_values: Mapping[str, Scalar]
+    output: str
+    steady_start: bool
+    line_width_hz: float | None
+    drive: Drive
+    experiments: tuple[Experiment, ...]
+    sweep: Sweep | None
+    parameters: tuple[Parameter, ...]
+    derived: tuple[str, ...]
+    alternatives: tuple[Mapping[str, Scalar], ...]
+    continuation: ContinuationSettings
+    accuracy: float
+    amplitude_unit: str
+    drifting: Mapping[str, tuple[float, float]]
+    notes: tuple[str, ...]
+    files: tuple[Path, ...]
+
+
+class _Binder:
+    """The FMU's variables, and the notes that converting to their units leaves."""
+
+    def __init__(self, variables: Mapping[str, VariableLike]) -> None:
+        self.variables = variables
+        self.notes: list[str] = []
+
+    def variable(
+        self, name: str, where: str, causalities: Sequence[str], role: str
+    ) -> VariableLike:
+        """The variable of that name, if it may play the role."""
+        if name not in self.variables:
+            hint = did_you_mean(name, sorted(self.variables))
+            raise BadInput(f"{where}: the FMU has no variable '{name}'{hint}")
+        variable = self.variables[name]
+        exact = getattr(variable, "initial", None) == "exact" and role == "set"
+        if variable.causality not in causalities and not exact:
+            raise BadInput(
+                f"{where}: '{name}' is a variable of causality {variable.causality}, which cannot "
+                f"be {role}; wanted {' or '.join(causalities[:2])}"
+            )
+        return variable
+
+    def real(self, name: str, where: str, causalities: Sequence[str], role: str) -> VariableLike:
+        """As :meth:`variable`, and a Real one."""
+        variable = self.variable(name, where, causalities, role)
+        if not _is_real(variable):
+            raise BadInput(
+                f"{where}: '{name}' is a {variable.kind} variable of the FMU, wanted a Real one"
+            )
+        return variable
+
+    def value(self, variable: VariableLike, written: Written) -> Scalar:
+        """A written value as the FMU takes it."""
+        raw = written.value
+        if _is_real(variable):
+            return self.number(variable, written)
+        if variable.kind == "Boolean" and (isinstance(raw, bool) or raw in (0, 1)):
+            return bool(raw)
+        if variable.kind == "String" and isinstance(raw, str):
+            return raw
+        whole = isinstance(raw, int) and not isinstance(raw, bool)
+        if variable.kind not in ("Boolean", "String") and whole:
+            return raw
+        raise BadInput(
+            f"{written.where}: found {raw!r}, but '{variable.name}' is a {variable.kind} variable"
+        )
+
+    def number(self, variable: VariableLike, written: Written) -> float:
+        """A written number in the variable's unit, within its min and max."""
+        where = written.where
+        has_unit = isinstance(written.value, str) or written.unit is not None
+        if has_unit and variable.unit is None:
+            note = (
+                f"The FMU declares no unit for '{variable.name}': values written with a unit "
+                "were taken in SI base units."
+            )
+            if note not in self.notes:
+                self.notes.append(note)
+        value = in_unit(written, variable.unit)
+        low, high = variable.min, variable.max
+        if (low is not None and value < low) or (high is not None and value > high):
+            raise BadInput(
+                f"{where}: {value:.10g} {variable.unit or ''} is outside the range "
+                f"[{low}, {high}] that the FMU declares for '{variable.name}'"
+            )
+        return value
+
+    def setting(self, name: str, written: Written) -> Scalar:
+        """Check that a variable may be set, and convert the value."""
+        return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
+
+
+def _is_real(variable: VariableLike) -> bool:
+    return variable.kind in ("Real", "Float64", "Float32")
+
+
+def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
+    """Check a campaign against the variables of its FMU and convert it to their units.
+
+    Bare numbers are in the FMU's unit already. Drifting variables are interpolated linearly over
+    the experiments m = 1..n, from before (m = 1) to after (m = n), as the paper does.
+
+    Raises:
+        BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
+            not match, a value outside the FMU's range, a variable set in two ways.
+    """
+    file, binder = campaign.file, _Binder(variables)
+    top = str(campaign.path)
+    output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
+    drive = _bind_drive(campaign, binder)
+    drifting = {name: _drift_ends(binder, name, ends) for name, ends in file.drift.items()}
+    for name in file.derived:
+        binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
+    bound = BoundCampaign(
+        title=file.title,
+        path=campaign.path,
+        synthetic=file.synthetic,
+        timeout_s=file.fmu.timeout_s,
+        start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
+        output=output.name,
+        steady_start=file.observe.steady_start,
+        line_width_hz=file.observe.line_width_hz,
+        drive=drive,
+        experiments=_bind_experiments(campaign, binder, drive, drifting),
+        sweep=_bind_sweep(campaign, binder),
+        parameters=tuple(_bind_parameter(choice, binder) for choice in file.parameters),
+        derived=file.derived,
+        alternatives=_bind_alternatives(campaign, binder),
+        continuation=file.continuation,
+        accuracy=file.amplitude_accuracy,
+        amplitude_unit=_amplitude_unit(campaign),
+        drifting=drifting,
+        notes=tuple(binder.notes),
+        files=campaign.files,
+    )
+    _check_conflicts(bound)
+    return bound
+
+
+def _amplitude_unit(campaign: Campaign) -> str:
+    if campaign.sweep is not None:
+        return campaign.sweep.unit
+    experiments = campaign.file.experiments
+    return experiments.format.amplitude.unit if experiments is not None else "V"
+
+
+def _bind_drive(campaign: Campaign, binder: _Binder) -> Drive:
+    choice, where = campaign.file.drive, f"{campaign.path}: [drive]"
+    if choice.kind == "input":
+        target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
+        units = ["Hz"]
+    else:
+        drives = ("parameter", "input")
+        tones = [binder.real(n, f"{where} frequencies", drives, "set") for n in choice.frequencies]
+        targets = [binder.real(n, f"{where} amplitudes", drives, "set") for n in choice.amplitudes]
+        target, units = targets[0], [tone.unit or "Hz" for tone in tones]
+        if len(set(units)) > 1:
+            raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
+    level = binder.number(target, choice.level)
+    if level <= 0.0:
+        raise BadInput(f"{choice.level.where}: found {level:.6g}, wanted a positive amplitude")
+    return Drive(
+        choice.kind, choice.frequencies, choice.amplitudes, choice.input, level,
+        choice.samples_per_period, units[0],
+    )  # fmt: skip
+
+
+def _drift_ends(binder: _Binder, name: str, ends: tuple[Written, Written]) -> tuple[float, float]:
+    variable = binder.real(name, ends[0].where, SETTABLE, "set")
+    return binder.number(variable, ends[0]), binder.number(variable, ends[1])
+
+
+def _bind_experiments(
+    campaign: Campaign, binder: _Binder, drive: Drive, drifting: Mapping[str, tuple[float, float]]
+) -> tuple[Experiment, ...]:
+    count = len(campaign.experiments)
+    bound = []
+    for index, measured in enumerate(campaign.experiments):
+        position = 0.5 if count == 1 else index / (count - 1)
+        settings = _experiment_settings(measured, binder, drive)
+        for name, (before, after) in drifting.items():
+            if name in settings:
+                where = measured.settings[name].where
+                raise BadInput(f"{where}: '{name}' is set here and by [drift]; wanted one of them")
+            settings[name] = before + position * (after - before)
+        bound.append(
+            Experiment(
+                measured.label, settings, measured.tones_hz, measured.peaks_v, measured.sigmas_v,
+                measured.floor_v, measured.spectrum,
+            )
+        )  # fmt: skip
+    return tuple(bound)
+
+
+def _experiment_settings(
+    measured: MeasuredExperiment, binder: _Binder, drive: Drive
+) -> dict[str, Scalar]:
+    settings = {name: binder.setting(name, w) for name, w in measured.settings.items()}
+    if drive.kind == "tones":
+        for name, tone in zip(drive.frequencies, measured.tones_hz, strict=True):
+            where = measured.settings[name].where
+            # from the rounded hertz, so that the FMU is driven at the very frequency that is read
+            settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
+    return settings
+
+
+def _bind_sweep(campaign: Campaign, binder: _Binder) -> Sweep | None:
+    choice, measured = campaign.file.sweep, campaign.sweep
+    if choice is None or measured is None:
+        return None
+    return Sweep(
+        frequency_hz=measured.frequency_hz,
+        amplitude_v=measured.amplitude_v,
+        phase_rad=measured.phase_rad,
+        settings={name: binder.setting(name, w) for name, w in choice.settings.items()},
+        use=choice.use,
+        scale=choice.scale,
+        source=measured.source,
+        background=choice.background,
+        unit=measured.unit,
+        notes=measured.notes,
+    )
+
+
+def _bind_parameter(choice: ParameterChoice, binder: _Binder) -> Parameter:
+    variable = binder.real(choice.name, choice.where, ("parameter",), "fitted")
+    numbers = {}
+    for key, written in choice.numbers.items():
+        bare = not isinstance(written.value, str)
+        with_unit = Written(written.value, choice.unit, written.where) if bare else written
+        if key in ("lower", "upper", "start"):
+            numbers[key] = binder.number(variable, with_unit)
+        else:  # a difference or a prior: the FMU's range does not bind it
+            numbers[key] = in_unit(with_unit, variable.unit)
+    try:
+        return Parameter(
+            name=choice.name,
+            unit=variable.unit or choice.unit or "1",
+            lower=numbers["lower"],
+            upper=numbers["upper"],
+            start=numbers["start"],
+            reference=numbers.get("reference", numbers["start"]),
+            scale=numbers.get("scale", 0.5 * (numbers["upper"] - numbers["lower"])),
+            period=numbers.get("period"),
+        )
+    except BadInput as error:
+        raise BadInput(f"{choice.where}: {error}") from error
+
+
+def _bind_alternatives(campaign: Campaign, binder: _Binder) -> tuple[Mapping[str, Scalar], ...]:
+    tried = {
+        name: [binder.setting(name, w) for w in values]
+        for name, values in campaign.file.alternatives.items()
+    }
+    return tuple(
+        dict(zip(tried, combination, strict=True))
+        for combination in itertools.product(*tried.values())
+    )
+
+
+def _check_conflicts(bound: BoundCampaign) -> None:
+    """A fitted or alternated variable must not be set per experiment or sweep as well."""
+    fitted = [p.name for p in bound.parameters]
+    if len(set(fitted)) < len(fitted):
+        raise BadInput(f"{bound.path}: [[parameters]] {fitted} names one twice")
+    places: list[tuple[str, Mapping[str, object]]] = [
+        (f"experiment '{e.label}'", e.settings) for e in bound.experiments
+    ]
+    if bound.sweep is not None:
+        places.append(("[sweep.set]", bound.sweep.settings))
+    tried = bound.alternatives[0]
+    for name in (*fitted, *tried):
+        for place, settings in (*places, ("[alternatives]", tried if name in fitted else {})):
+            if name in settings:
+                role = "fitted" if name in fitted else "an alternative"
+                raise BadInput(
+                    f"{bound.path}: '{name}' is {role} and also set by {place}; wanted one of them"
+                )
