@@ -33,7 +33,8 @@ import jinja2
 import pythonfmu
 
 if TYPE_CHECKING:
-    from fmu_src.slave import ModelSlave, Variable
+    from fmu_src.slave import ModelSlave
+    from fmu_src.variables import Variable
 
 ROOT = Path(__file__).resolve().parent
 SOURCE = ROOT / "fmu_src"
