@@ -5,5 +5,7 @@ library (and, in the FMU, the copy of pythonfmu that it carries), so that the FM
 that has libpython.
 """
 
+from __future__ import annotations
+
 #: Model name (the FMU's ``modelName`` and ``modelIdentifier``) -> module of this package.
 MODELS: dict[str, str] = {"CoupledOscillator": "coupled_oscillator"}

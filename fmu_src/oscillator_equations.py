@@ -85,9 +85,7 @@ def phasors(p: Parameters, u: float) -> tuple[complex, complex]:
     where one damping coefficient is far above the other. Raises ModelError where A(u) is singular
     (no damping and u on an eigenfrequency).
     """
-    x = (p.eta_plus - u) * (p.eta_plus + u)
-    y = (p.eta_minus - u) * (p.eta_minus + u)
-    return _solve(p, x, y, u, u)
+    return _solve(p, *_detunings(p, u), u, u)
 
 
 def rotating_phasors(p: Parameters, u: float, centre: float) -> tuple[complex, complex]:
@@ -101,15 +99,25 @@ def rotating_phasors(p: Parameters, u: float, centre: float) -> tuple[complex, c
     return _solve(p, x, y, centre, u)
 
 
+def _detunings(p: Parameters, u: float) -> tuple[float, float]:
+    """Return eta^2 - u^2 of both modes as products."""
+    x = (p.eta_plus - u) * (p.eta_plus + u)
+    y = (p.eta_minus - u) * (p.eta_minus + u)
+    return x, y
+
+
+def _determinant(p: Parameters, x: float, y: float, carrier: float) -> complex:
+    """Return det(diag(x, y) + i carrier D~/2 pi), the squares of D~ contracted to d1 d2."""
+    w11, w22, _ = damping(p)
+    return complex(x * y - carrier * carrier * p.d1 * p.d2, carrier * (x * w22 + y * w11))
+
+
 def _solve(p: Parameters, x: float, y: float, carrier: float, u: float) -> tuple[complex, complex]:
     """Return ([diag(x, y) + i carrier D~/2 pi]^-1 (g1, g2)^T) / (2 pi)^2."""
-    w11, w22, _ = damping(p)
-    determinant = complex(x * y - carrier * carrier * p.d1 * p.d2, carrier * (x * w22 + y * w11))
+    determinant = _determinant(p, x, y, carrier)
     if not determinant:
         raise ModelError(
-            f"no steady state: the drive frequency {u!r} Hz lies exactly on an undamped "
-            f"eigenfrequency (eta_plus = {p.eta_plus!r} Hz, eta_minus = {p.eta_minus!r} Hz, "
-            f"d1 = {p.d1!r} Hz, d2 = {p.d2!r} Hz)"
+            f"a drive at {u!r} Hz has no steady state: it lies on an undamped eigenfrequency"
         )
     v1, v2 = _damping_adjugate(p)
     scale = FOUR_PI_SQUARED * determinant
@@ -136,7 +144,7 @@ def physical(p: Parameters, q1: float, q2: float) -> tuple[float, float]:
 
 def check(p: Parameters, periodic_start: bool) -> list[str]:
     """Return warnings; raise ModelError, naming parameter and value, for what has no meaning."""
-    for name, value in zip(p._fields, p, strict=True):
+    for name, value in zip(p._fields, p):
         if not math.isfinite(value):
             raise ModelError(f"{name} = {value!r} is not a finite number")
     for name, value in (("eta_plus", p.eta_plus), ("eta_minus", p.eta_minus)):
@@ -145,6 +153,13 @@ def check(p: Parameters, periodic_start: bool) -> list[str]:
     for name, value in (("u1", p.u1), ("u2", p.u2)):
         if value < 0.0:
             raise ModelError(f"{name} = {value!r} Hz: a drive frequency must not be negative")
+    if p.d1 > 0.0 and p.d2 > 0.0:
+        return []
+    return _check_undamped(p, periodic_start)
+
+
+def _check_undamped(p: Parameters, periodic_start: bool) -> list[str]:
+    """Return warnings of growth; raise ModelError where there is no orbit or no steady state."""
     warnings = []
     for name, value in (("d1", p.d1), ("d2", p.d2)):
         if periodic_start and value <= 0.0:
@@ -154,4 +169,11 @@ def check(p: Parameters, periodic_start: bool) -> list[str]:
             )
         if value < 0.0:
             warnings.append(f"{name} = {value!r} Hz is negative: the oscillation will grow")
+    for name, u, size in (("u1", p.u1, p.A1), ("u2", p.u2, p.A2)):
+        if size and not _determinant(p, *_detunings(p, u), u):
+            raise ModelError(
+                f"{name} = {u!r} Hz lies exactly on an undamped eigenfrequency (eta_plus = "
+                f"{p.eta_plus!r} Hz, eta_minus = {p.eta_minus!r} Hz, d1 = {p.d1!r} Hz, "
+                f"d2 = {p.d2!r} Hz): the drive has no steady state"
+            )
     return warnings

@@ -18,7 +18,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from .model_error import ModelError
 from .oscillator_equations import (
@@ -29,7 +29,6 @@ from .oscillator_equations import (
 )
 from .oscillator_phase import Frequency
 from .oscillator_precise import (
-    Polynomial,
     Precise,
     add,
     in_precise_arithmetic,
@@ -39,13 +38,17 @@ from .oscillator_precise import (
     upper_factor,
 )
 
+if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 or later
+    from .oscillator_precise import Polynomial
+
+    Pair = tuple[complex, complex]
+
 #: Below this phase angle between two poles the response is evaluated as one divided difference;
 #: above it periodic part and transient are added up, which costs at most two digits.
 CONFLUENT = 1e-2
 #: A transient with this exponent is lost beside any number it could be added to.
 DECAYED = -100.0
 
-Pair = tuple[complex, complex]
 NOTHING: Pair = (0j, 0j)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .model_error import ModelError
 from .oscillator_equations import TWO_PI, Parameters, damping, phasors, rotating_phasors
@@ -18,7 +18,6 @@ from .oscillator_exact import (
     DECAYED,
     NOTHING,
     Kernel,
-    Pair,
     ToneKernel,
     first_difference,
     oscillator_pencil,
@@ -26,10 +25,14 @@ from .oscillator_exact import (
     second_difference,
 )
 from .oscillator_phase import Frequency, difference, kept_phase
-from .oscillator_precise import Polynomial, Precise, in_precise_arithmetic
+from .oscillator_precise import Precise, in_precise_arithmetic
 
-#: Displacements and velocities over 2 pi of both modes (exact); their analytic signals (envelope).
-State = tuple[complex, complex, complex, complex]
+if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 or later
+    from .oscillator_exact import Pair
+    from .oscillator_precise import Polynomial
+
+    #: Displacements and velocities over 2 pi of both modes (exact); analytic signals (envelope).
+    State = tuple[complex, complex, complex, complex]
 
 
 class Tone(NamedTuple):
@@ -174,9 +177,9 @@ class LinearSolver:
                 return self._early(t, dt, dt_low)
             e12, e2 = self._exponentials(dt, dt_low)
             x1, x2 = self._roots.x1, self._roots.x2
-            z = [a * e12 + c * e2 for a, c in zip(self._sum_first, self._sum_second, strict=True)]
+            z = [a * e12 + c * e2 for a, c in zip(self._sum_first, self._sum_second)]
             d12, d2 = x1 * e12 + e2, x2 * e2
-            w = [a * d12 + c * d2 for a, c in zip(self._sum_first, self._sum_second, strict=True)]
+            w = [a * d12 + c * d2 for a, c in zip(self._sum_first, self._sum_second)]
         else:
             z, w = [0j, 0j], [0j, 0j]
         for tone, y1, y2 in self._periodic:
@@ -229,7 +232,7 @@ class LinearSolver:
         first, second = list(self._free_first), list(self._free_second)
         self._prepared = []
         self._periodic = []
-        for tone, kernel in zip(self.tones, self._tone_kernels, strict=True):
+        for tone, kernel in zip(self.tones, self._tone_kernels):
             turn = cmath.rect(1.0, TWO_PI * (tone.frequency.cycles(self.anchor) + tone.offset))
             amplitude = tone.amplitude * turn
             for i in (0, 1):
@@ -262,7 +265,7 @@ class LinearSolver:
             self._free = kernel.free(self._columns())
         first, second = [0j, 0j], [0j, 0j]
         scale = 1.0 if self.envelope else 2.0  # exact: the mirrored poles add the conjugate
-        for value, f, s in zip(start, *self._free, strict=False):
+        for value, f, s in zip(start, *self._free):
             for i in (0, 1):
                 first[i] += scale * value * f[i]
                 second[i] += scale * value * s[i]

@@ -11,11 +11,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from decimal import Context, Decimal, localcontext
+from typing import TYPE_CHECKING
 
 #: Digits of the arithmetic. At an exceptional point half of them are lost by the square root.
 DIGITS = 50
 
 _ZERO = Decimal(0)
+
+if TYPE_CHECKING:  # subscripted here, it would need a host with Python 3.9 or later
+    #: A polynomial: coefficients from the constant term up.
+    Polynomial = Sequence["Precise"]
 
 
 def precise_context() -> Context:
@@ -82,10 +87,6 @@ class Precise:
         return float(self.re), high, float(self.im - Decimal(high))
 
 
-#: A polynomial: coefficients from the constant term up.
-Polynomial = Sequence[Precise]
-
-
 def multiply(a: Polynomial, b: Polynomial) -> list[Precise]:
     """Return the product of two polynomials."""
     product = [Precise(_ZERO) for _ in range(len(a) + len(b) - 1)]
@@ -100,7 +101,7 @@ def add(a: Polynomial, b: Polynomial) -> list[Precise]:
     """Return the sum of two polynomials."""
     if len(a) < len(b):
         a, b = b, a
-    return [*(x + y for x, y in zip(a, b, strict=False)), *a[len(b) :]]
+    return [*(x + y for x, y in zip(a, b)), *a[len(b) :]]
 
 
 def polynomial_differences(p: Polynomial, nodes: Sequence[Precise]) -> list[list[Precise]]:

@@ -7,12 +7,14 @@ period, hence a cost that grows with the quality factor while the exact solver's
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .model_error import ModelError
 from .oscillator_equations import TWO_PI, Parameters, damping, phasors
-from .oscillator_linear import State
 from .oscillator_phase import Frequency, kept_phase
+
+if TYPE_CHECKING:
+    from .oscillator_linear import State
 
 #: Substeps per period of the fastest frequency where the substep is left to the solver.
 SUBSTEPS_PER_PERIOD = 40

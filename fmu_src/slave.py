@@ -175,7 +175,7 @@ class ModelSlave(Fmi2Slave):
             return
         self._settle_parameters()
         outputs = self.moving_outputs()
-        for reference, value in zip(self._table.moving, outputs, strict=True):
+        for reference, value in zip(self._table.moving, outputs):
             self._values[reference] = value
         self._moving_stale = False
         if not math.isfinite(sum(outputs)):
@@ -185,7 +185,7 @@ class ModelSlave(Fmi2Slave):
         if self._phase == _INSTANTIATED:
             return
         self._settle_parameters()
-        for reference, value in zip(self._table.steady, self.steady_outputs(), strict=True):
+        for reference, value in zip(self._table.steady, self.steady_outputs()):
             self._values[reference] = value
         self._steady_stale = False
 
@@ -228,7 +228,7 @@ class ModelSlave(Fmi2Slave):
         try:
             if not self._table.kinds[kind].issuperset(vrs):
                 raise ModelError(f"set{kind}: {vrs!r} names a variable that is not of this type")
-            for vr, value in zip(vrs, values, strict=True):
+            for vr, value in zip(vrs, values):
                 self._set_one(vr, value)
         except Exception as error:
             self._fail(error)
