@@ -35,7 +35,7 @@ class VariableLike(Protocol):
 
     @property
     def kind(self) -> str:
-        """Real, Integer, Boolean, String or a type of FMI 3.0."""
+        """Real, Integer, Boolean or String; Real stands for the floats of FMI 3.0 too."""
 
     @property
     def unit(self) -> str | None:
@@ -178,7 +178,7 @@ class _Binder:
         if variable.kind == "String" and isinstance(raw, str):
             return raw
         whole = isinstance(raw, int) and not isinstance(raw, bool)
-        if variable.kind not in ("Boolean", "String") and whole:
+        if variable.kind == "Integer" and whole:
             return raw
         raise BadInput(
             f"{written.where}: found {raw!r}, but '{variable.name}' is a {variable.kind} variable"
@@ -210,7 +210,7 @@ class _Binder:
 
 
 def _is_real(variable: VariableLike) -> bool:
-    return variable.kind in ("Real", "Float64", "Float32")
+    return variable.kind == "Real"
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
