@@ -83,8 +83,9 @@ class TestLibcosim:
         )
 
     def times(self, found: list[Row], step_ns: int) -> list[float]:
-        """Return the ends of the last steps, as sums of the two doubles that the FMU was given."""
-        return [(int(row.time) - step_ns) / 1e9 + step_ns / 1e9 for row in found]
+        """Return the ends of the last steps as the FMU was told them: start + (end - start)."""
+        ends = ((int(row.time) - step_ns, int(row.time)) for row in found)
+        return [start / 1e9 + (end / 1e9 - start / 1e9) for start, end in ends]
 
     def test_the_string_on_its_orbit(self, oscillator: Unpacked) -> None:
         """1 us steps to 5 ms, 35,000 periods; the master's time is exact in nanoseconds."""
