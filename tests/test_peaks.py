@@ -50,13 +50,13 @@ def test_robust_floor_ignores_spurious_lines_that_spoil_the_mean() -> None:
 
 
 def test_robust_peaks_are_unbiased_and_the_mean_difference_is_low_by_the_floor() -> None:
-    sigma, truth, draws = 0.5, np.array([5.0, 8.0]), 800
-    traces = [spectrum((5.0, 8.0), sigma, 100 + k) for k in range(draws)]
-    error = 3.5 * sigma / math.sqrt(draws)
-    robust = np.mean([read_peaks(GRID, t, TONES, "robust").peaks_v for t in traces], axis=0)
-    # what is left is second order, sigma^2 / 2a of E|a + n| against -sigma^2 / a removed
-    np.testing.assert_allclose(robust, truth, atol=error + 0.5 * sigma**2 / 5.0)
-    mean = np.mean([read_peaks(GRID, t, TONES, "mean").peaks_v for t in traces], axis=0)
+    sigma, truth, draws = 0.5, np.array([5.0, 8.0]), 8000
+    part = slice(215, 286)
+    traces = [spectrum((5.0, 8.0), sigma, 100 + k)[part] for k in range(draws)]
+    error = 3.5 * sigma / math.sqrt(draws)  # 0.0196; one order down is sigma^2 / 2a = 0.025
+    robust = np.mean([read_peaks(GRID[part], t, TONES).peaks_v for t in traces], axis=0)
+    np.testing.assert_allclose(robust, truth, atol=error)
+    mean = np.mean([read_peaks(GRID[part], t, TONES, "mean").peaks_v for t in traces], axis=0)
     level = sigma * math.sqrt(math.pi / 2)
     expected = truth + sigma**2 / (2 * truth) - level
     np.testing.assert_allclose(mean, expected, atol=error)
@@ -83,6 +83,9 @@ def test_crest_between_points_is_exact_for_a_gaussian_filter(
     trace = height * np.exp(-0.5 * math.log(2) * (2 * (GRID - tone) / bandwidth) ** 2)
     found = read_peaks(GRID, trace, (tone,), "none").peaks_v[0]
     assert found == pytest.approx(height, rel=1e-7)
+    if 0.01 < abs(offset) < 0.3:  # the crest, even where the stated tone is a little beside it
+        found = read_peaks(GRID, trace, (6.94e6 + 1.3 * offset,), "none").peaks_v[0]
+        assert found == pytest.approx(height, rel=1e-7)
 
 
 @pytest.mark.parametrize(
