@@ -1,0 +1,217 @@
+"""What is minimised: residual rows and Tikhonov rows, kept apart; it does not know who minimises.
+
+    r_i(p) = (chi(p) z_i(p) - z*_i)/z*_i        J_fit = sum |r_i|        J_reg = nu/2 |x|^2
+
+with the search vector x = (p - p_ref)/scale. Evaluating changes nothing: points are records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.parameters import Parameter, search_bounds, starts, to_model, to_search
+from fitting.response import Evaluation, Response
+from fitting.scaling import chi_of_maxima, chi_of_sweep, laboratory_maximum
+
+FloatArray = npt.NDArray[np.float64]
+
+SCALES = ("maximum", "fit", "none")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Laboratory values that the model is held against, amplitudes in V peak.
+
+    `peaks_v`, `sigmas_v` (n_peaks,) in the order experiments x tones; `sweep_v` (n_sweep,);
+    `scale` "maximum" (Algorithm 1), "fit" (least squares over the sweep) or "none" (the model
+    answers in volts); `fit_sweep` makes every sweep point a residual row, relative to `maximum_v`.
+
+    Raises:
+        ValueError: shapes that differ, a peak that is not positive, a scale without a sweep.
+    """
+
+    peaks_v: FloatArray
+    sigmas_v: FloatArray
+    sweep_v: FloatArray
+    scale: str = "maximum"
+    fit_sweep: bool = False
+    maximum_v: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.peaks_v.shape != self.sigmas_v.shape:
+            raise ValueError(f"{self.peaks_v.size} peaks, but {self.sigmas_v.size} sigmas")
+        if not np.all(np.isfinite(self.peaks_v)) or np.any(self.peaks_v <= 0.0):
+            raise ValueError("a measured peak is not positive and finite")
+        if self.scale not in SCALES:
+            raise ValueError(f"scale {self.scale!r} is none of {', '.join(SCALES)}")
+        if self.sweep_v.size == 0 and (self.scale != "none" or self.fit_sweep):
+            raise ValueError("a scale or a fit of the sweep needs a sweep")
+        if self.peaks_v.size == 0 and not self.fit_sweep:
+            raise ValueError("neither peaks nor a fitted sweep: nothing to minimise")
+        if self.sweep_v.size and self.maximum_v <= 0.0:
+            peak = laboratory_maximum(np.arange(self.sweep_v.size, dtype=float), self.sweep_v)
+            object.__setattr__(self, "maximum_v", peak.value_v)
+
+    @property
+    def rows_sigma(self) -> FloatArray:
+        """Relative standard deviation of each residual row, (n_rows,); zero where unknown."""
+        peaks = np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
+        return np.concatenate([peaks, np.zeros(self.sweep_v.size)]) if self.fit_sweep else peaks
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Response, parameters and data; `steps` (n,) are the finite-difference steps in x."""
+
+    response: Response
+    parameters: tuple[Parameter, ...]
+    measured: Measured
+    steps: FloatArray
+
+
+@dataclass(frozen=True)
+class Point:
+    """One evaluated search vector: `residuals` (n_rows,), `simulated_v` = chi z (n_peaks,).
+
+    `scale_bias` is the relative error that the simulated grid leaves in chi, `runs` the number of
+    simulations it took.
+    """
+
+    x: FloatArray
+    parameters: FloatArray
+    residuals: FloatArray
+    chi: float
+    simulated_v: FloatArray
+    scale_bias: float
+    runs: int = 0
+
+    @property
+    def j_fit(self) -> float:
+        """J_fit = sum |r_i|."""
+        return float(np.sum(np.abs(self.residuals)))
+
+
+def j_reg(x: FloatArray, nu: float) -> float:
+    """J_reg = nu/2 |x|^2 with x the search vector (the paper's p - p_ref over its scale)."""
+    return 0.5 * nu * float(np.dot(x, x))
+
+
+def tikhonov_rows(x: FloatArray, nu: float) -> FloatArray:
+    """Rows t = sqrt(nu/2) x whose sum of squares is J_reg, shape (n,)."""
+    rows: FloatArray = np.sqrt(0.5 * nu) * x
+    return rows
+
+
+def scale_factor(measured: Measured, evaluation: Evaluation) -> tuple[float, float]:
+    """chi(p) of one evaluation and the relative bias its grid leaves.
+
+    Raises:
+        ValueError: the evaluation lacks what the chosen scale needs.
+
+    Source: the paper's Algorithm 1; computed anew for every p.
+    """
+    if measured.scale == "none":
+        return 1.0, 0.0
+    if measured.scale == "fit":
+        return chi_of_sweep(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
+    maximum = evaluation.sweep_maximum
+    if maximum is None:
+        raise ValueError("the response has no sweep maximum, which the scale needs")
+    bias = maximum.bias if maximum.bracketed else 0.0
+    return chi_of_maxima(measured.maximum_v, maximum.value), bias
+
+
+def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
+    measured = objective.measured
+    chi, bias = scale_factor(measured, evaluation)
+    simulated = chi * evaluation.peaks
+    rows = (simulated - measured.peaks_v) / measured.peaks_v
+    if measured.fit_sweep:
+        # relative to the maximum: the far wings of a resonance are noise, not information
+        sweep = (chi * evaluation.sweep_amplitudes - measured.sweep_v) / measured.maximum_v
+        rows = np.concatenate([rows, sweep])
+    p = to_model(objective.parameters, x)
+    return Point(x.copy(), p, rows, chi, simulated, bias, evaluation.runs)
+
+
+def evaluate_many(objective: Objective, xs: Sequence[FloatArray]) -> list[Point]:
+    """Points at several search vectors, in one batch of simulations."""
+    ps = [to_model(objective.parameters, x) for x in xs]
+    answers = objective.response.evaluate_many(ps)
+    return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
+
+
+def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
+    """Search vectors of a central-difference Jacobian at x, kept inside the box, 2n of them."""
+    lower, upper = search_bounds(objective.parameters)
+    nodes = []
+    for i, step in enumerate(objective.steps):
+        for sign in (1.0, -1.0):
+            moved = np.array(x, dtype=float)
+            moved[i] = min(max(x[i] + sign * step, lower[i]), upper[i])
+            nodes.append(moved)
+    return nodes
+
+
+def jacobian_of(points: Sequence[Point]) -> FloatArray:
+    """dr/dx, shape (n_rows, n), from the points of `stencil` in its order."""
+    columns = []
+    for i in range(len(points) // 2):
+        above, below = points[2 * i], points[2 * i + 1]
+        columns.append((above.residuals - below.residuals) / (above.x[i] - below.x[i]))
+    return np.stack(columns, axis=1)
+
+
+def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
+    """dr/dx by central differences in one batch, shape (n_rows, n).
+
+    The steps balance truncation against the noise of the response (`make_objective`).
+    """
+    return jacobian_of(evaluate_many(objective, stencil(objective, x)))
+
+
+def make_objective(
+    response: Response, parameters: tuple[Parameter, ...], measured: Measured
+) -> Objective:
+    """Objective whose difference steps suit the response at the start and at the reference.
+
+    A central difference of a function known to eps, that varies over a length L, is best at
+    h = L (3 eps)^(1/3); eps is measured (`noise_level`), the length along x_i is taken as
+    1/max|dr/dx_i|, at most one unit of x and a tenth of the box.
+    """
+    lower, upper = search_bounds(parameters)
+    longest = np.minimum(1.0, 0.1 * (upper - lower))
+    start = to_search(parameters, starts(parameters))
+    middle = np.clip(np.zeros_like(start), lower, upper)
+    draft = Objective(response, parameters, measured, 1e-3 * longest)
+    points = evaluate_many(draft, [*stencil(draft, start), *stencil(draft, middle)])
+    half = len(points) // 2
+    slopes = np.maximum(
+        np.max(np.abs(jacobian_of(points[:half])), axis=0),
+        np.max(np.abs(jacobian_of(points[half:])), axis=0),
+    )
+    lengths = np.minimum(longest, 1.0 / np.maximum(slopes, np.finfo(float).tiny))
+    unit = float(np.cbrt(3.0 * noise_level(draft, middle, lengths)))
+    return Objective(response, parameters, measured, min(max(unit, 1e-5), 1e-2) * lengths)
+
+
+def noise_level(objective: Objective, x: FloatArray, lengths: FloatArray) -> float:
+    """Relative numerical noise of the rows at x, from a table of fourth differences.
+
+    Differences of order k of a smooth function at close points vanish; what is left is noise times
+    sqrt((2k)!/(k!)^2). At least the rounding of a double.
+
+    Source: R. Hamming, Introduction to Applied Numerical Analysis; J. More and S. Wild,
+    "Estimating computational noise", SIAM J. Sci. Comput. 33 (2011).
+    """
+    lower, upper = search_bounds(objective.parameters)
+    inward = np.where(x > 0.5 * (lower + upper), -1.0, 1.0)
+    nodes = [x + 1e-6 * k * inward * lengths for k in range(9)]
+    rows = np.stack([point.residuals for point in evaluate_many(objective, nodes)])
+    fourth = np.diff(rows, n=4, axis=0)
+    noise = np.sqrt(np.mean(fourth**2, axis=0) / 70.0)  # 8!/(4!)^2
+    return max(float(np.max(noise)), float(np.finfo(float).eps))

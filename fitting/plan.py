@@ -1,0 +1,208 @@
+"""What to simulate for a wanted accuracy: settling, window and sampling, each with its reason.
+
+A window is coherent where it holds whole periods of every tone: a tone fit then equals the Fourier
+bin and no tone leaks into another. Few samples suffice, because the tones are known: sampling far
+below them is no loss as long as no tone folds onto another, onto 0 or onto half the sampling rate,
+and that is proved here, not hoped for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.errors import BadInput
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Tones are taken as multiples of one over this, Hz, when a common period is looked for.
+FINEST_HZ = 1000
+#: A common period longer than this is given up for a tone fit, s.
+LONGEST_WINDOW_S = 100.0
+#: Samples beyond the unknowns (two per tone and the mean), by which a misfit shows.
+SPARE_SAMPLES = 2
+#: Largest condition number of a tone fit without a coherent window.
+LARGEST_CONDITION = 3.0
+
+
+@dataclass(frozen=True)
+class Window:
+    """When to sample one run: t_j = settle + j step, j < samples; how many held steps a step has.
+
+    `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
+    makes itself. `reason` is a sentence for the report.
+
+    Raises:
+        ValueError: too few samples for the tones, or times that are not positive.
+    """
+
+    tones_hz: tuple[float, ...]
+    settle_s: float
+    step_s: float
+    samples: int
+    coherent: bool
+    held_steps: int
+    reason: str
+
+    def __post_init__(self) -> None:
+        if self.samples < 2 * len(self.tones_hz) + 1:
+            raise ValueError(f"{self.samples} samples cannot hold {len(self.tones_hz)} tones")
+        if not (self.step_s > 0.0 and self.settle_s >= 0.0):
+            raise ValueError(f"step {self.step_s!r} s, settling {self.settle_s!r} s")
+
+    @property
+    def input_step_s(self) -> float:
+        """Length of a held input step, s."""
+        return self.step_s / self.held_steps if self.held_steps else self.step_s
+
+    def times_s(self) -> FloatArray:
+        """Sampling times, shape (samples,), each by one multiplication."""
+        return np.asarray(self.settle_s + np.arange(self.samples) * self.step_s)
+
+    def design(self) -> FloatArray:
+        """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (samples, 1 + 2 tones)."""
+        return _design(self.tones_hz, self.times_s())
+
+
+def _design(tones_hz: Sequence[float], times_s: FloatArray) -> FloatArray:
+    columns = [np.ones(times_s.size)]
+    for tone in tones_hz:
+        phase = 2.0 * np.pi * np.mod(tone * times_s, 1.0)
+        columns += [np.cos(phase), np.sin(phase)]
+    return np.stack(columns, axis=1)
+
+
+def settling_s(line_width_hz: float, accuracy: float) -> float:
+    """Time after which a transient exp(-pi w t) is below the accuracy, s.
+
+    Planned for half the width that was stated: a fit may try less damping than there is.
+
+    Raises:
+        ValueError: a width or an accuracy that is not positive.
+    """
+    if not (line_width_hz > 0.0 and 0.0 < accuracy < 1.0):
+        raise ValueError(f"line width {line_width_hz!r} Hz, accuracy {accuracy!r}")
+    return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
+
+
+def common_period_s(tones_hz: Sequence[float]) -> float | None:
+    """Shortest common period of the tones, s; None where there is none of reasonable length.
+
+    Tones are read as fractions with denominators up to 1000, exact to their last digit but one.
+    """
+    fractions = [Fraction(tone).limit_denominator(FINEST_HZ) for tone in tones_hz]
+    for fraction, tone in zip(fractions, tones_hz, strict=True):
+        if abs(float(fraction) - tone) > 4e-16 * tone:
+            return None
+    common = fractions[0]
+    for other in fractions[1:]:
+        common = Fraction(
+            math.gcd(common.numerator * other.denominator, other.numerator * common.denominator),
+            common.denominator * other.denominator,
+        )
+    period = float(1 / common)
+    return period if period <= LONGEST_WINDOW_S else None
+
+
+def coherent_samples(tones_hz: Sequence[float], period_s: float, least: int) -> int | None:
+    """Least number of samples over a common period at which no tone folds onto another.
+
+    With k = f T whole, tone k is seen at k mod N: these must differ from each other, from each
+    other's negatives, from 0 and from N/2.
+    """
+    bins = [round(tone * period_s) for tone in tones_hz]
+    for samples in range(least, least + 1000):
+        seen = [b % samples for b in bins]
+        mirrored = [samples - s for s in seen]
+        if len({*seen, *mirrored}) == 2 * len(bins) and 0 not in seen:
+            return samples
+    return None
+
+
+def plan_window(
+    tones_hz: Sequence[float], settle_s: float, *, samples_per_period: int = 0
+) -> Window:
+    """Window for known tones: coherent where they have a common period, else for a tone fit.
+
+    `samples_per_period` > 0 is for a drive that is held over steps: the steps divide the window.
+
+    Raises:
+        BadInput: no window keeps the tones apart (two equal tones, for one).
+    """
+    tones = tuple(float(tone) for tone in tones_hz)
+    least = 2 * len(tones) + 1 + SPARE_SAMPLES
+    period = 1.0 / tones[0] if len(tones) == 1 else common_period_s(tones)
+    samples = coherent_samples(tones, period, least) if period is not None else None
+    if period is None or samples is None:
+        return _incoherent(tones, settle_s, least + 4, samples_per_period)
+    shown = " and ".join(f"{tone / 1e6:.9g} MHz" for tone in tones)
+    reason = (
+        f"{shown}: {period:.6g} s hold whole periods; {samples} samples keep the tones apart "
+        "and off 0 and half the rate, so that a fit of the tones is the Fourier bin"
+    )
+    held = 0
+    if samples_per_period:
+        held = math.ceil(period * max(tones) * samples_per_period / samples)
+    return _aligned(tones, settle_s, period / samples, samples, True, held, reason)
+
+
+def _incoherent(
+    tones: tuple[float, ...], settle_s: float, samples: int, samples_per_period: int
+) -> Window:
+    gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
+    if gaps and min(gaps) <= 0.0:
+        raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
+    span = 1.0 / min(gaps) if gaps else 1.0 / tones[0]
+    best, best_step = math.inf, 0.0
+    for stretch in np.linspace(0.8, 2.5, 800):
+        step = float(stretch) * span / samples
+        condition = float(np.linalg.cond(_design(tones, np.arange(samples, dtype=float) * step)))
+        if condition < best:
+            best, best_step = condition, step
+    if best > LARGEST_CONDITION:
+        raise BadInput(
+            f"drive frequencies {tones} Hz: no sampling tells them apart (condition {best:.3g}); "
+            "wanted frequencies with a common period"
+        )
+    reason = (
+        f"{' and '.join(f'{tone!r} Hz' for tone in tones)}: no common period of reasonable length; "
+        f"amplitudes by a tone fit of {samples} samples (condition number {best:.2f})"
+    )
+    held = math.ceil(best_step * max(tones) * samples_per_period) if samples_per_period else 0
+    return _aligned(tones, settle_s, best_step, samples, False, held, reason)
+
+
+def _aligned(
+    tones: tuple[float, ...], settle_s: float, step_s: float, samples: int, coherent: bool,
+    held: int, reason: str,
+) -> Window:  # fmt: skip
+    """Settling in whole held steps, where the drive is held."""
+    if held:
+        grain = step_s / held
+        settle_s = math.ceil(settle_s / grain - 1e-9) * grain
+        reason += f"; the drive is held over steps of {grain:.6g} s"
+    return Window(tones, settle_s, step_s, samples, coherent, held, reason)
+
+
+def tone_amplitudes(window: Window, samples: FloatArray) -> tuple[FloatArray, float]:
+    """Amplitudes (n_tones,) of the known tones in sampled values (samples,), and the misfit.
+
+    The misfit is the largest deviation of the samples from mean plus tones, relative to the
+    largest amplitude: harmonics, a transient that is left, or noise of the solver.
+
+    Raises:
+        ValueError: another number of samples than planned.
+    """
+    if samples.shape != (window.samples,):
+        raise ValueError(f"{samples.size} samples, planned were {window.samples}")
+    design = window.design()
+    coefficients = np.linalg.lstsq(design, samples, rcond=None)[0]
+    amplitudes = np.hypot(coefficients[1::2], coefficients[2::2])
+    largest = max(float(np.max(amplitudes)), np.finfo(float).tiny)
+    misfit = float(np.max(np.abs(samples - design @ coefficients))) / largest
+    return np.asarray(amplitudes), misfit

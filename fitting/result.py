@@ -1,0 +1,270 @@
+"""The result of a reconstruction as records; `result.json` and `history.csv` from and to them.
+
+Ending badly is a value: `status` and `message` are stored like any number. All numbers are in the
+units that stand beside them; `nan` (JSON null) where there is none.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting.files import write_whole
+from fitting.records import read_json, write_json
+
+Scalar = float | int | bool | str
+Floats = tuple[float, ...]
+
+STATUSES = ("converged", "not converged", "interrupted")
+IDENTIFIABLE = ("determined", "partly determined", "not determined")
+
+
+@dataclass(frozen=True)
+class ParameterResult:
+    """One fitted parameter.
+
+    `value` is canonical (periodic ones in [0, period)); `std`, `ci95` from the linearised
+    covariance with box and Tikhonov term as prior, `ci95` within the box; `shrinkage` the share of
+    its variance that comes from the data, not from the prior; `identifiable` in words.
+    """
+
+    value: float
+    unit: str
+    std: float
+    ci95: tuple[float, float]
+    reference: float
+    start: float
+    lower: float
+    upper: float
+    shrinkage: float
+    identifiable: str
+
+
+@dataclass(frozen=True)
+class DerivedResult:
+    """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
+
+    `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
+    mean over the box of the parameters: what it could be without any data. Where it is "not
+    determined", that range is the answer and `value` is only where the optimiser stopped.
+    """
+
+    value: float
+    unit: str
+    values: Floats
+    mean: float
+    spread: float
+    std: float
+    ci95: tuple[float, float]
+    reference: float
+    shrinkage: float
+    identifiable: str
+    box: tuple[float, float]
+
+    def text(self) -> str:
+        """Value for people; never a value with a small error where the data do not give one."""
+        if self.identifiable == IDENTIFIABLE[2]:
+            low, high = self.box
+            return f"not determined by these data (anything from {low:.6g} to {high:.6g})"
+        return f"{self.value:.9g} ± {self.std:.2g}"
+
+
+@dataclass(frozen=True)
+class Peak:
+    """One peak: measured and simulated (scaled) amplitudes, before and after, V peak."""
+
+    experiment: str
+    frequency_hz: float
+    measured_v: float
+    sigma_v: float
+    initial_v: float
+    final_v: float
+
+
+@dataclass(frozen=True)
+class DeviationSet:
+    """Relative deviations |chi z - z*|/z* per peak, their mean per experiment and overall."""
+
+    per_peak: Floats
+    per_experiment: Floats
+    mean: float
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Before (campaign's start) and after; `improvement_percent` = 100 (1 - final/initial)."""
+
+    initial: DeviationSet
+    final: DeviationSet
+    improvement_percent: float
+
+
+@dataclass(frozen=True)
+class SweepCurves:
+    """The sweep as measured and as simulated (scaled) before and after, V peak, (n,) each."""
+
+    frequency_hz: Floats
+    measured_v: Floats
+    initial_v: Floats
+    final_v: Floats
+
+
+@dataclass(frozen=True)
+class Scale:
+    """chi before and after, its grid bias, and what noise did to the laboratory's maximum.
+
+    `maximum_bias` is the largest measured point over the fitted top of the sweep, minus one.
+    """
+
+    kind: str
+    initial: float
+    final: float
+    grid_bias: float
+    maximum_v: float
+    maximum_bias: float
+    maximum_bias_std: float
+
+
+@dataclass(frozen=True)
+class HistoryRow:
+    """One nu of the reported chain; level -1 is the start itself, before any solve."""
+
+    level: int
+    nu: float
+    parameters: Mapping[str, float]
+    derived: Mapping[str, float]
+    j_fit: float
+    j_reg: float
+    change: float
+    optimality: float
+    status: str
+    message: str
+    iterations: int
+    evaluations: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class StartResult:
+    """Where one start led: end values (canonical), J, the start it met, why it ended."""
+
+    begun: Mapping[str, float]
+    parameters: Mapping[str, float]
+    j_fit: float
+    j_reg: float
+    levels: int
+    joined: int | None
+    ended: str
+    equivalent: bool
+
+
+@dataclass(frozen=True)
+class AlternativeResult:
+    """One discrete alternative with its best start; `equal_to_best` within the tolerance of J."""
+
+    settings: Mapping[str, Scalar]
+    parameters: Mapping[str, float]
+    derived: Mapping[str, float]
+    j_fit: float
+    j_reg: float
+    status: str
+    message: str
+    reported: bool
+    equal_to_best: bool
+    starts: tuple[StartResult, ...]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Objective evaluations (those inside Jacobians too), Jacobians, simulation runs."""
+
+    objective: int
+    jacobians: int
+    fmu_runs: int
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the result comes from; `plan` in sentences, `files` name -> sha256."""
+
+    fmu_name: str
+    fmu_file: str
+    fmu_guid: str
+    fmu_sha256: str
+    campaign: str
+    files: Mapping[str, str]
+    versions: Mapping[str, str]
+    command: str
+    seed: int
+    settings: Mapping[str, Scalar]
+    plan: tuple[str, ...]
+    finished: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """A whole reconstruction, as `result.json` holds it."""
+
+    title: str
+    synthetic: bool
+    status: str
+    message: str
+    parameters: Mapping[str, ParameterResult]
+    derived: Mapping[str, DerivedResult]
+    alternative: Mapping[str, Scalar]
+    deviations: Deviations
+    j_fit: float
+    j_reg: float
+    optimality: float
+    scale: Scale
+    peaks: tuple[Peak, ...]
+    sweep: SweepCurves | None
+    history: tuple[HistoryRow, ...]
+    alternatives: tuple[AlternativeResult, ...]
+    correlation: tuple[Floats, ...]
+    evaluations: Cost
+    seconds: float
+    warnings: tuple[str, ...]
+    provenance: Provenance
+
+
+def write_result(result: Result, folder: Path) -> tuple[Path, Path]:
+    """Write `result.json` and `history.csv` into a folder, atomically; their paths."""
+    history, whole = folder / "history.csv", folder / "result.json"
+    write_whole(history, history_csv(result))
+    write_json(whole, result)
+    return whole, history
+
+
+def read_result(path: Path) -> Result:
+    """Read a `result.json`.
+
+    Raises:
+        BadInput: no such file, or not a result; names the key.
+    """
+    return read_json(path, Result)
+
+
+def history_csv(result: Result) -> str:
+    """The history as CSV text: a row per nu, units in the header."""
+    units = {name: p.unit for name, p in result.parameters.items()}
+    outputs = {name: d.unit for name, d in result.derived.items()}
+    head = ["level", "nu"]
+    head += [f"{name} ({unit})" for name, unit in units.items()]
+    head += [f"mean {name} ({unit})" for name, unit in outputs.items()]
+    head += ["j_fit", "j_reg", "change", "optimality", "status", "iterations", "evaluations"]
+    head += ["seconds", "message"]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    for row in result.history:
+        numbers: list[float | int] = [row.level, row.nu]
+        numbers += [row.parameters[name] for name in units]
+        numbers += [row.derived.get(name, float("nan")) for name in outputs]
+        numbers += [row.j_fit, row.j_reg, row.change, row.optimality]
+        tail = [row.status, row.iterations, row.evaluations, f"{row.seconds:.3f}", row.message]
+        writer.writerow([*(repr(value) for value in numbers), *tail])
+    return text.getvalue()
