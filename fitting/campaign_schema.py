@@ -166,6 +166,12 @@ def _check_whole(campaign: CampaignFile, top: Section) -> None:
             f"{top.path}: nothing to fit: wanted a table [experiments], "
             'or a [sweep] with use = "fit"'
         )
+    observe = campaign.observe
+    if not observe.steady_start and observe.line_width_hz is None and campaign.sweep is None:
+        raise BadInput(
+            f"{top.where('observe')}: wanted line_width (a rough one sets the settling time), or "
+            "steady_start = true if the FMU starts on its periodic orbit, or a [sweep]"
+        )
     if campaign.drift and campaign.experiments is None:
         raise BadInput(f"{top.where('drift')}: drifts over experiments, but there are none")
 
@@ -187,17 +193,11 @@ def _observe(top: Section) -> Observation:
     allowed = ("output", "line_width", "steady_start")
     section = Section(top.path, "observe", top.required("observe"), allowed)
     width = "line_width" in section
-    observation = Observation(
+    return Observation(
         output=section.text("output"),
         line_width_hz=section.quantity("line_width", "Hz", positive=True) if width else None,
         steady_start=section.boolean("steady_start", False),
     )
-    if not width and not observation.steady_start:
-        raise BadInput(
-            f"{section.where()}: wanted line_width (a rough one sets the settling time), or "
-            "steady_start = true if the FMU starts on its periodic orbit"
-        )
-    return observation
 
 
 def _drive(top: Section) -> DriveChoice:

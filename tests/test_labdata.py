@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fitting.errors import BadInput
+from fitting.fmu import read_description
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.laboratory import measure, string_bench
 from fitting.synthesis import campaign_files
@@ -111,6 +112,14 @@ def test_shipped_campaigns_are_readable(name: str) -> None:
     campaign = bound(DATA / name / "campaign.toml")
     assert campaign.synthetic == name.startswith("string")
     assert len(campaign.experiments) == (5 if campaign.synthetic else 0)
+
+
+@pytest.mark.parametrize("name", ["string_q1", "string_q2", "afm_sensor"])
+def test_shipped_campaigns_suit_the_built_fmu(oscillator_fmu: Path, name: str) -> None:
+    variables = read_description(oscillator_fmu).variables
+    campaign = bind(read_campaign(DATA / name / "campaign.toml"), variables)
+    assert campaign.notes == ()
+    assert {p.unit for p in campaign.parameters} <= {"rad", "Hz"}
 
 
 def test_afm_campaign_is_a_sweep_alone() -> None:
@@ -267,7 +276,6 @@ READING = [
     (TOML, "title =", "title ==", "campaign.toml: not valid TOML"),
     (TOML, 'model = "CoupledOscillator"', "", "[fmu]: wanted either 'model' or 'file'"),
     (TOML, "timeout_s = 60", "timeout_s = 0", "[fmu] timeout_s: found 0, wanted a positive number"),
-    (TOML, "steady_start = true", "", "[observe]: wanted line_width"),
     (TOML, "steady_start = true", 'line_width = "-9 Hz"', "[observe] line_width: found '-9 Hz'"),
     (TOML, "steady_start = true", "line_width = 100", "[observe] line_width: 100 has no unit"),
     (TOML, "steady_start = true", 'line_width = "9 s"', "[observe] line_width: found unit 's'"),
@@ -441,6 +449,18 @@ def test_nothing_to_fit_is_refused(tmp_path: Path, texts: dict[str, str]) -> Non
     path = lay(tmp_path, {**texts, "campaign.toml": toml[:start] + toml[end:]})
     with pytest.raises(BadInput, match="nothing to fit"):
         read_campaign(path)
+
+
+def test_without_a_sweep_the_settling_must_be_told(tmp_path: Path, texts: dict[str, str]) -> None:
+    toml = texts["campaign.toml"]
+    start, end = toml.index("[sweep]"), toml.index("# Start and reference")
+    short = toml[:start] + toml[end:]
+    assert bound(lay(tmp_path, {**texts, "campaign.toml": short})).sweep is None
+    path = lay(tmp_path, {**texts, "campaign.toml": short.replace("steady_start = true", "")})
+    with pytest.raises(BadInput, match=r"observe: wanted line_width"):
+        read_campaign(path)
+    told = short.replace("steady_start = true", 'line_width = "0.1 kHz"')
+    assert bound(lay(tmp_path, {**texts, "campaign.toml": told})).line_width_hz == 100.0
 
 
 def test_sweep_and_peaks_must_share_a_unit(tmp_path: Path, texts: dict[str, str]) -> None:

@@ -53,7 +53,7 @@ def test_robust_peaks_are_unbiased_and_the_mean_difference_is_low_by_the_floor()
     sigma, truth, draws = 0.5, np.array([5.0, 8.0]), 8000
     part = slice(215, 286)
     traces = [spectrum((5.0, 8.0), sigma, 100 + k)[part] for k in range(draws)]
-    error = 3.5 * sigma / math.sqrt(draws)  # 0.0196; one order down is sigma^2 / 2a = 0.025
+    error = 2.5 * sigma / math.sqrt(draws)  # 0.014; one order down is sigma^2 / 2a = 0.025
     robust = np.mean([read_peaks(GRID[part], t, TONES).peaks_v for t in traces], axis=0)
     np.testing.assert_allclose(robust, truth, atol=error)
     mean = np.mean([read_peaks(GRID[part], t, TONES, "mean").peaks_v for t in traces], axis=0)
