@@ -1,0 +1,193 @@
+"""modelDescription.xml of an FMU file -> checked records."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import fmpy
+from fmpy.validation import validate_fmu
+
+from fitting.errors import BadInput, StartValue
+
+Kind = Literal["Real", "Integer", "Boolean", "String", "other"]
+
+_KINDS: dict[str, Kind] = {
+    "Real": "Real",
+    "Float64": "Real",
+    "Float32": "Real",
+    "Enumeration": "Integer",
+    "Integer": "Integer",
+    "Boolean": "Boolean",
+    "String": "String",
+    **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
+}
+
+
+@dataclass(frozen=True)
+class FmuVariable:
+    """A variable of an FMU; ``start``, ``min`` and ``max`` are in ``unit`` (None: none declared).
+
+    ``fmi_type`` is the type as the FMU declares it, ``kind`` what it is to us.
+    """
+
+    name: str
+    kind: Kind
+    causality: str
+    variability: str
+    initial: str | None
+    unit: str | None
+    start: StartValue | None
+    min: float | None
+    max: float | None
+    description: str
+    value_reference: int
+    fmi_type: str
+
+    @property
+    def can_be_started(self) -> bool:
+        """Whether the variable may be set before initialisation."""
+        if self.variability == "constant" or self.causality == "calculatedParameter":
+            return False
+        return self.causality in ("parameter", "input", "structuralParameter") or (
+            self.initial in ("exact", "approx")
+        )
+
+
+@dataclass(frozen=True)
+class FmuDescription:
+    """What an FMU file says of itself; ``variables`` by name in the order of the file."""
+
+    path: Path
+    model_name: str
+    guid: str
+    sha256: str
+    fmi_version: str
+    model_identifier: str
+    generation_tool: str
+    description: str
+    platforms: tuple[str, ...]
+    one_instance_per_process: bool
+    needs_execution_tool: bool
+    variables: Mapping[str, FmuVariable] = field(repr=False)
+
+    def variable(self, name: str) -> FmuVariable:
+        """The variable ``name``; BadInput with the nearest names if there is none."""
+        found = self.variables.get(name)
+        if found is None:
+            near = difflib.get_close_matches(name, self.variables, n=3)
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise BadInput(f"{self.path}: no variable {name!r} in this FMU{hint}")
+        return found
+
+
+def read_description(path: Path | str) -> FmuDescription:
+    """Description of an FMU that this machine can run by FMI 2.0 or 3.0 co-simulation.
+
+    Raises BadInput if the file is no FMU, has no co-simulation, or no binary for this platform.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror}; wanted an FMU file") from error
+    try:
+        # unvalidated: many FMUs in use break a rule or two and run all the same
+        model = fmpy.read_model_description(str(path), validate=False)
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except Exception as error:  # fmpy has no exception of its own for a broken file
+        raise BadInput(f"{path}: is not an FMU ({error})") from error
+    if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
+        raise BadInput(f"{path}: is an FMU of FMI {model.fmiVersion}, wanted FMI 2.0 or 3.0")
+    if model.coSimulation is None:
+        raise BadInput(f"{path}: offers no co-simulation, wanted an FMU that does")
+    identifier = model.coSimulation.modelIdentifier
+    _require_binary(path, model.fmiVersion, identifier, names)
+    return FmuDescription(
+        path=path,
+        model_name=model.modelName,
+        guid=model.guid,
+        sha256=hashlib.sha256(content).hexdigest(),
+        fmi_version=model.fmiVersion,
+        model_identifier=identifier,
+        generation_tool=model.generationTool or "",
+        description=model.description or "",
+        platforms=_platforms(names),
+        one_instance_per_process=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
+        needs_execution_tool=bool(model.coSimulation.needsExecutionTool),
+        variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
+    )
+
+
+def validation_problems(path: Path | str) -> list[str]:
+    """What fmpy's validation objects to in the FMU; empty if nothing."""
+    return [str(problem) for problem in validate_fmu(str(path))]
+
+
+def _platforms(names: Iterable[str]) -> tuple[str, ...]:
+    parts = (name.split("/") for name in names)
+    return tuple(sorted({p[1] for p in parts if p[0] == "binaries" and len(p) > 2 and p[2]}))
+
+
+def _require_binary(path: Path, version: str, identifier: str, names: list[str]) -> None:
+    platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
+    wanted = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    if wanted not in names:
+        found = ", ".join(_platforms(names)) or "none"
+        raise BadInput(
+            f"{path}: no binary for this platform; wanted {wanted}, found binaries for: {found}"
+        )
+
+
+def _variable(path: Path, version: str, variable: Any) -> FmuVariable:
+    declared = variable.declaredType
+
+    def attribute(name: str) -> Any:
+        own = getattr(variable, name)
+        return getattr(declared, name, None) if own is None and declared is not None else own
+
+    kind = _KINDS.get(variable.type, "other")
+    if variable.shape or variable.dimensions:
+        kind = "other"  # arrays are neither set nor read here
+    enumeration = "Integer" if version == "2.0" else "Int64"
+    where = f"{path}: variable {variable.name!r}"
+    return FmuVariable(
+        name=variable.name,
+        kind=kind,
+        causality=variable.causality or "local",
+        variability=variable.variability or "continuous",
+        initial=variable.initial,
+        unit=attribute("unit"),
+        start=_value(kind, variable.start, where),
+        min=_number(attribute("min"), where),
+        max=_number(attribute("max"), where),
+        description=variable.description or "",
+        value_reference=int(variable.valueReference),
+        fmi_type=variable.type if variable.type != "Enumeration" else enumeration,
+    )
+
+
+def _number(text: str | None, where: str) -> float | None:
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError as error:
+        raise BadInput(f"{where}: found {text!r}, wanted a number") from error
+
+
+def _value(kind: Kind, text: str | None, where: str) -> StartValue | None:
+    if text is None or kind == "other":
+        return None
+    if kind == "String":
+        return text
+    if kind == "Boolean":
+        return text.strip() in ("true", "1")
+    number = _number(text, where)
+    return int(text) if kind == "Integer" else number

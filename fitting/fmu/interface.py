@@ -1,0 +1,289 @@
+"""The functions of one FMU instance, FMI 2.0 or 3.0; lives in a worker process only.
+
+fmpy loads the library and declares its functions. Its own methods make new arrays in every call,
+which costs more than the calls themselves, so here the functions are called with buffers made once.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import fmpy
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from fmpy.fmi3 import FMU3Slave
+
+from fitting.errors import StartValue
+from fitting.fmu.log import Log, label
+from fitting.fmu.orders import Group
+
+WARNING, DISCARD = 1, 2
+LAST_SUCCESSFUL_TIME = 2  # of fmi2StatusKind
+WITHIN = 1e-9  # of a step: how exactly a step has to arrive
+
+_CTYPES: dict[str, Any] = {
+    "Real": ctypes.c_double,
+    "Float64": ctypes.c_double,
+    "Float32": ctypes.c_float,
+    "Integer": ctypes.c_int,
+    "String": ctypes.c_char_p,
+    **{f"Int{bits}": getattr(ctypes, f"c_int{bits}") for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": getattr(ctypes, f"c_uint{bits}") for bits in (8, 16, 32, 64)},
+}
+
+
+class CallFailed(Exception):
+    """An FMI call did not succeed; the text says which, when, and what the FMU logged."""
+
+
+class Setup(NamedTuple):
+    """What it takes to load an FMU; ``folder`` is where it is unpacked."""
+
+    fmi_version: str
+    guid: str
+    model_identifier: str
+    folder: str
+    one_instance_per_process: bool
+
+
+class Access(NamedTuple):
+    """A get or set function for a group of variables: function(instance, references, n, buffer).
+
+    ``tail`` are the arguments that FMI 3.0 wants behind these.
+    """
+
+    function: Callable[..., int]
+    name: str
+    references: Any
+    n: int
+    buffer: Any
+    tail: tuple[int, ...]
+
+
+class Interface:
+    """An FMU instance; the subclasses know what differs between FMI 2.0 and 3.0.
+
+    Every method raises CallFailed for a status that is neither OK nor a warning.
+    """
+
+    prefix: str
+    boolean: Any
+    values_counted: bool  # FMI 3.0 passes the number of values behind the buffer
+
+    def __init__(self, fmu: Any, log: Log) -> None:
+        self.fmu = fmu
+        self.log = log
+        self.instance: Any = None
+        self._do_step = self._function("DoStep")
+        self._reset = self._function("Reset")
+        self._terminate = self._function("Terminate")
+        self._enter = self._function("EnterInitializationMode")
+        self._exit = self._function("ExitInitializationMode")
+
+    def instantiate(self) -> None:
+        """A new instance in place of the old one."""
+        self.free()
+        try:
+            self._instantiate()
+        except Exception as error:  # fmpy raises a bare Exception
+            raise CallFailed(self.with_log(f"cannot be instantiated: {error}")) from error
+        self.instance = self.fmu.component
+
+    def free(self) -> None:
+        """Free the instance, if there is one."""
+        if self.instance is not None:
+            instance, self.instance = self.instance, None
+            self._function("FreeInstance")(instance)
+
+    def reset(self) -> None:
+        """Back to the state after instantiation."""
+        self.check(self._reset(self.instance), "Reset")
+
+    def terminate(self) -> None:
+        """End the simulation; results can still be read, and the instance reset."""
+        self.check(self._terminate(self.instance), "Terminate")
+
+    def leave_initialisation(self) -> None:
+        """Initial values are computed here."""
+        self.check(self._exit(self.instance), "ExitInitializationMode")
+
+    def access(self, verb: str, group: Group) -> Access:
+        """Function and buffers to get or set ("Get", "Set") a group of variables."""
+        n = len(group.references)
+        element = self.boolean if group.fmi_type == "Boolean" else _CTYPES[group.fmi_type]
+        return Access(
+            self._function(verb + group.fmi_type),
+            verb + group.fmi_type,
+            (ctypes.c_uint * n)(*group.references),
+            n,
+            (element * n)(),
+            (n,) if self.values_counted else (),
+        )
+
+    def set(self, access: Access, values: tuple[StartValue, ...]) -> None:
+        """Set the variables of a group."""
+        if access.name == "SetString":
+            access.buffer[:] = [str(text).encode() for text in values]
+        else:
+            access.buffer[:] = values
+        self.check(
+            access.function(
+                self.instance, access.references, access.n, access.buffer, *access.tail
+            ),
+            access.name,
+        )
+
+    def check(self, status: int, function: str) -> None:
+        """Raise CallFailed unless the status is OK or a warning."""
+        if status > WARNING:
+            text = f"{self.prefix}{function} returned '{label(status)}'"
+            raise CallFailed(self.with_log(text))
+
+    def with_log(self, text: str) -> str:
+        """A text, and behind it what the FMU logged."""
+        said = self.log.sentences()
+        return f"{text}: {said}" if said else f"{text}, and the FMU logged nothing"
+
+    def stopped(self, reached: float, wanted: float, why: str) -> CallFailed:
+        """The failure of a step that did not arrive."""
+        at = f"at t = {reached!r} s" if math.isfinite(reached) else "at a time it does not tell"
+        return CallFailed(self.with_log(f"stopped early {at}, wanted {wanted!r} s ({why})"))
+
+    def _function(self, name: str) -> Callable[..., Any]:
+        # the function object that fmpy has given its argument and result types
+        function: Callable[..., Any] = getattr(self.fmu.dll, self.prefix + name)
+        return function
+
+    def _instantiate(self) -> None:
+        raise NotImplementedError
+
+    def enter_initialisation(self, start_time: float) -> None:
+        """Set up the experiment and go to initialisation mode; no stop time, no tolerance."""
+        raise NotImplementedError
+
+    def step(self, at: float, step: float) -> None:
+        """One communication step from ``at``; raises CallFailed as well if it ends early."""
+        raise NotImplementedError
+
+
+class Interface2(Interface):
+    """FMI 2.0."""
+
+    prefix = "fmi2"
+    boolean = ctypes.c_int
+    values_counted = False
+
+    def __init__(self, fmu: Any, log: Log) -> None:
+        super().__init__(fmu, log)
+        self._setup_experiment = self._function("SetupExperiment")
+        self._callbacks = fmi2CallbackFunctions()
+        self._callbacks.logger = fmi2CallbackLoggerTYPE(
+            lambda _environment, _name, status, _category, message: log.receive(status, message)
+        )
+        self._callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        self._callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        try:
+            # native code that fills in the arguments of a printf-like message
+            from fmpy.logging import addLoggerProxy
+        except OSError:  # no such library for this platform: messages come unfilled
+            return
+        addLoggerProxy(ctypes.byref(self._callbacks))
+
+    def _instantiate(self) -> None:
+        self.fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
+
+    def enter_initialisation(self, start_time: float) -> None:
+        """SetupExperiment and EnterInitializationMode."""
+        status = self._setup_experiment(self.instance, 0, 0.0, start_time, 0, 0.0)
+        self.check(status, "SetupExperiment")
+        self.check(self._enter(self.instance), "EnterInitializationMode")
+
+    def step(self, at: float, step: float) -> None:
+        """DoStep; the FMU tells by 'discard' that it stopped early."""
+        status = self._do_step(self.instance, at, step, 1)
+        if status <= WARNING:
+            return
+        if status == DISCARD:
+            raise self.stopped(self._last_time(), at + step, "fmi2DoStep returned 'discard'")
+        text = f"fmi2DoStep from t = {at!r} s by {step!r} s returned '{label(status)}'"
+        raise CallFailed(self.with_log(text))
+
+    def _last_time(self) -> float:
+        reached = ctypes.c_double(math.nan)
+        ask = self._function("GetRealStatus")
+        known = ask(self.instance, LAST_SUCCESSFUL_TIME, ctypes.byref(reached)) <= WARNING
+        return reached.value if known else math.nan
+
+
+class Interface3(Interface):
+    """FMI 3.0, without event mode and early return."""
+
+    prefix = "fmi3"
+    boolean = ctypes.c_bool
+    values_counted = True
+
+    def __init__(self, fmu: Any, log: Log) -> None:
+        super().__init__(fmu, log)
+        self._events = ctypes.c_bool()
+        self._terminated = ctypes.c_bool()
+        self._early = ctypes.c_bool()
+        self._reached = ctypes.c_double()
+        self._flags = tuple(
+            ctypes.byref(flag)
+            for flag in (self._events, self._terminated, self._early, self._reached)
+        )
+
+    def _instantiate(self) -> None:
+        receive = self.log.receive
+        self.fmu.instantiate(
+            loggingOn=True,
+            logMessage=lambda _environment, status, _category, message: receive(status, message),
+        )
+
+    def enter_initialisation(self, start_time: float) -> None:
+        """EnterInitializationMode with the start time."""
+        status = self._enter(self.instance, False, 0.0, start_time, False, 0.0)
+        self.check(status, "EnterInitializationMode")
+
+    def step(self, at: float, step: float) -> None:
+        """DoStep; the FMU tells by flags and the time reached that it stopped early."""
+        self._terminated.value = self._early.value = False
+        self._reached.value = wanted = at + step  # for FMUs that do not write it
+        status = self._do_step(self.instance, at, step, True, *self._flags)
+        if status > WARNING:
+            text = f"fmi3DoStep from t = {at!r} s by {step!r} s returned '{label(status)}'"
+            raise CallFailed(self.with_log(text))
+        reached = self._reached.value
+        if self._terminated.value:
+            raise self.stopped(reached, wanted, "the FMU asks to end the simulation")
+        if self._early.value or not abs(reached - wanted) <= WITHIN * step:
+            raise self.stopped(reached, wanted, "fmi3DoStep returned early")
+
+
+def load(setup: Setup, log: Log) -> Interface:
+    """The library of an unpacked FMU, loaded; no instance yet.
+
+    Raises CallFailed if it cannot be loaded or lacks a function.
+    """
+    kinds: tuple[Any, type[Interface]] = (
+        (FMU2Slave, Interface2) if setup.fmi_version == "2.0" else (FMU3Slave, Interface3)
+    )
+    library, interface = kinds
+    try:
+        fmu = library(
+            guid=setup.guid,
+            modelIdentifier=setup.model_identifier,
+            unzipDirectory=setup.folder,
+            instanceName=setup.model_identifier,
+        )
+    except Exception as error:  # fmpy raises a bare Exception
+        raise CallFailed(f"its library cannot be loaded: {error}") from error
+    return interface(fmu, log)

@@ -1,0 +1,184 @@
+"""Runs, as people name things -> orders, as a worker needs them: value references and numbers.
+
+A layout is what many runs share: which variables are set and read. A variable that any layout sets
+is set by all of them (to its declared start value where the run does not name it), so that nothing
+hangs on what an FMU does to its parameters on reset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.errors import BadInput, StartValue
+from fitting.fmu.description import FmuDescription, FmuVariable
+from fitting.fmu.records import Run, Tone
+
+
+class Group(NamedTuple):
+    """Variables of one FMI type."""
+
+    fmi_type: str
+    names: tuple[str, ...]
+    references: tuple[int, ...]
+
+
+class Layout(NamedTuple):
+    """``sets`` before initialisation; ``gets`` at each sample, into ``columns`` of the result."""
+
+    sets: tuple[Group, ...]
+    gets: tuple[Group, ...]
+    columns: tuple[tuple[int, ...], ...]
+    outputs: tuple[str, ...]
+    input: Group | None
+
+
+class Order(NamedTuple):
+    """One run: ``values`` for each group of the layout's ``sets``."""
+
+    layout: int
+    values: tuple[tuple[StartValue, ...], ...]
+    settle_s: float
+    sample_step_s: float
+    samples: int
+    start_time_s: float
+    allow_nan: bool
+    tones: tuple[Tone, ...] = ()
+    step_s: float = 0.0
+
+
+_Key = tuple[tuple[str, ...], tuple[str, ...], str | None]
+
+
+class Orders:
+    """Turns runs into orders; keeps the layouts, numbered in the order of their making."""
+
+    def __init__(self, description: FmuDescription) -> None:
+        self.layouts: list[Layout] = []
+        self._grown = False
+        self._description = description
+        self._numbers: dict[_Key, int] = {}
+        self._defaults: dict[str, StartValue] = {}  # of every variable that any run has set
+
+    def take_all(self, runs: Sequence[Run]) -> list[Order]:
+        """The orders for a batch; raises BadInput as `take` does."""
+        self._grown = False
+        orders = [self.take(run) for run in runs]
+        # a variable that a later run was the first to set is missing in the orders before it
+        return [self.take(run) for run in runs] if self._grown else orders
+
+    def take(self, run: Run) -> Order:
+        """The order for one run.
+
+        Raises BadInput for a name that the FMU does not have, a variable that cannot be set or
+        read, and a value of the wrong type.
+        """
+        signal = run.input_signal
+        key = (tuple(run.start_values), run.outputs, signal.name if signal else None)
+        number = self._numbers.get(key)
+        if number is None:
+            number = self._add(key, run.start_values)
+        given = run.start_values
+        defaults = self._defaults
+        values = tuple(
+            tuple([given[name] if name in given else defaults[name] for name in group.names])
+            for group in self.layouts[number].sets
+        )
+        return Order(
+            number,
+            values,
+            run.settle_s,
+            run.sample_step_s,
+            run.samples,
+            run.start_time_s,
+            run.allow_nan,
+            signal.tones if signal else (),
+            signal.step_s if signal else 0.0,
+        )
+
+    def _add(self, key: _Key, start_values: Mapping[str, StartValue]) -> int:
+        names, outputs, input_name = key
+        for name in (*names, *([input_name] if input_name else [])):
+            if name not in self._defaults and self._remember(self._variable_to_set(name)):
+                self._numbers.clear()  # from now on every layout sets this one as well
+                self._grown = True
+        variables = self._description.variables
+        for name, value in start_values.items():
+            self._require_type(variables[name], value)
+        covered = dict.fromkeys((*names, *self._defaults))
+        gets = self._grouped([self._variable_to_read(name) for name in outputs])
+        self.layouts.append(
+            Layout(
+                sets=self._grouped([variables[name] for name in covered]),
+                gets=gets,
+                columns=tuple(tuple(outputs.index(name) for name in g.names) for g in gets),
+                outputs=outputs,
+                input=self._input(input_name) if input_name else None,
+            )
+        )
+        self._numbers[key] = len(self.layouts) - 1
+        return self._numbers[key]
+
+    def _remember(self, variable: FmuVariable) -> bool:
+        if variable.start is None:
+            return False  # nothing is known that it could be set to
+        self._defaults[variable.name] = variable.start
+        return True
+
+    def _input(self, name: str) -> Group:
+        variable = self._description.variable(name)
+        if variable.causality != "input" or variable.kind != "Real":
+            raise BadInput(
+                f"{self._description.path}: {name!r} is a {variable.kind} {variable.causality}, "
+                "wanted a Real input for the drive"
+            )
+        return Group(variable.fmi_type, (name,), (variable.value_reference,))
+
+    def _variable_to_set(self, name: str) -> FmuVariable:
+        variable = self._description.variable(name)
+        if variable.kind == "other":
+            raise BadInput(
+                f"{self._description.path}: {name!r} is of type {variable.fmi_type} or an array, "
+                "wanted a single Real, Integer, Boolean or String"
+            )
+        if not variable.can_be_started:
+            raise BadInput(
+                f"{self._description.path}: {name!r} is a {variable.variability} "
+                f"{variable.causality} that cannot be set, wanted a parameter or an input"
+            )
+        return variable
+
+    def _variable_to_read(self, name: str) -> FmuVariable:
+        variable = self._description.variable(name)
+        if variable.kind not in ("Real", "Integer", "Boolean"):
+            raise BadInput(
+                f"{self._description.path}: {name!r} is of type {variable.fmi_type}, wanted a "
+                "number to read"
+            )
+        return variable
+
+    def _require_type(self, variable: FmuVariable, value: object) -> None:
+        fits = {
+            "Real": isinstance(value, int | float | np.integer) and not isinstance(value, bool),
+            "Integer": isinstance(value, int | np.integer) and not isinstance(value, bool),
+            "Boolean": isinstance(value, bool),
+            "String": isinstance(value, str),
+        }[variable.kind]
+        if not fits:
+            raise BadInput(
+                f"{self._description.path}: {variable.name} = {value!r}, wanted a {variable.kind}"
+            )
+
+    @staticmethod
+    def _grouped(variables: list[FmuVariable]) -> tuple[Group, ...]:
+        types = {v.fmi_type: None for v in variables}
+        return tuple(
+            Group(
+                fmi_type,
+                tuple(v.name for v in variables if v.fmi_type == fmi_type),
+                tuple(v.value_reference for v in variables if v.fmi_type == fmi_type),
+            )
+            for fmi_type in types
+        )

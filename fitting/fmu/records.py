@@ -1,0 +1,121 @@
+"""What is asked of an FMU: one run, its input signal; and the account of what was done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fitting.errors import BadInput, StartValue
+
+Tone = tuple[float, float, float]  # frequency in Hz, amplitude, phase in rad
+
+WHOLE = 1e-9  # a number of steps counts as whole within this
+
+
+@dataclass(frozen=True)
+class InputSignal:
+    """A sum of tones b(t) = Σ a cos(2π f t + φ) for the FMU input ``name``, held over steps.
+
+    ``tones`` rows (frequency in Hz, amplitude, phase in rad), ``step_s`` length of the
+    communication steps. Over the step from t to t + h the input is held at
+    Σ a cos(2π f (t + h/2) + φ) / sinc(f h), which makes the tone in the staircase exactly the tone
+    that was asked for; what is left are its images at 1/h ± f.
+
+    Raises BadInput for fewer than four steps in a period of the fastest tone.
+    """
+
+    name: str
+    tones: tuple[Tone, ...]
+    step_s: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.step_s) and self.step_s > 0):
+            raise BadInput(f"input {self.name}: step_s is {self.step_s!r}, wanted a positive time")
+        for frequency_hz, amplitude, phase in self.tones:
+            if not all(map(math.isfinite, (frequency_hz, amplitude, phase))) or frequency_hz < 0:
+                raise BadInput(
+                    f"input {self.name}: tone ({frequency_hz!r}, {amplitude!r}, {phase!r}), wanted "
+                    "finite numbers and a frequency of at least 0"
+                )
+            if frequency_hz * self.step_s > 0.25:
+                raise BadInput(
+                    f"input {self.name}: a tone of {frequency_hz!r} Hz in steps of "
+                    f"{self.step_s!r} s has {1 / (frequency_hz * self.step_s):.3g} steps in a "
+                    "period, wanted at least 4"
+                )
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation of an FMU.
+
+    Samples are at t_j = start_time + settle + j sample_step, j = 0 .. samples - 1, each computed
+    from j and not from its neighbour. Without ``input_signal`` there is one communication step to
+    t_0 (none if ``settle_s`` is 0) and one to every further sample; with it there are as many of
+    ``input_signal.step_s`` as fit, which has to divide both times.
+
+    ``start_values`` are set before initialisation; ``outputs`` are read at every sample.
+    ``allow_nan``: an output that is not a finite number is handed back instead of being a failure.
+
+    Raises BadInput for times that are not finite or not positive, and for a step that does not
+    divide them.
+    """
+
+    start_values: Mapping[str, StartValue]
+    settle_s: float
+    sample_step_s: float
+    samples: int
+    outputs: tuple[str, ...]
+    start_time_s: float = 0.0
+    input_signal: InputSignal | None = None
+    allow_nan: bool = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.settle_s) and self.settle_s >= 0):
+            raise BadInput(f"settle_s is {self.settle_s!r}, wanted a time of at least 0")
+        if self.samples < 1:
+            raise BadInput(f"samples is {self.samples!r}, wanted at least 1")
+        if self.samples > 1 and not (math.isfinite(self.sample_step_s) and self.sample_step_s > 0):
+            raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
+        if not math.isfinite(self.start_time_s):
+            raise BadInput(f"start_time_s is {self.start_time_s!r}, wanted a finite time")
+        if not self.outputs or len(set(self.outputs)) != len(self.outputs):
+            raise BadInput(f"outputs is {self.outputs!r}, wanted different names, one at least")
+        if self.input_signal is not None:
+            self._require_whole_steps(self.input_signal.step_s)
+
+    def _require_whole_steps(self, step_s: float) -> None:
+        times = {"settle_s": self.settle_s}
+        if self.samples > 1:
+            times["sample_step_s"] = self.sample_step_s
+        for name, time_s in times.items():
+            count = time_s / step_s
+            if abs(count - round(count)) > WHOLE * max(1.0, count):
+                raise BadInput(
+                    f"{name} = {time_s!r} s is {count:.9g} steps of {step_s!r} s, wanted a whole "
+                    "number"
+                )
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What the workers did: ``seconds`` were spent in the loops of FMI calls, summed over workers.
+
+    The runs and steps of the reset comparison are included.
+    """
+
+    runs: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+    instances: int = 0
+    processes: int = 0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(
+            self.runs + other.runs,
+            self.steps + other.steps,
+            self.seconds + other.seconds,
+            self.instances + other.instances,
+            self.processes + other.processes,
+        )

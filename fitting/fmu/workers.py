@@ -1,0 +1,241 @@
+"""An FMU as its users see it: batches of runs in, arrays out, failures in sentences."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+import time
+import weakref
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from multiprocessing import connection
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.errors import BadInput, FmuFailure
+from fitting.fmu.description import FmuDescription, read_description
+from fitting.fmu.interface import Setup
+from fitting.fmu.orders import Order, Orders
+from fitting.fmu.process import Worker
+from fitting.fmu.records import Counts, Run
+from fitting.fmu.reuse import Verdict
+from fitting.fmu.worker import Batch, Reply
+
+FloatArray = NDArray[np.float64]
+
+POLL_S = 0.1
+CLOSING_S = 2.0
+MOST_WARNINGS = 50
+_PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
+
+
+@dataclass
+class _Job:
+    """A batch on its way: orders, the runs they were made of, and their results."""
+
+    runs: Sequence[Run]
+    orders: list[Order]
+    results: list[FloatArray]
+    todo: dict[int, list[int]]  # by worker: numbers of the runs that it has still to do
+
+
+class FmuWorkers:
+    """Processes that hold an FMU open and take batches of runs; a context manager.
+
+    ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
+    reset and reused where a repeated run is the same bit for bit, "never": a new one for each run.
+
+    ``warnings`` collects the different warnings that the FMU logged. After an FmuFailure the object
+    can be used on. Raises BadInput if the FMU cannot be read.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        workers: int = 1,
+        timeout_s: float = 60.0,
+        reuse: Literal["auto", "never"] = "auto",
+    ) -> None:
+        if workers < 1:
+            raise BadInput(f"workers is {workers!r}, wanted at least 1")
+        if not timeout_s > 0:
+            raise BadInput(f"timeout_s is {timeout_s!r}, wanted a positive time")
+        self.description = read_description(path)
+        self.counts = Counts()
+        self.warnings: tuple[str, ...] = ()
+        self._timeout_s = timeout_s
+        self._orders = Orders(self.description)
+        self._workers: list[Worker | None] = [None] * workers
+        self._verdicts = [Verdict() for _ in range(workers)]
+        if reuse == "never":
+            for verdict in self._verdicts:
+                verdict.refuse("so it was asked for")
+        self._home: Path | None = None
+
+    def __enter__(self) -> FmuWorkers:
+        """Start the processes, so that they load while the caller prepares."""
+        self._start_missing()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End the processes and remove the unpacked FMU."""
+        self.close()
+
+    @property
+    def reuse_note(self) -> str:
+        """A sentence: whether instances are reset and reused or new for every run, and why."""
+        notes = {verdict.reused: verdict.note for verdict in self._verdicts}
+        return notes.get(False) or notes.get(True) or notes[None]
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Results of the runs in their order, each (samples, outputs).
+
+        Raises FmuFailure for the first run found to fail, with the FMU's words and the start values
+        of that run; BadInput for names and values that do not fit the FMU.
+        """
+        orders = self._orders.take_all(runs)
+        job = _Job(runs, orders, [np.empty(0)] * len(orders), self._shares(len(orders)))
+        try:
+            self._start_missing()
+            for number in job.todo:
+                self._send(number, job)
+            while job.todo:
+                self._wait(job)
+        finally:
+            # after a failure, the others would answer into the next batch
+            for number in job.todo:
+                self._kill(number)
+        return job.results
+
+    def close(self) -> None:
+        """End the processes and remove the unpacked FMU."""
+        alive = [worker for worker in self._workers if worker is not None]
+        for worker in alive:
+            worker.ask_to_end()
+        until = time.monotonic() + CLOSING_S
+        for worker in alive:
+            worker.end(max(0.0, until - time.monotonic()))
+        self._workers = [None] * len(self._workers)
+        if self._home is not None:
+            self._remove_home()
+            self._home = None
+
+    def _shares(self, n: int) -> dict[int, list[int]]:
+        """Runs by worker: neighbours together, as equal as can be."""
+        edges = [n * k // len(self._workers) for k in range(len(self._workers) + 1)]
+        shares = enumerate(pairwise(edges))
+        return {number: list(range(a, b)) for number, (a, b) in shares if a < b}
+
+    def _start_missing(self) -> None:
+        for number, worker in enumerate(self._workers):
+            if worker is None:
+                self._start(number)
+
+    def _start(self, number: int) -> Worker:
+        if self._home is None:
+            self._home = _unpack(self.description)
+            # at the latest when the interpreter ends, if nobody closes this object
+            self._remove_home = weakref.finalize(
+                self, shutil.rmtree, self._home, ignore_errors=True
+            )
+        d = self.description
+        folder = str(self._home / "fmu")
+        setup = Setup(d.fmi_version, d.guid, d.model_identifier, folder, d.one_instance_per_process)
+        worker = Worker(setup, self._verdicts[number], self._home / f"worker{number}.log")
+        self._workers[number] = worker
+        self.counts += Counts(processes=1)
+        return worker
+
+    def _kill(self, number: int) -> None:
+        worker, self._workers[number] = self._workers[number], None
+        if worker is not None:
+            worker.end()
+
+    def _send(self, number: int, job: _Job) -> None:
+        worker = self._workers[number] or self._start(number)
+        orders = [job.orders[i] for i in job.todo[number]]
+        worker.send(Batch(self._orders.layouts, orders))
+
+    def _wait(self, job: _Job) -> None:
+        """Take what has arrived, and look after who is late."""
+        busy = {number: self._workers[number] for number in job.todo}
+        pipes = {worker.pipe: (number, worker) for number, worker in busy.items() if worker}
+        for pipe in connection.wait(list(pipes), timeout=POLL_S):
+            number, worker = pipes[pipe]  # type: ignore[index]
+            reply = worker.receive()
+            if reply is None:
+                self._ended_badly(number, worker, job, worker.cause_of_death())
+            else:
+                self._take(number, reply, job)
+            del pipes[worker.pipe]
+        for number, worker in pipes.values():
+            if worker.idle_s() > self._timeout_s:
+                text = f"gave no answer within {self._timeout_s:g} s and was stopped"
+                self._ended_badly(number, worker, job, text)
+
+    def _take(self, number: int, reply: Reply, job: _Job) -> None:
+        self._verdicts[number] = reply.verdict
+        self.counts += reply.counts
+        new = [text for text in reply.warnings if text not in self.warnings]
+        self.warnings = (*self.warnings, *new)[:MOST_WARNINGS]
+        todo = job.todo[number]
+        position = 0
+        for i in todo[: reply.done]:
+            shape = (job.orders[i].samples, len(job.runs[i].outputs))
+            size = shape[0] * shape[1]
+            job.results[i] = reply.results[position : position + size].reshape(shape)
+            position += size
+        job.todo[number] = left = todo[reply.done :]
+        if reply.failure is not None:
+            raise self._failure(reply.failure, job.runs[left[0]])
+        if reply.used_up:
+            self._kill(number)
+        if left:
+            self._send(number, job)
+        else:
+            del job.todo[number]
+
+    def _ended_badly(self, number: int, worker: Worker, job: _Job, how: str) -> None:
+        """Go on without reuse if a reset was only being tried; else fail."""
+        at_run = min(worker.at_run, len(job.todo[number]) - 1)
+        in_trial = worker.in_trial
+        self._kill(number)
+        if not in_trial:
+            raise self._failure(f"the FMU {how}", job.runs[job.todo[number][at_run]])
+        self._verdicts[number].refuse(f"after a reset the FMU {how}")
+        self._send(number, job)
+
+    def _failure(self, message: str, run: Run) -> FmuFailure:
+        return FmuFailure(message, run.start_values, self.description.path)
+
+
+def _unpack(description: FmuDescription) -> Path:
+    """Unpack the FMU to a folder of plain name; FMUs stumble over umlauts and brackets in it."""
+    home = Path(tempfile.mkdtemp(prefix="fmu-fit-"))
+    if not _PLAIN.fullmatch(str(home)):
+        shutil.rmtree(home)
+        try:
+            home = Path(tempfile.mkdtemp(prefix="fmu-fit-", dir="/tmp"))
+        except OSError as error:
+            raise BadInput(
+                f"{home.parent}: the folder for temporary files has a character in its name that "
+                "FMUs stumble over, wanted letters, digits and ._-/ (set TMPDIR)"
+            ) from error
+    folder = home / "fmu"
+    with zipfile.ZipFile(description.path) as archive:
+        archive.extractall(folder)
+    (folder / "resources").mkdir(exist_ok=True)  # some FMUs crash where it is missing
+    return home

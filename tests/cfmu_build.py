@@ -1,0 +1,52 @@
+"""Compile the C test FMUs of ``tests/cfmus`` with the system's compiler and fmpy's FMI headers."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sysconfig
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import fmpy
+
+SOURCES = Path(__file__).parent / "cfmus"
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+
+
+def build_c_fmu(
+    folder: Path,
+    *,
+    fmi: int = 2,
+    reset: str = "RESET_WORKS",
+    once: bool = False,
+    platform: str | None = None,
+    name: str | None = None,
+) -> Path:
+    """The driven oscillator m x'' + c x' + k x = F as an FMU in ``folder``.
+
+    ``reset`` one of the RESET names in model.h; ``once``: a second instance in a process fails;
+    ``platform`` files the binary under another platform's name.
+    """
+    stem = name or f"oscillator{fmi}_{reset.lower()}{'_once' if once else ''}"
+    library = folder / f"{stem}{fmpy.sharedLibraryExtension}"
+    defines = [f"-DRESET={reset}", *(["-DONLY_ONE_INSTANCE"] if once else [])]
+    compile_library(SOURCES / f"oscillator{fmi}.c", library, defines)
+    if platform is None:
+        platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
+    description = (SOURCES / f"oscillator{fmi}.xml").read_text("utf-8")
+    path = folder / f"{stem}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(
+            "modelDescription.xml", description.replace("@ONCE@", "true" if once else "false")
+        )
+        archive.write(library, f"binaries/{platform}/oscillator{fmpy.sharedLibraryExtension}")
+    return path
+
+
+def compile_library(source: Path, library: Path, options: Sequence[str] = ()) -> None:
+    """Shared library of one C file, with the compiler that ``cc`` is here."""
+    compiler = shutil.which("cc") or sysconfig.get_config_var("CC").split()[0]
+    command = [compiler, "-shared", "-fPIC", "-O1", f"-I{HEADERS}", *options]
+    subprocess.run([*command, str(source), "-o", str(library), "-lm"], check=True)

@@ -1,0 +1,114 @@
+/* The test oscillator as an FMI 3.0 co-simulation FMU. */
+#include "fmi3FunctionTypes.h"
+#include "fmi3PlatformTypes.h"
+#include "model.h"
+
+static void say(Model *m, fmi3Status status, const char *text) {
+    if (m->logger) ((fmi3LogMessageCallback)m->logger)(m->environment, status, "log", text);
+}
+
+const char *fmi3GetVersion(void) { return "3.0"; }
+
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
+                                         fmi3Boolean visible, fmi3Boolean logging, fmi3Boolean events,
+                                         fmi3Boolean early, const fmi3ValueReference required[],
+                                         size_t n, fmi3InstanceEnvironment environment,
+                                         fmi3LogMessageCallback log,
+                                         fmi3IntermediateUpdateCallback update) {
+    Model *m = model_new();
+    m->logger = (void *)log;
+    m->environment = environment;
+    return m;
+}
+void fmi3FreeInstance(fmi3Instance c) { free(c); }
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean t, fmi3Float64 tolerance,
+                                       fmi3Float64 start, fmi3Boolean s, fmi3Float64 stop) {
+    Model *m = c;
+    m->time = start;
+    if (m->misbehave == FAILS_AT_START) {
+        say(m, fmi3Error, "told to fail at the start");
+        return fmi3Error;
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
+    model_initialise(c, ((Model *)c)->time);
+    return fmi3OK;
+}
+fmi3Status fmi3Terminate(fmi3Instance c) { return fmi3OK; }
+fmi3Status fmi3Reset(fmi3Instance c) { return model_reset(c); }
+
+fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 at, fmi3Float64 step, fmi3Boolean no_set,
+                      fmi3Boolean *events, fmi3Boolean *terminate, fmi3Boolean *early,
+                      fmi3Float64 *reached) {
+    Model *m = c;
+    *events = *terminate = *early = 0;
+    if (m->misbehave == ENDS_EARLY) {
+        model_step(m, step / 2);
+        *reached = m->time;
+        *terminate = 1;
+        return fmi3OK;
+    }
+    if (m->misbehave == FAILS_IN_STEP) {
+        say(m, fmi3Error, "cannot make this step");
+        return fmi3Error;
+    }
+    if (m->misbehave == CRASHES) model_crash();
+    model_step(m, step);
+    /* IS_PENDING stands for a time that tells of half a step, without any flag */
+    *reached = m->misbehave == IS_PENDING ? at + step / 2 : at + step;
+    return fmi3OK;
+}
+
+#define ACCESS(TYPE, FIELD)                                                                        \
+    fmi3Status fmi3Get##TYPE(fmi3Instance c, const fmi3ValueReference vr[], size_t n,              \
+                             fmi3##TYPE value[], size_t nv) {                                      \
+        Model *m = c;                                                                              \
+        if (n != nv) return fmi3Error;                                                             \
+        for (size_t i = 0; i < n; i++) value[i] = FIELD;                                           \
+        return fmi3OK;                                                                             \
+    }                                                                                              \
+    fmi3Status fmi3Set##TYPE(fmi3Instance c, const fmi3ValueReference vr[], size_t n,              \
+                             const fmi3##TYPE value[], size_t nv) {                                \
+        Model *m = c;                                                                              \
+        if (n != nv) return fmi3Error;                                                             \
+        for (size_t i = 0; i < n; i++) FIELD = value[i];                                           \
+        return fmi3OK;                                                                             \
+    }
+ACCESS(Float64, m->reals[vr[i]])
+ACCESS(Int32, m->misbehave)
+ACCESS(Int64, m->steps)
+ACCESS(Boolean, m->inverted)
+
+fmi3Status fmi3SetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
+                         const fmi3String value[], size_t nv) {
+    Model *m = c;
+    for (size_t i = 0; i < n; i++) snprintf(m->label, sizeof m->label, "%s", value[i]);
+    return fmi3OK;
+}
+
+/* what a co-simulation FMU has to export as well; nothing here calls it */
+#define ABSENT(NAME) fmi3Status NAME(void) { return fmi3Error; }
+ABSENT(fmi3SetDebugLogging) ABSENT(fmi3InstantiateModelExchange)
+ABSENT(fmi3InstantiateScheduledExecution) ABSENT(fmi3EnterEventMode)
+ABSENT(fmi3GetFloat32) ABSENT(fmi3GetInt8) ABSENT(fmi3GetUInt8) ABSENT(fmi3GetInt16)
+ABSENT(fmi3GetUInt16) ABSENT(fmi3GetUInt32) ABSENT(fmi3GetUInt64) ABSENT(fmi3GetString)
+ABSENT(fmi3GetBinary) ABSENT(fmi3GetClock)
+ABSENT(fmi3SetFloat32) ABSENT(fmi3SetInt8) ABSENT(fmi3SetUInt8) ABSENT(fmi3SetInt16)
+ABSENT(fmi3SetUInt16) ABSENT(fmi3SetUInt32) ABSENT(fmi3SetUInt64)
+ABSENT(fmi3SetBinary) ABSENT(fmi3SetClock)
+ABSENT(fmi3GetNumberOfVariableDependencies) ABSENT(fmi3GetVariableDependencies)
+ABSENT(fmi3GetFMUState) ABSENT(fmi3SetFMUState) ABSENT(fmi3FreeFMUState)
+ABSENT(fmi3SerializedFMUStateSize) ABSENT(fmi3SerializeFMUState) ABSENT(fmi3DeserializeFMUState)
+ABSENT(fmi3GetDirectionalDerivative) ABSENT(fmi3GetAdjointDerivative)
+ABSENT(fmi3EnterConfigurationMode) ABSENT(fmi3ExitConfigurationMode)
+ABSENT(fmi3GetIntervalDecimal) ABSENT(fmi3GetIntervalFraction) ABSENT(fmi3GetShiftDecimal)
+ABSENT(fmi3GetShiftFraction) ABSENT(fmi3SetIntervalDecimal) ABSENT(fmi3SetIntervalFraction)
+ABSENT(fmi3SetShiftDecimal) ABSENT(fmi3SetShiftFraction) ABSENT(fmi3EvaluateDiscreteStates)
+ABSENT(fmi3UpdateDiscreteStates) ABSENT(fmi3EnterContinuousTimeMode)
+ABSENT(fmi3CompletedIntegratorStep) ABSENT(fmi3SetTime) ABSENT(fmi3SetContinuousStates)
+ABSENT(fmi3GetContinuousStateDerivatives) ABSENT(fmi3GetEventIndicators)
+ABSENT(fmi3GetContinuousStates) ABSENT(fmi3GetNominalsOfContinuousStates)
+ABSENT(fmi3GetNumberOfEventIndicators) ABSENT(fmi3GetNumberOfContinuousStates)
+ABSENT(fmi3EnterStepMode) ABSENT(fmi3GetOutputDerivatives) ABSENT(fmi3ActivateModelPartition)
