@@ -275,7 +275,8 @@ def warning_sentences(
 ) -> list[str]:
     """What a reader of the numbers must know."""
     said = []
-    for name, value in [*parameters.items(), *derived.items()]:
+    values: dict[str, ParameterResult | DerivedResult] = {**parameters, **derived}
+    for name, value in values.items():
         if value.identifiable != IDENTIFIABLE[0]:
             said.append(
                 f"{name} is {value.identifiable} by these data (shrinkage {value.shrinkage:.2g}): "

@@ -119,10 +119,15 @@ class Outcome:
 
     @property
     def best(self) -> Chain | None:
-        """The chain that goes furthest with the least J; None before the first level is done."""
+        """The chain that goes furthest with the least J; None before the first level is done.
+
+        Of chains with equal J the first: the campaign's own start, if it is among them.
+        """
         done = [chain for chain in self.chains if chain.steps and chain.joined is None]
-        done = done or [chain for chain in self.chains if chain.steps]
-        return min(done, key=lambda c: (-len(c.steps), c.steps[-1].j, c.start), default=None)
+        furthest = max((len(chain.steps) for chain in done), default=0)
+        done = [chain for chain in done if len(chain.steps) == furthest]
+        least = min((chain.steps[-1].j for chain in done), default=0.0)
+        return next((chain for chain in done if equal_j(chain.steps[-1].j, least)), None)
 
 
 @dataclass
@@ -228,9 +233,8 @@ def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
 
 
 def _join(run: _Run) -> None:
-    """End every chain that stands where one with a lower J stands: they would go on alike."""
+    """End every chain that stands where an earlier one stands: they would go on alike."""
     going = [k for k, chain in enumerate(run.chains) if not chain.ended]
-    going.sort(key=lambda k: (run.chains[k].steps[-1].j, k))
     kept: list[int] = []
     for k in going:
         chain = run.chains[k]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy.typing as npt
 from fitting.errors import BadInput
 from fitting.fmu import InputSignal, Run
 from fitting.labdata import BoundCampaign
-from fitting.plan import Window, plan_window, settling_s, tone_amplitudes
+from fitting.plan import Window, plan_window, settling_s, tone_amplitudes, tone_misfit
 from fitting.response import Evaluation
 from fitting.scaling import (
     FINE_POINTS,
@@ -105,6 +106,17 @@ def _settling(bound: BoundCampaign) -> tuple[float, str]:
     )
 
 
+@lru_cache(maxsize=4096)
+def _single_tone(tone_hz: float, settle_s: float, held: int) -> Window:
+    """Window of one sweep point, planned once: the same points come back in every evaluation."""
+    return plan_window((tone_hz,), settle_s, samples_per_period=held)
+
+
+@lru_cache(maxsize=4096)
+def _in_unit(tone_hz: float, unit: str) -> float:
+    return convert(tone_hz, "Hz", unit, where="[sweep] frequency")
+
+
 @dataclass(frozen=True)
 class FmuResponse:
     """`fitting.response.Response` of a bound campaign through FMU workers, for one alternative."""
@@ -172,8 +184,8 @@ class FmuResponse:
         windows = [] if sweep is None else [self._sweep_window(float(sweep.frequency_hz[0]))]
         answers = self.workers.run(self._runs(p, windows))
         everything = [*self.plan.experiments, *windows]
-        fits = [tone_amplitudes(w, a[:, 0]) for w, a in zip(everything, answers, strict=True)]
-        return max((fit[1] for fit in fits), default=0.0)
+        misfits = [tone_misfit(w, a[:, 0]) for w, a in zip(everything, answers, strict=True)]
+        return max(misfits, default=0.0)
 
     def _nodes(self) -> FloatArray:
         return np.array(self.plan.nodes_hz)
@@ -194,7 +206,7 @@ class FmuResponse:
         values = self._values(p, sweep.settings if sweep is not None else {})
         if drive.kind == "tones":
             unit = drive.frequency_unit
-            values[drive.frequencies[0]] = convert(window.tones_hz[0], "Hz", unit, where="sweep")
+            values[drive.frequencies[0]] = _in_unit(window.tones_hz[0], unit)
             values.update(dict.fromkeys(drive.amplitudes[1:], 0.0))
         return self._run(values, window, window.tones_hz)
 
@@ -222,7 +234,7 @@ class FmuResponse:
     def _sweep_window(self, tone_hz: float) -> Window:
         drive = self.bound.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
-        return plan_window((tone_hz,), self.plan.settle_s, samples_per_period=held)
+        return _single_tone(tone_hz, self.plan.settle_s, held)
 
     def _read(
         self, answers: Sequence[FloatArray], sweep_windows: Sequence[Window]
@@ -233,7 +245,7 @@ class FmuResponse:
 
     @staticmethod
     def _amplitudes(windows: Sequence[Window], answers: Sequence[FloatArray]) -> FloatArray:
-        found = [tone_amplitudes(w, a[:, 0])[0] for w, a in zip(windows, answers, strict=True)]
+        found = [tone_amplitudes(w, a[:, 0]) for w, a in zip(windows, answers, strict=True)]
         return np.concatenate(found) if found else np.empty(0)
 
     def _maxima(
@@ -264,7 +276,7 @@ class _Search:
     amplitude: FloatArray
     added: int = 0
 
-    @property
+    @cached_property
     def maximum(self) -> Maximum:
         return refine_maximum(self.frequency_hz, self.amplitude)
 
@@ -283,7 +295,7 @@ class _Search:
         k = int(np.argmax(self.amplitude))
         spacing = 0.25 * float(min(f[k] - f[k - 1], f[k + 1] - f[k]))
         near = nodes_around(found.frequency_hz, spacing)
-        return np.setdiff1d(near, f)
+        return near[~np.isin(near, f)]
 
     def with_points(self, frequency_hz: FloatArray, amplitude: FloatArray) -> _Search:
         f = np.concatenate([self.frequency_hz, frequency_hz])

@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -60,10 +61,16 @@ class Window:
         """Length of a held input step, s."""
         return self.step_s / self.held_steps if self.held_steps else self.step_s
 
+    @cached_property
+    def projector(self) -> FloatArray:
+        """Least-squares fit of the tones as a matrix on the samples, (1 + 2 tones, samples)."""
+        return np.asarray(np.linalg.pinv(self.design))
+
     def times_s(self) -> FloatArray:
         """Sampling times, shape (samples,), each by one multiplication."""
         return np.asarray(self.settle_s + np.arange(self.samples) * self.step_s)
 
+    @cached_property
     def design(self) -> FloatArray:
         """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (samples, 1 + 2 tones)."""
         return _design(self.tones_hz, self.times_s())
@@ -189,20 +196,23 @@ def _aligned(
     return Window(tones, settle_s, step_s, samples, coherent, held, reason)
 
 
-def tone_amplitudes(window: Window, samples: FloatArray) -> tuple[FloatArray, float]:
-    """Amplitudes (n_tones,) of the known tones in sampled values (samples,), and the misfit.
-
-    The misfit is the largest deviation of the samples from mean plus tones, relative to the
-    largest amplitude: harmonics, a transient that is left, or noise of the solver.
+def tone_amplitudes(window: Window, samples: FloatArray) -> FloatArray:
+    """Amplitudes (n_tones,) of the known tones in sampled values (samples,).
 
     Raises:
         ValueError: another number of samples than planned.
     """
     if samples.shape != (window.samples,):
         raise ValueError(f"{samples.size} samples, planned were {window.samples}")
-    design = window.design()
-    coefficients = np.linalg.lstsq(design, samples, rcond=None)[0]
-    amplitudes = np.hypot(coefficients[1::2], coefficients[2::2])
-    largest = max(float(np.max(amplitudes)), np.finfo(float).tiny)
-    misfit = float(np.max(np.abs(samples - design @ coefficients))) / largest
-    return np.asarray(amplitudes), misfit
+    coefficients = window.projector @ samples
+    return np.hypot(coefficients[1::2], coefficients[2::2])
+
+
+def tone_misfit(window: Window, samples: FloatArray) -> float:
+    """Largest deviation of samples from mean plus tones, relative to the largest amplitude.
+
+    Harmonics, a transient that is left, or noise of the solver: what a plan should keep small.
+    """
+    coefficients = window.projector @ samples
+    largest = max(float(np.max(tone_amplitudes(window, samples))), np.finfo(float).tiny)
+    return float(np.max(np.abs(samples - window.design @ coefficients))) / largest

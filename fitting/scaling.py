@@ -90,19 +90,28 @@ def _lowest(f: FloatArray, a: FloatArray, k: int, points: int, guess: float) -> 
     low = min(max(k - points // 2, 0), f.size - points)
     window = slice(low, low + points)
     t = (f[window] - f[k]) / (0.5 * (f[k + 1] - f[k - 1]))
-    polynomial = np.polynomial.Polynomial.fit(t, (a[k] / a[window]) ** 2, points - 1)
-    slope = polynomial.deriv()
-    curvature = slope.deriv()
+    matrix = np.vander(t, increasing=True)
+    coefficients = np.linalg.solve(matrix, (a[k] / a[window]) ** 2).tolist()
     best = guess
     for _ in range(20):  # Newton: the start is the parabola's own vertex, four rounds are usual
-        bend = float(curvature(best))
+        _, slope, bend = _taylor(coefficients, best)
         if bend <= 0.0:  # no minimum nearby: the grid point itself is the better answer
             return 0.0, 1.0
-        move = float(slope(best)) / bend
-        best = float(np.clip(best - move, t[0], t[-1]))
+        move = slope / bend
+        best = min(max(best - move, float(t[0])), float(t[-1]))
         if abs(move) < 1e-14:
             break
-    return best, max(float(polynomial(best)), np.finfo(float).tiny)
+    return best, max(_taylor(coefficients, best)[0], np.finfo(float).tiny)
+
+
+def _taylor(coefficients: list[float], t: float) -> tuple[float, float, float]:
+    """Value, slope and second derivative of a polynomial (lowest power first), by Horner."""
+    value = slope = bend = 0.0
+    for c in reversed(coefficients):
+        bend = bend * t + 2.0 * slope
+        slope = slope * t + value
+        value = value * t + c
+    return value, slope, bend
 
 
 def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> LaboratoryMaximum:

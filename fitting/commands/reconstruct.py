@@ -1,0 +1,167 @@
+"""``fmu-fit reconstruct``: from a laboratory campaign to the coefficients, through the FMU."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import os
+import shlex
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from fitting import checkpoint
+from fitting.evaluator import MISFITS
+from fitting.fmu import FmuWorkers
+from fitting.fmu_job import identify_fmu, provide_fmu, reconstruct_through
+from fitting.job import Options, job_of, options_of
+from fitting.labdata import BoundCampaign, bind, read_campaign
+from fitting.reconstruction import Hooks, Progress
+from fitting.result import IDENTIFIABLE, Result, write_result
+
+NAME = "reconstruct"
+SUMMARY = "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a report"
+EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument("campaign", type=Path, metavar="CAMPAIGN.toml")
+    parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
+    parser.add_argument("--workers", type=int, help="worker processes (one per processor, up to 8)")
+    parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
+    parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
+    parser.add_argument("--seed", type=int, help="seed of the starts (the campaign's)")
+    parser.add_argument("--starts", type=int, help="number of starts (the campaign's)")
+    parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
+    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reconstruct and write; returns 0 if converged, else 1.
+
+    Raises:
+        BadInput: campaign, data or FMU are not what they should be.
+        FmuFailure: the FMU failed.
+    """
+    campaign = read_campaign(args.campaign)
+    out: Path = args.out or Path("out") / args.campaign.resolve().parent.name
+    fmu = provide_fmu(campaign.file.fmu, out / "fmu")
+    count = args.workers or min(len(os.sched_getaffinity(0)), 8)
+    with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
+        bound = bind(campaign, workers.description.variables)
+        identity = identify_fmu(workers.description, _command(args))
+        options = _options(args, bound)
+        job = job_of(bound, identity, options)
+        memory = checkpoint.resume(out, job) if args.resume else checkpoint.begin(out, job)
+        if args.resume:
+            print(f"{len(memory)} finished levels found in {memory.path}")
+        shown = _Line(sys.stderr.isatty())
+        try:
+            hooks = Hooks(progress=shown, memory=memory)
+            result = reconstruct_through(workers, bound, identity, options, hooks)
+        except KeyboardInterrupt:
+            shown.end()
+            print("interrupted before the first level was finished: nothing to report")
+            return 1
+        shown.end()
+    files = write_result(result, out)
+    print("\n".join(table(result)))
+    print(f"\nwritten: {', '.join(str(path) for path in files)}")
+    if result.status == "interrupted":
+        print(f"go on with: {_command(args)}{'' if args.resume else ' --resume'}")
+        return 1
+    memory.remove()
+    if not args.no_report:
+        _report(result, bound, out)
+    return 0 if result.status == "converged" else 1
+
+
+def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
+    options = options_of(bound, quick=args.quick)
+    schedule = options.schedule
+    if args.seed is not None:
+        schedule = replace(schedule, seed=args.seed)
+    if args.starts is not None:
+        schedule = replace(schedule, starts=max(1, args.starts))
+    solve = options.solve if args.misfit is None else replace(options.solve, misfit=args.misfit)
+    return replace(options, schedule=schedule, solve=solve)
+
+
+def _command(args: argparse.Namespace) -> str:
+    words = ["fmu-fit", NAME, args.campaign.as_posix()]
+    for name in ("out", "workers", "misfit", "seed", "starts"):
+        value = getattr(args, name)
+        if value is not None:
+            words += [f"--{name}", str(value)]
+    flags = [name for name in ("resume", "quick", "no_report") if getattr(args, name)]
+    words += [f"--{name.replace('_', '-')}" for name in flags]
+    return shlex.join(words)
+
+
+def _report(result: Result, bound: BoundCampaign, out: Path) -> None:
+    """Figures and report, where that part of the package is installed."""
+    if importlib.util.find_spec("fitting.report") is None:
+        return
+    page = importlib.import_module("fitting.report").write_report(result, bound, out)
+    print(f"report: {page}")
+
+
+class _Line:
+    """One line of progress on a terminal, nothing in a pipe."""
+
+    def __init__(self, terminal: bool) -> None:
+        self.terminal = terminal
+
+    def __call__(self, state: Progress) -> None:
+        if not self.terminal:
+            return
+        left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
+        text = (
+            f"alternative {state.alternative + 1}/{state.alternatives}, "
+            f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
+            f"J = {state.j_fit + state.j_reg:.5g}, {state.evaluations} evaluations, "
+            f"{state.elapsed_s:.0f} s{left}"
+        )
+        sys.stderr.write(f"\r\x1b[K{text}")
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self.terminal:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def table(result: Result) -> list[str]:
+    """The result as lines of text."""
+    lines = [result.title + (" [synthetic]" if result.synthetic else ""), ""]
+    lines.append(f"{'parameter':12} {'value':>14} {'unit':5} {'std':>9} {'prior':>12}  by the data")
+    for name, p in result.parameters.items():
+        lines.append(
+            f"{name:12} {p.value:14.8g} {p.unit:5} {p.std:9.2g} {p.reference:12.6g}  "
+            f"{p.identifiable} ({p.shrinkage:.2f})"
+        )
+    for name, d in result.derived.items():
+        value = f"{d.value:14.9g} {d.unit:5} {d.std:9.2g} {d.reference:12.6g}"
+        if d.identifiable == IDENTIFIABLE[2]:  # a number with a small error would be a lie
+            value = f"{d.value:14.9g} {d.unit:5} {'-':>9} {d.reference:12.6g}"
+        note = f"{d.identifiable} ({d.shrinkage:.2f})"
+        if d.identifiable == IDENTIFIABLE[2]:
+            note += f": {d.box[0]:.6g} to {d.box[1]:.6g}"
+        lines.append(f"{name:12} {value}  {note}")
+    before, after = result.deviations.initial.mean, result.deviations.final.mean
+    lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
+    for other in result.alternatives:
+        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items()) or "only one"
+        mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
+        lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
+    cost = result.evaluations
+    lines.append(
+        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
+        f"{result.seconds:.1f} s"
+    )
+    lines += ["", f"{result.status}: {result.message}"]
+    lines += [f"warning: {text}" for text in result.warnings]
+    return lines

@@ -1,0 +1,122 @@
+"""What a reconstruction is asked to do, and the papers that go with it: identity, provenance."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import fitting
+from fitting.continuation import Schedule
+from fitting.interior_point import SolveSettings
+from fitting.labdata import BoundCampaign
+from fitting.objective import Measured
+from fitting.records import to_plain
+from fitting.result import Provenance
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What the result says about the FMU and how it was asked; `units` name -> unit."""
+
+    name: str = ""
+    file: str = ""
+    guid: str = ""
+    sha256: str = ""
+    command: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    plan: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Options:
+    """Schedule of nu and settings of each solve."""
+
+    schedule: Schedule = field(default_factory=Schedule)
+    solve: SolveSettings = field(default_factory=SolveSettings)
+
+
+def options_of(bound: BoundCampaign, *, quick: bool = False) -> Options:
+    """The campaign's own settings; `quick` takes its own start alone and looser tolerances."""
+    chosen = bound.continuation
+    schedule = Schedule(
+        chosen.nu_start,
+        chosen.beta,
+        chosen.iterations,
+        chosen.tolerance,
+        chosen.starts,
+        chosen.seed,
+    )
+    solve = SolveSettings(misfit=chosen.misfit)
+    if quick:
+        schedule = replace(schedule, starts=1)
+        solve = replace(solve, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
+    return Options(schedule, solve)
+
+
+def measured_of(bound: BoundCampaign) -> Measured:
+    """Peaks and sweep of a campaign as the objective wants them."""
+    peaks = [e.peaks_v for e in bound.experiments]
+    sigmas = [e.sigmas_v for e in bound.experiments]
+    sweep = bound.sweep
+    return Measured(
+        peaks_v=np.concatenate(peaks) if peaks else np.empty(0),
+        sigmas_v=np.concatenate(sigmas) if sigmas else np.empty(0),
+        sweep_v=sweep.amplitude_v if sweep is not None else np.empty(0),
+        scale=sweep.scale if sweep is not None else "none",
+        fit_sweep=sweep is not None and sweep.use == "fit",
+    )
+
+
+def job_of(bound: BoundCampaign, identity: Identity, options: Options) -> str:
+    """Fingerprint of everything that a finished level depends on."""
+    content = {
+        "files": {path.name: _sha256(path) for path in (bound.path, *bound.files)},
+        "fmu": identity.sha256,
+        "options": to_plain(options),
+        "version": fitting.__version__,
+        "versions": {name: version(name) for name in ("numpy", "scipy")},
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) -> Provenance:
+    """Where a result of this job comes from, finished now."""
+    schedule, solve = options.schedule, options.solve
+    packages = ("fmpy", "numpy", "scipy")
+    versions = {name: version(name) for name in packages}
+    versions |= {"fmu-fit": fitting.__version__, "python": platform.python_version()}
+    return Provenance(
+        fmu_name=identity.name,
+        fmu_file=identity.file,
+        fmu_guid=identity.guid,
+        fmu_sha256=identity.sha256,
+        campaign=str(bound.path),
+        files={path.name: _sha256(path) for path in (bound.path, *bound.files)},
+        versions=versions,
+        command=identity.command,
+        seed=schedule.seed,
+        settings={
+            "nu_start": schedule.nu_start,
+            "beta": schedule.beta,
+            "iterations": schedule.levels,
+            "tolerance": schedule.tolerance,
+            "starts": schedule.starts,
+            "misfit": solve.misfit,
+            "optimality_absolute": solve.absolute,
+            "optimality_relative": solve.relative,
+        },
+        plan=identity.plan,
+        finished=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
