@@ -1,0 +1,205 @@
+"""Traces to amplitudes at known tones: coherent windows with a proof; else a fit of the tones.
+
+Frequencies are taken as the decimal numbers that people wrote (the shortest text of the double),
+and all reasoning about periods and folding is in whole numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.errors import BadInput
+
+FloatArray = NDArray[np.float64]
+
+#: A window has at least this many beats of the closest tones, and periods of a single tone.
+BEATS = 5
+#: The band shown is this many times as wide as the tones are apart.
+BREADTH = 6
+LEAST_SAMPLES = 256
+MOST_SAMPLES = 2**20
+#: Condition number of a tone fit above which the tones are not told apart.
+WORST_CONDITION = 1e3
+
+
+@dataclass(frozen=True)
+class Band:
+    """A window of whole periods, sampled so that a band of frequencies is seen unfolded.
+
+    N = ``samples`` at t_j = j T/N, j < N, over T = ``window_s`` (exact). Frequency f is seen in bin
+    |f T - nearest multiple of N|; within the ``zone`` between z N/(2T) and (z + 1) N/(2T) that is
+    one to one, and every tone is inside: on a bin, and on none of the two edges, which are what is
+    seen as 0 and as half the sampling rate. So no tone folds onto another one.
+
+    Raises BadInput where a tone is not on a bin or not inside the zone.
+    """
+
+    tones_hz: tuple[float, ...]
+    window_s: Fraction
+    samples: int
+    zone: int
+
+    def __post_init__(self) -> None:
+        for tone, cycles in zip(self.tones_hz, self._cycles(), strict=True):
+            if cycles.denominator != 1:
+                raise BadInput(
+                    f"{tone!r} Hz makes {float(cycles)!r} periods in {float(self.window_s)!r} s, "
+                    "wanted a whole number"
+                )
+            if not self.zone * self.samples < 2 * cycles < (self.zone + 1) * self.samples:
+                raise BadInput(
+                    f"{tone!r} Hz, sampled {self.samples} times in {float(self.window_s)!r} s, is "
+                    "on or beyond an edge of the band, wanted it inside"
+                )
+
+    @property
+    def step_s(self) -> float:
+        """Time from sample to sample."""
+        return float(self.window_s / self.samples)
+
+    def bins(self) -> tuple[int, ...]:
+        """Bin of each tone in the discrete Fourier transform of the samples."""
+        seen = (int(cycles) % self.samples for cycles in self._cycles())
+        return tuple(min(k, self.samples - k) for k in seen)
+
+    def frequencies_hz(self) -> FloatArray:
+        """True frequency of every bin, shape (samples // 2 + 1,)."""
+        k = np.arange(self.samples // 2 + 1)
+        # odd zones are seen mirrored
+        first, sign = (self.zone // 2, 1) if self.zone % 2 == 0 else ((self.zone + 1) // 2, -1)
+        return np.asarray((first * self.samples + sign * k) / float(self.window_s))
+
+    def _cycles(self) -> list[Fraction]:
+        return [exact(tone) * self.window_s for tone in self.tones_hz]
+
+
+def exact(frequency_hz: float) -> Fraction:
+    """The decimal number that a frequency was written as: 0.1 is 1/10."""
+    return Fraction(repr(float(frequency_hz)))
+
+
+def common_period(tones_hz: Sequence[float]) -> Fraction:
+    """Shortest time in which every tone makes whole periods, exact; tones of 0 Hz fit any."""
+    tones = [exact(tone) for tone in tones_hz if tone != 0.0]
+    if not tones:
+        raise BadInput("no tone above 0 Hz, wanted one at least")
+    denominator = math.lcm(*(tone.denominator for tone in tones))
+    return denominator / Fraction(math.gcd(*(int(tone * denominator) for tone in tones)))
+
+
+def plan_band(
+    tones_hz: Sequence[float],
+    *,
+    longest_s: float,
+    window_s: float | None = None,
+    samples: int | None = None,
+) -> Band | None:
+    """A coherent window for the tones; None where they have no common period up to ``longest_s``.
+
+    The window is the least number of common periods with five beats (for a single tone: 64 periods)
+    unless ``window_s`` is given, and the number of samples the least at which the band is six times
+    as wide as the tones are apart, unless ``samples`` is given.
+
+    Raises BadInput for tones that are not different and positive, for a window that is not whole
+    periods, and where no sampling up to 2**20 samples keeps the tones within one band.
+    """
+    tones = tuple(float(tone) for tone in tones_hz)
+    if len(set(tones)) != len(tones) or not all(0.0 < tone < math.inf for tone in tones):
+        raise BadInput(f"tones {tones} Hz, wanted different positive frequencies")
+    period = common_period(tones)
+    if window_s is not None:
+        window = exact(window_s)
+        # a decimal cannot hold every period: the nearest whole number of them is meant
+        periods = round(window / period)
+        if periods < 1 or abs(periods * period - window) > window / 10**9:
+            raise BadInput(
+                f"window of {window_s!r} s is {float(window / period):.9g} common periods of "
+                f"{float(period)!r} s, wanted a whole number"
+            )
+        window = periods * period
+    else:
+        wanted = 64 / exact(tones[0]) if len(tones) == 1 else BEATS / _closest(tones)
+        window = period * math.ceil(wanted / period)
+    if window > longest_s:
+        return None
+    halves = [int(2 * exact(tone) * window) for tone in tones]
+    for n in [samples] if samples else _candidates(halves):
+        zone = _common_zone(halves, n)
+        if zone is not None:
+            return Band(tones, window, n, zone)
+    raise BadInput(
+        f"tones {tones} Hz: no sampling of {float(window)!r} s "
+        f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "
+        "within one band, wanted more samples or tones closer to each other"
+    )
+
+
+def amplitude_spectrum(values: FloatArray) -> FloatArray:
+    """Peak amplitude in every bin of whole periods: (2/N) |rfft|; 1/N at 0 and at half the rate.
+
+    ``values`` (samples,) or (samples, outputs); the result has (samples // 2 + 1) rows, in the unit
+    of the values.
+    """
+    n = values.shape[0]
+    amplitudes = np.abs(np.fft.rfft(values, axis=0)) * (2.0 / n)
+    amplitudes[0] /= 2.0
+    if n % 2 == 0:
+        amplitudes[-1] /= 2.0
+    return np.asarray(amplitudes, dtype=np.float64)
+
+
+def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Peak amplitudes (n_tones, outputs) by least squares of a mean and the tones.
+
+    For windows that are not whole periods. ``times_s`` (samples,), ``values`` (samples, outputs).
+    Raises BadInput where the samples do not tell the tones apart.
+    """
+    columns = [np.ones_like(times_s)]
+    for tone in tones_hz:
+        phase = 2.0 * math.pi * np.mod(tone * times_s, 1.0)
+        columns += [np.cos(phase), np.sin(phase)]
+    design = np.stack(columns, axis=1)
+    condition = float(np.linalg.cond(design)) if design.shape[0] >= design.shape[1] else math.inf
+    if condition > WORST_CONDITION:
+        raise BadInput(
+            f"tones {tuple(tones_hz)} Hz: {times_s.size} samples over {float(np.ptp(times_s))!r} s "
+            f"do not tell them apart (condition number {condition:.3g}), wanted a longer window"
+        )
+    coefficients = np.linalg.lstsq(design, values, rcond=None)[0]
+    return np.asarray(np.hypot(coefficients[1::2], coefficients[2::2]))
+
+
+def _closest(tones: tuple[float, ...]) -> Fraction:
+    ordered = sorted(exact(tone) for tone in tones)
+    return min(b - a for a, b in pairwise(ordered))
+
+
+def _candidates(halves: list[int]) -> list[int]:
+    """Numbers of samples to try, the most wanted first; ``halves``: half periods of the tones."""
+    least = max(LEAST_SAMPLES, BREADTH * (max(halves) - min(halves)))
+    tried = range(least, min(8 * least, MOST_SAMPLES), max(1, least // 256))
+    everything = max(halves) + 2  # zone 0 holds all of them
+    centred = sorted(tried, key=lambda n: (_off_centre(halves, n), n))
+    return centred + ([everything] if everything <= MOST_SAMPLES else [])
+
+
+def _off_centre(halves: list[int], samples: int) -> float:
+    """How far the middle of the tones is from the middle of the band, in bands; 1 beyond it."""
+    zone = _common_zone(halves, samples)
+    if zone is None:
+        return 1.0
+    return round(abs((max(halves) + min(halves)) / (2 * samples) - zone - 0.5), 1)
+
+
+def _common_zone(halves: list[int], samples: int) -> int | None:
+    """The zone that has all tones inside; None if there is none."""
+    zones = {half // samples for half in halves}
+    on_edge = any(half % samples == 0 for half in halves)
+    return None if on_edge or len(zones) > 1 else zones.pop()

@@ -1,0 +1,128 @@
+"""Coherent windows and tone fits against tones of known amplitude."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitting.errors import BadInput
+from fitting.spectrum import (
+    Band,
+    amplitude_spectrum,
+    common_period,
+    exact,
+    fit_tones,
+    plan_band,
+)
+
+PAIR = (6.94016e6, 6.94036e6)
+
+
+def test_common_period_of_the_published_pairs() -> None:
+    # 6940160 = 40 · 173504 and 6940360 = 40 · 173509
+    assert common_period(PAIR) == Fraction(1, 40)
+    assert common_period((6.94025e6, 6.94027e6)) == Fraction(1, 10)
+    assert common_period((0.1, 0.25)) == 20
+    assert common_period((3.0,)) == Fraction(1, 3)
+
+
+def test_published_pair_is_read_back_exactly() -> None:
+    band = plan_band(PAIR, longest_s=1.0)
+    assert band is not None
+    window, n = band.window_s, band.samples
+    # exact phases, so that only the transform is tested: k f T/N in whole numbers
+    turns = [[(j * exact(f) * window / n) % 1 for j in range(n)] for f in PAIR]
+    values = 3e-12 * np.cos(2 * math.pi * np.array(turns[0], dtype=float) + 0.3)
+    values += 7e-12 * np.sin(2 * math.pi * np.array(turns[1], dtype=float))
+    spectrum = amplitude_spectrum(values)
+    for tone, k, amplitude in zip(PAIR, band.bins(), (3e-12, 7e-12), strict=True):
+        assert spectrum[k] == pytest.approx(amplitude, rel=1e-13)
+        assert band.frequencies_hz()[k] == pytest.approx(tone, abs=1e-6)
+    rest = np.delete(spectrum, band.bins())
+    assert rest.max() < 1e-24
+
+
+@given(
+    st.lists(st.integers(1, 10**7), min_size=1, max_size=4, unique=True),
+    st.integers(0, 4),
+    st.one_of(st.none(), st.integers(16, 3000)),
+)
+@settings(max_examples=300, deadline=None)
+def test_tones_never_fold_onto_each_other(whole: list[int], places: int, n: int | None) -> None:
+    tones = [f / 10**places for f in whole]
+    try:
+        band = plan_band(tones, longest_s=1e9, samples=n)
+    except BadInput:
+        return
+    assert band is not None
+    bins = band.bins()
+    assert len(set(bins)) == len(tones)
+    assert all(0 < k < band.samples / 2 for k in bins)
+    frequencies = band.frequencies_hz()
+    for tone, k in zip(tones, bins, strict=True):
+        assert frequencies[k] == pytest.approx(tone, rel=1e-12)
+    assert (exact(max(tones)) * band.window_s).denominator == 1
+
+
+def test_band_refuses_edges_and_broken_periods() -> None:
+    with pytest.raises(BadInput, match="whole number"):
+        Band((3.0,), Fraction(1, 2), 64, 0)
+    with pytest.raises(BadInput, match="edge of the band"):
+        Band((32.0,), Fraction(1), 64, 0)  # half the sampling rate
+    with pytest.raises(BadInput, match="edge of the band"):
+        Band((64.0,), Fraction(1), 64, 2)  # seen as 0 Hz
+    with pytest.raises(BadInput, match="edge of the band"):
+        Band((10.0, 54.0), Fraction(1), 64, 0)  # seen on top of each other
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"tones_hz": (1.0, 1.0)}, "different positive"),
+        ({"tones_hz": (0.0, 1.0)}, "different positive"),
+        ({"tones_hz": (math.inf,)}, "different positive"),
+        ({"tones_hz": PAIR, "window_s": 0.03}, "1.2 common periods"),
+        ({"tones_hz": PAIR, "samples": 3}, "no sampling"),
+        ({"tones_hz": (1.0, 1e7)}, "no sampling"),
+    ],
+)
+def test_impossible_windows_are_refused(arguments: dict[str, object], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        plan_band(**{"longest_s": 100.0, **arguments})  # type: ignore[arg-type]
+
+
+def test_no_common_period_of_reasonable_length() -> None:
+    assert plan_band((1.0, 1.0000001), longest_s=100.0) is None
+
+
+@pytest.mark.parametrize("n", [64, 65])
+def test_mean_and_half_the_rate_are_not_doubled(n: int) -> None:
+    j = np.arange(n)
+    values = 2.5 + 1.5 * np.cos(2 * np.pi * 5 * j / n) + (0.5 * (-1.0) ** j if n % 2 == 0 else 0)
+    spectrum = amplitude_spectrum(values)
+    assert spectrum[0] == pytest.approx(2.5, rel=1e-14)
+    assert spectrum[5] == pytest.approx(1.5, rel=1e-13)
+    if n % 2 == 0:
+        assert spectrum[-1] == pytest.approx(0.5, rel=1e-13)
+
+
+def test_fit_of_incommensurable_tones() -> None:
+    tones = (math.pi, math.e)
+    times = np.linspace(0, 17.3, 200)
+    values = np.stack(
+        [
+            1.0 + 2.0 * np.cos(2 * np.pi * tones[0] * times) + np.sin(2 * np.pi * tones[1] * times),
+            3.0 * np.sin(2 * np.pi * tones[1] * times + 0.2),
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(
+        fit_tones(tones, times, values), [[2.0, 0.0], [1.0, 3.0]], atol=1e-12
+    )
+    with pytest.raises(BadInput, match="tell them apart"):
+        fit_tones((1.0, 1.0001), np.linspace(0, 1, 50), np.zeros((50, 1)))
