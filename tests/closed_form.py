@@ -12,11 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
+from fitting.labdata import BoundCampaign, ContinuationSettings, Drive, Experiment, Sweep
+from fitting.objective import Measured
 from fitting.parameters import Parameter
 from fitting.response import Evaluation
 from fitting.scaling import Maximum
@@ -74,8 +77,8 @@ class ClosedFormResponse:
     calls: list[int] = field(default_factory=list, compare=False)
 
     def _model(self, p: FloatArray) -> FloatArray:
-        values = dict(zip(("theta", "d1", "d2"), np.asarray(p, dtype=float), strict=False))
-        values.update(self.held)
+        free = [name for name in ("theta", "d1", "d2") if name not in self.held]
+        values = dict(zip(free, map(float, p), strict=True)) | self.held
         return damping(values["theta"], values["d1"], values["d2"], self.reflection)
 
     def peaks(self, p: FloatArray) -> FloatArray:
@@ -99,7 +102,7 @@ class ClosedFormResponse:
             lambda t: 1.0 / float(amplitude(centre + t, eta, d, self.mode)) ** 2,
             bounds=(-50.0, 50.0),
             method="bounded",
-            options={"xatol": 1e-8},
+            options={"xatol": 1e-5},
         )
         top = float(amplitude(centre + found.x, eta, d, self.mode))
         maximum = Maximum(top, centre + float(found.x), 0.0, bracketed=True)
@@ -150,3 +153,72 @@ def string_parameters(
 def held(response: ClosedFormResponse, **values: float) -> ClosedFormResponse:
     """The same response with some model parameters held at values that no fit may change."""
     return replace(response, held=values)
+
+
+def measured_by(
+    response: ClosedFormResponse,
+    truth: tuple[float, float, float] = (1.9498, 120.0, 90.0),
+    *,
+    noise: float = 0.0,
+    seed: int = 1,
+    scale: str = "maximum",
+    fit_sweep: bool = False,
+    gain: float = 1e6,
+) -> Measured:
+    """What a laboratory with this response would measure; the true scale is `gain`."""
+    generator = np.random.default_rng(seed)
+    p = np.array(truth)
+    z = response.peaks(p)
+    peaks = gain * z * (1.0 + noise * generator.standard_normal(z.size))
+    top = response.evaluate_many([p])[0].sweep_maximum
+    assert top is not None
+    return Measured(
+        peaks_v=peaks,
+        sigmas_v=max(noise, 1e-9) * gain * z,
+        sweep_v=gain * response.sweep(p),
+        scale=scale,
+        fit_sweep=fit_sweep,
+        maximum_v=gain * top.value,
+    )
+
+
+def string_campaign(
+    measured: Measured, response: ClosedFormResponse, folder: Path
+) -> BoundCampaign:
+    """A bound campaign with these data, as reading a campaign file would give it."""
+    file = folder / "campaign.toml"
+    file.write_text("# synthetic, made by a test\n")
+    experiments = tuple(
+        Experiment(
+            label=f"pair{m + 1}",
+            settings={},
+            tones_hz=pair,
+            peaks_v=measured.peaks_v[2 * m : 2 * m + 2],
+            sigmas_v=measured.sigmas_v[2 * m : 2 * m + 2],
+            floor_v=0.0,
+            spectrum=None,
+        )
+        for m, pair in enumerate(response.pairs_hz)
+    )
+    return BoundCampaign(
+        title="string",
+        path=file,
+        synthetic=True,
+        timeout_s=60.0,
+        start_values={},
+        output="q1_hybrid",
+        steady_start=True,
+        line_width_hz=None,
+        drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+        experiments=experiments,
+        sweep=Sweep(response.sweep_hz, measured.sweep_v, None, {}, "scale", measured.scale, file),
+        parameters=string_parameters(),
+        derived=("lambda", "D11"),
+        alternatives=({"reflection": False}, {"reflection": True}),
+        continuation=ContinuationSettings(),
+        accuracy=1e-6,
+        amplitude_unit="V",
+        drifting={},
+        notes=(),
+        files=(file,),
+    )
