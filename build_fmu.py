@@ -53,20 +53,18 @@ OPTIONS = {
     "canSerializeFMUstate": True,
 }
 
+BRIDGE = "bridge"  # the module of the package that every slave module needs
 BLANK_TAG = "0" * 12
 BLANK_GUID = f"{{{uuid.UUID(int=0)}}}"
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip can hold
 
-# pythonfmu 0.7 runs this text again at every instantiation and then gives back a reference to the
-# module's namespace that it does not own; without one more the second instance finds it freed.
 SLAVE = '''\
 """The slave of this FMU: the model, named, with the start values that it was built with."""
 
-import sys
-
+from {package}.bridge import attach
 from {package}.{module} import {model} as Fmi2Slave
 
-vars(sys.modules[Fmi2Slave.__module__]).setdefault("_namespaces", []).append(globals())
+attach(globals(), {model!r})
 
 
 class {model}(Fmi2Slave):
@@ -268,10 +266,10 @@ def _loaded(source: Path, module: str | None) -> Iterator[Any]:
         yield package if module is None else importlib.import_module(f"{name}.{module}")
 
 
-def needed_modules(source: Path, module: str) -> list[str]:
-    """Return the modules of the package that a module needs, itself included, sorted."""
+def needed_modules(source: Path, *modules: str) -> list[str]:
+    """Return the modules of the package that some of them need, themselves included, sorted."""
     needed: set[str] = set()
-    found = [module]
+    found = list(modules)
     while found:
         name = found.pop()
         if name in needed or not (source / f"{name}.py").is_file():
@@ -299,7 +297,7 @@ def _assemble(stage: Path, job: _Job, identity: _Identity) -> list[_Entry]:
     """Let pythonfmu build the FMU in ``stage`` and return its content, sorted by name."""
     package = stage / f"fmu_{job.model.lower()}_{identity.tag}"
     package.mkdir()
-    for name in ["__init__", *needed_modules(job.source, job.module)]:
+    for name in ["__init__", *needed_modules(job.source, job.module, BRIDGE)]:
         (package / f"{name}.py").write_bytes((job.source / f"{name}.py").read_bytes())
     script = stage / f"slave_{job.model.lower()}_{identity.tag}.py"
     slave = SLAVE.format(

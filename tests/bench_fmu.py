@@ -93,6 +93,7 @@ def empty_slave(folder: Path) -> Unpacked:
     """Build the empty slave as the oscillator is built."""
     source = folder / "source"
     shutil.copytree(build_fmu.SOURCE / "documentation", source / "documentation")
+    shutil.copy(build_fmu.SOURCE / "bridge.py", source)
     (source / "__init__.py").write_text('MODELS = {"Empty": "empty"}\n')
     (source / "empty.py").write_text(EMPTY)
     return unpack(build_fmu.build("Empty", folder, source=source), folder / "empty")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import fmpy
 import pytest
 
 import build_fmu
@@ -21,6 +24,26 @@ def oscillator_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def oscillator(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Unpacked:
     """The same FMU, unpacked."""
     return unpack(oscillator_fmu, tmp_path_factory.mktemp("unpacked"))
+
+
+@pytest.fixture(scope="session")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """A function that compiles a program of ``tests/hosts`` without a warning, for FMI 2.0."""
+    compiler = shutil.which("cc")
+    folder = tmp_path_factory.mktemp("compiled")
+    headers = Path(fmpy.__file__).parent / "c-code"
+    strict = ["-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Werror", "-O1", f"-I{headers}"]
+
+    def compile_source(name: str, *options: str) -> Path:
+        if compiler is None:
+            pytest.skip("this machine has no C compiler")
+        program = folder / name
+        source = Path(__file__).parent / "hosts" / f"{name}.c"
+        command = [compiler, *strict, str(source), "-o", str(program), *options, "-ldl"]
+        subprocess.run(command, check=True, timeout=60)
+        return program
+
+    return compile_source
 
 
 @pytest.fixture

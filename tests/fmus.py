@@ -46,6 +46,8 @@ LIVELY: Mapping[str, Any] = {
     "g1": 1.0,
     "g2": 0.8,
 }
+#: Communication points that show it.
+TIMES = [1e-5 * k for k in range(1, 31)]
 
 
 class Refusal(NamedTuple):

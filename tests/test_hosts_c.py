@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-import shutil
 import subprocess
 import sysconfig
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import pytest
 
 from tests import reference
@@ -27,13 +25,12 @@ from tests.fmus import (
     LIVELY,
     OK,
     REFUSALS,
+    TIMES,
     WARNING,
     Unpacked,
     steady_state,
     worst,
 )
-
-TIMES = [1e-5 * k for k in range(1, 31)]
 
 
 def libpythons() -> list[Path]:
@@ -52,6 +49,7 @@ def libpythons() -> list[Path]:
 
 
 LIBPYTHONS = libpythons()
+OWN = LIBPYTHONS[0] if LIBPYTHONS else ""
 
 
 def home(libpython: Path | str) -> Path:
@@ -85,7 +83,7 @@ class Host:
     program: Path
     fmu: Unpacked
 
-    def play(self, script: Iterable[str], libpython: Path | str = LIBPYTHONS[0]) -> Transcript:
+    def play(self, script: Iterable[str], libpython: Path | str = OWN) -> Transcript:
         """Replay a script; every line must be answered and the host must end well."""
         done = self.run(script, libpython)
         assert done.returncode == 0, f"{done.stdout[-300:]}\n{done.stderr}"
@@ -101,7 +99,10 @@ class Host:
                 transcript.lines.append((verb, int(first), int(status), values))
         return transcript
 
-    def run(self, script: Iterable[str], libpython: Path | str) -> subprocess.CompletedProcess[str]:
+    def run(
+        self, script: Iterable[str], libpython: Path | str = OWN, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
+        """Run the host in an environment that knows no Python but the library's own."""
         description = self.fmu.description
         identifier = description.coSimulation.modelIdentifier
         return subprocess.run(
@@ -117,7 +118,7 @@ class Host:
             text=True,
             timeout=60,
             # else the library asks the python3 on the PATH, any python3, where its modules are
-            env={"PATH": "/usr/bin:/bin", "PYTHONHOME": str(home(libpython))},
+            env={"PATH": "/usr/bin:/bin", "PYTHONHOME": str(home(libpython)), **environment},
         )
 
     def set(self, slot: int, values: Mapping[str, Any]) -> list[str]:
@@ -152,21 +153,11 @@ class Host:
 
 
 @pytest.fixture(scope="module")
-def host(oscillator: Unpacked, tmp_path_factory: pytest.TempPathFactory) -> Host:
-    """The C program, compiled without a warning."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("this machine has no C compiler")
+def host(oscillator: Unpacked, compiled: Callable[..., Path]) -> Host:
+    """The C program and the FMU that it is to load."""
     if not LIBPYTHONS:
         pytest.skip("this machine has no shared libpython, 3.8 to 3.13")
-    program = tmp_path_factory.mktemp("host") / "replay"
-    source = Path(__file__).parent / "hosts" / "replay.c"
-    headers = Path(fmpy.__file__).parent / "c-code"
-    strict = ["-std=c11", "-D_GNU_SOURCE", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run(
-        [compiler, *strict, f"-I{headers}", source, "-o", program, "-ldl"], check=True, timeout=60
-    )
-    return Host(program, oscillator)
+    return Host(compiled("replay"), oscillator)
 
 
 def test_without_a_python_library_the_loader_says_so(host: Host) -> None:
@@ -321,3 +312,28 @@ def test_a_restored_state_continues_bit_for_bit(host: Host) -> None:
     rows = transcript.reals()
     assert rows[2:] == rows[:2]
     assert [s for s, _ in transcript.of("step")] == [OK, OK, OK, DISCARD, OK, OK]
+
+
+def test_no_freed_memory_is_touched_from_the_first_call_to_the_exit(
+    host: Host, compiled: Callable[..., Path]
+) -> None:
+    fence = compiled("fence", "-shared", "-fPIC")
+    good = [*host.start(0), *host.steps(TIMES[:3], "q1_hybrid", "lambda"), host.message]
+    script = [
+        "new 0 good",
+        "new 1 bad",
+        *good,
+        *host.start(1, eta_plus=-1.0),
+        "step 1 0 1e-5",
+        "save 0",
+        "restore 0",
+        "drop 0",
+        "free 1",
+        "reset 0",
+        *good,
+        "terminate 0",
+        "free 0",
+    ]
+    done = host.run(script, LD_PRELOAD=str(fence))
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.splitlines()[-1] == "end"

@@ -34,6 +34,7 @@ static fmi2DoStepTYPE *do_step;
 static fmi2GetFMUstateTYPE *get_state;
 static fmi2SetFMUstateTYPE *set_state;
 static fmi2FreeFMUstateTYPE *free_state;
+static void (*release)(void);
 
 static void logger(fmi2ComponentEnvironment environment, fmi2String instance, fmi2Status status,
                    fmi2String category, fmi2String format, ...)
@@ -90,6 +91,7 @@ static void load(const char *libpython, const char *path)
     LOAD(get_state, "fmi2GetFMUstate");
     LOAD(set_state, "fmi2SetFMUstate");
     LOAD(free_state, "fmi2FreeFMUstate");
+    LOAD(release, "finalizePythonInterpreter");
 #undef LOAD
 }
 
@@ -208,5 +210,6 @@ int main(int count, char **arguments)
         call(verb, slot, line + read, arguments[4], arguments[3]);
     }
     printf("end\n");
+    release(); /* or the binary's own destructors touch what they have freed, when the process exits */
     return 0;
 }

@@ -10,8 +10,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import fmpy
 
-from tests.fmus import Instance, Unpacked
-from tests.test_hosts_fmpy import TIMES
+from tests.fmus import TIMES, Instance, Unpacked
 
 folder = Path(sys.argv[1])
 fmu = Unpacked(folder, folder, fmpy.read_model_description(str(folder)))
