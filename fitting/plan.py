@@ -18,11 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.errors import BadInput
+from fitting.spectrum import common_period, exact
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Tones are taken as multiples of one over this, Hz, when a common period is looked for.
-FINEST_HZ = 1000
 #: A common period longer than this is given up for a tone fit, s.
 LONGEST_WINDOW_S = 100.0
 #: Samples beyond the unknowns (two per tone and the mean), by which a misfit shows.
@@ -97,32 +96,13 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
     return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
 
 
-def common_period_s(tones_hz: Sequence[float]) -> float | None:
-    """Shortest common period of the tones, s; None where there is none of reasonable length.
-
-    Tones are read as fractions with denominators up to 1000, exact to their last digit but one.
-    """
-    fractions = [Fraction(tone).limit_denominator(FINEST_HZ) for tone in tones_hz]
-    for fraction, tone in zip(fractions, tones_hz, strict=True):
-        if abs(float(fraction) - tone) > 4e-16 * tone:
-            return None
-    common = fractions[0]
-    for other in fractions[1:]:
-        common = Fraction(
-            math.gcd(common.numerator * other.denominator, other.numerator * common.denominator),
-            common.denominator * other.denominator,
-        )
-    period = float(1 / common)
-    return period if period <= LONGEST_WINDOW_S else None
-
-
-def coherent_samples(tones_hz: Sequence[float], period_s: float, least: int) -> int | None:
+def coherent_samples(tones_hz: Sequence[float], period_s: Fraction, least: int) -> int | None:
     """Least number of samples over a common period at which no tone folds onto another.
 
     With k = f T whole, tone k is seen at k mod N: these must differ from each other, from each
-    other's negatives, from 0 and from N/2.
+    other's negatives, from 0 and from N/2. All in whole numbers.
     """
-    bins = [round(tone * period_s) for tone in tones_hz]
+    bins = [int(exact(tone) * period_s) for tone in tones_hz]
     for samples in range(least, least + 1000):
         seen = [b % samples for b in bins]
         mirrored = [samples - s for s in seen]
@@ -143,10 +123,11 @@ def plan_window(
     """
     tones = tuple(float(tone) for tone in tones_hz)
     least = 2 * len(tones) + 1 + SPARE_SAMPLES
-    period = 1.0 / tones[0] if len(tones) == 1 else common_period_s(tones)
-    samples = coherent_samples(tones, period, least) if period is not None else None
-    if period is None or samples is None:
+    common = common_period(tones)
+    samples = coherent_samples(tones, common, least) if common <= LONGEST_WINDOW_S else None
+    if samples is None:
         return _incoherent(tones, settle_s, least + 4, samples_per_period)
+    period = float(common)
     shown = " and ".join(f"{tone / 1e6:.9g} MHz" for tone in tones)
     reason = (
         f"{shown}: {period:.6g} s hold whole periods; {samples} samples keep the tones apart "
@@ -164,7 +145,7 @@ def _incoherent(
     gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
     if gaps and min(gaps) <= 0.0:
         raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
-    span = 1.0 / min(gaps) if gaps else 1.0 / tones[0]
+    span = 1.0 / min(*gaps, *tones)  # the mean is a tone of 0 Hz: keep off it as well
     best, best_step = math.inf, 0.0
     for stretch in np.linspace(0.8, 2.5, 800):
         step = float(stretch) * span / samples

@@ -1,7 +1,7 @@
 """Frozen records to JSON and back, exactly.
 
 Numbers keep all their digits (17 where needed), NaN and the infinities become null and "inf":
-plain JSON, readable by any program.
+plain JSON, readable by any program. Where text and number share a place, numbers are finite.
 """
 
 from __future__ import annotations
