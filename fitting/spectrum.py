@@ -155,10 +155,13 @@ def amplitude_spectrum(values: FloatArray) -> FloatArray:
     return np.asarray(amplitudes, dtype=np.float64)
 
 
-def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray) -> FloatArray:
+def fit_tones(
+    tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Peak amplitudes (n_tones, outputs) by least squares of a mean and the tones.
 
     For windows that are not whole periods. ``times_s`` (samples,), ``values`` (samples, outputs).
+    The second result is what is left of the values, (samples, outputs).
     Raises BadInput where the samples do not tell the tones apart.
     """
     columns = [np.ones_like(times_s)]
@@ -173,7 +176,8 @@ def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
             f"do not tell them apart (condition number {condition:.3g}), wanted a longer window"
         )
     coefficients = np.linalg.lstsq(design, values, rcond=None)[0]
-    return np.asarray(np.hypot(coefficients[1::2], coefficients[2::2]))
+    peaks = np.hypot(coefficients[1::2], coefficients[2::2])
+    return np.asarray(peaks), np.asarray(values - design @ coefficients)
 
 
 def _closest(tones: tuple[float, ...]) -> Fraction:

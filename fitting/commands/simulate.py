@@ -1,0 +1,216 @@
+"""``fmu-fit simulate``: one drive through an FMU, to CSV and figures."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.drive import Drive, DriveResult, simulate_drive
+from fitting.errors import BadInput, StartValue
+from fitting.files import write_whole
+from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.progress import status_line
+from fitting.units import convert, parse_quantity, same_kind
+
+NAME = "simulate"
+SUMMARY = "one drive through an FMU: time trace with beating, spectrum with its peaks"
+EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" --out out/two-tone'
+
+DEFAULT_TONES = ("u1", "u2")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument("fmu", type=Path, metavar="FMU")
+    parser.add_argument("--out", type=Path, required=True, help="folder for CSV files and figures")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help='start value of a variable, as u1="6.94016 MHz"; a plain number is in its unit',
+    )
+    parser.add_argument("--outputs", help="outputs, comma between (the first continuous one)")
+    parser.add_argument(
+        "--tones",
+        help="FMU parameters that hold the drive frequencies, comma between "
+        f"({' and '.join(DEFAULT_TONES)} where the FMU has them)",
+    )
+    parser.add_argument("--input", help="FMU input to drive, where no parameters hold the tones")
+    parser.add_argument("--drive", help='drive frequencies for --input, as "280 Hz, 281 Hz"')
+    parser.add_argument("--level", type=float, default=1.0, help="amplitude of each tone (1)")
+    parser.add_argument(
+        "--steps-per-period", type=int, default=100, help="held steps in a period (100)"
+    )
+    parser.add_argument("--settle", metavar="TIME", help="time before sampling (found by trying)")
+    parser.add_argument("--window", metavar="TIME", help="time sampled (some common periods)")
+    parser.add_argument("--samples", type=int, help="samples in the window (by the band)")
+    parser.add_argument("--timeout", type=float, default=60.0, help="longest run, s (60)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate and write; returns 0, or 1 if the amplitudes did not become steady.
+
+    Raises:
+        BadInput: names, values, units or times do not fit the FMU or each other.
+        FmuFailure: the FMU failed.
+    """
+    with FmuWorkers(args.fmu, timeout_s=args.timeout) as workers:
+        description = workers.description
+        drive = _drive(args, description)
+        with status_line(NAME) as tell:
+            result = simulate_drive(drive, workers, tell)
+    for path in _write(result, description, args.out):
+        print(path)
+    print(*_summary(result, description), sep="\n")
+    for warning in workers.warnings:
+        print(f"the FMU warns: {warning}")
+    return 0 if result.settled else 1
+
+
+def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, StartValue]:
+    """Start values from texts "NAME=VALUE" with written units, in the FMU's units."""
+    values: dict[str, StartValue] = {}
+    for text in assignments:
+        name, found, value = text.partition("=")
+        if not found:
+            raise BadInput(f"--set {text}: wanted NAME=VALUE")
+        name = name.strip()
+        values[name] = _value(value.strip(), description.variable(name))
+    return values
+
+
+def _value(text: str, variable: FmuVariable) -> StartValue:
+    where = f"--set {variable.name}"
+    if variable.kind == "String":
+        return text
+    if variable.kind == "Boolean":
+        if text.lower() not in ("true", "false", "1", "0"):
+            raise BadInput(f"{where}: found {text!r}, wanted true or false")
+        return text.lower() in ("true", "1")
+    number, unit = parse_quantity(text, where=where)
+    if unit is not None:
+        number = convert(number, unit, variable.unit or "1", where=where)
+    if variable.kind == "Integer":
+        if not number.is_integer():
+            raise BadInput(f"{where}: found {text!r}, wanted a whole number")
+        return int(number)
+    return number
+
+
+def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
+    values = start_values(args.set, description)
+    outputs = _listed(args.outputs) or _first_output(description)
+    if (args.input is None) != (args.drive is None):
+        raise BadInput("--input and --drive: found one of them, wanted both or none")
+    if args.input is not None:
+        texts = _listed(args.drive)
+        tones = tuple(_quantity(text, "Hz", "--drive") for text in texts)
+    else:
+        tones = _tones(_listed(args.tones), values, description)
+    return Drive(
+        values,
+        tones,
+        outputs,
+        settle_s=None if args.settle is None else _quantity(args.settle, "s", "--settle"),
+        window_s=None if args.window is None else _quantity(args.window, "s", "--window"),
+        samples=args.samples,
+        input=args.input,
+        level=args.level,
+        steps_per_period=args.steps_per_period,
+    )
+
+
+def _listed(text: str | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in (text or "").split(",") if word.strip())
+
+
+def _quantity(text: str, unit: str, where: str) -> float:
+    number, written = parse_quantity(text, where=where)
+    return number if written is None else convert(number, written, unit, where=where)
+
+
+def _first_output(description: FmuDescription) -> tuple[str, ...]:
+    for variable in description.variables.values():
+        if (variable.causality, variable.kind) == ("output", "Real") and (
+            variable.variability == "continuous"
+        ):
+            return (variable.name,)
+    raise BadInput(f"{description.path}: has no continuous Real output, wanted --outputs")
+
+
+def _tones(
+    names: tuple[str, ...], values: Mapping[str, StartValue], description: FmuDescription
+) -> tuple[float, ...]:
+    """Frequencies in Hz that the parameters hold."""
+    if not names:
+        names = tuple(name for name in DEFAULT_TONES if name in description.variables)
+        if names != DEFAULT_TONES:
+            raise BadInput(
+                f"{description.path}: has no parameters {' and '.join(DEFAULT_TONES)}, wanted "
+                "--tones with the names of those that hold the drive frequencies, or --input"
+            )
+    tones = []
+    for name in names:
+        variable = description.variable(name)
+        unit = variable.unit or "1"
+        if variable.kind != "Real" or not same_kind(unit, "Hz"):
+            raise BadInput(f"--tones {name}: its unit is {variable.unit!r}, wanted a frequency")
+        value = values.get(name, variable.start)
+        if value is None:
+            raise BadInput(f"--tones {name}: has no start value, wanted --set {name}=...")
+        tones.append(convert(float(value), unit, "Hz", where=f"--tones {name}"))
+    return tuple(tones)
+
+
+def _write(result: DriveResult, description: FmuDescription, out: Path) -> list[Path]:
+    from fitting.plots_drive import save_figures  # worker processes import this file, too
+
+    units = [description.variables[name].unit or "1" for name in result.drive.outputs]
+    columns = [f"{name} ({unit})" for name, unit in zip(result.drive.outputs, units, strict=True)]
+    tables: list[tuple[str, list[str], list[NDArray[np.float64]]]] = [
+        ("carrier.csv", ["time (s)"], [result.carrier.times_s, result.carrier.values]),
+        ("spectrum.csv", ["frequency (Hz)"], [result.frequencies_hz, result.amplitudes]),
+        ("peaks.csv", ["frequency (Hz)"], [np.array(result.drive.tones_hz), result.peaks]),
+    ]
+    if result.beating is not None:
+        tables.append(
+            ("beating.csv", ["time (s)"], [result.beating.times_s, result.beating.values])
+        )
+    paths = []
+    for name, first, arrays in tables:
+        write_whole(out / name, _csv(first + columns, np.column_stack(arrays)))
+        paths.append(out / name)
+    return paths + save_figures(result, description.model_name, units, out)
+
+
+def _csv(header: list[str], rows: NDArray[np.float64]) -> str:
+    text = io.StringIO()
+    text.write(",".join(header) + "\n")
+    text.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())
+    return text.getvalue()
+
+
+def _summary(result: DriveResult, description: FmuDescription) -> list[str]:
+    lines = list(result.reasons)
+    for name, peaks in zip(result.drive.outputs, result.peaks.T, strict=True):
+        unit = description.variables[name].unit or ""
+        lines += [
+            f"{name}: {peak:.9g} {unit} peak at {tone / 10 ** _power(tone):.10g} {_prefix(tone)}Hz"
+            for tone, peak in zip(result.drive.tones_hz, peaks, strict=True)
+        ]
+    return lines
+
+
+def _power(tone: float) -> int:
+    return min(9, max(0, int(math.log10(tone)) // 3 * 3))
+
+
+def _prefix(tone: float) -> str:
+    return {0: "", 3: "k", 6: "M", 9: "G"}[_power(tone)]
