@@ -36,7 +36,8 @@ class SolveSettings:
     """How one regularised problem is solved.
 
     `misfit` is one of `evaluator.MISFITS`; a point is optimal where a linearised step promises
-    less than `absolute + relative J`; `iterations` bounds each interior-point run; `barrier` is
+    less than `absolute + relative J` (for "squares", a sum of another dimension,
+    `absolute^2 + relative J/100`); `iterations` bounds each interior-point run; `barrier` is
     the largest first barrier parameter and `radius` the first trust radius; `restarts` counts the
     further tries from a perturbed point where optimality is in doubt.
     """
@@ -108,6 +109,8 @@ def _value(evaluator: Evaluator, x: FloatArray, nu: float, settings: SolveSettin
 
 
 def _tolerance(value: float, settings: SolveSettings) -> float:
+    if settings.misfit == "squares":
+        return settings.absolute**2 + 0.01 * settings.relative * value
     return settings.absolute + settings.relative * value
 
 

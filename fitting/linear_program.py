@@ -95,7 +95,8 @@ def _scaled_step(
 def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: float, misfit: str) -> float:
     """Optimality: the decrease of J that the linearised problem promises within one unit of x.
 
-    For "squares" the gradient alone is the linearised problem. One Jacobian of r.
+    For "squares" the linearised rows make a quadratic, and the promise is its Newton decrement
+    g.H^-1 g/2 over the variables that are not held by a bound. One Jacobian of r.
 
     Raises:
         ArithmeticError: see `linear_step`.
@@ -105,8 +106,10 @@ def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: float, misfit: st
     slope = nu * x
     if misfit == "squares":
         slope = slope + 2.0 * matrix.T @ rows
-        step = np.where(slope > 0, np.maximum(room[0], -1.0), np.minimum(room[1], 1.0))
-        return float(-np.dot(slope, step))
+        free = ~(((room[0] >= 0.0) & (slope > 0.0)) | ((room[1] <= 0.0) & (slope < 0.0)))
+        g, hessian = slope[free], 2.0 * matrix[:, free].T @ matrix[:, free]
+        hessian += nu * np.eye(g.size)
+        return 0.5 * float(g @ np.linalg.lstsq(hessian, g, rcond=None)[0])
     step = linear_step(rows, matrix, slope, room, TEST_RADIUS)
     return _promise(rows, matrix, slope, step)
 

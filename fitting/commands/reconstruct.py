@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     campaign = read_campaign(args.campaign)
     out: Path = args.out or Path("out") / args.campaign.resolve().parent.name
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
-    count = args.workers or min(len(os.sched_getaffinity(0)), 8)
+    count = args.workers or min(os.cpu_count() or 1, 8)
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         bound = bind(campaign, workers.description.variables)
         identity = identify_fmu(workers.description, _command(args))
