@@ -34,6 +34,9 @@ PHASE_NAMES = ("phase", "theta")
 
 MIN_POINTS = 3
 
+#: Header entries in which an instrument tells its own estimate of the line that it swept.
+OWN_ESTIMATES: Mapping[str, str] = {"f_res (Hz)": "frequency_hz", "Q": "q"}
+
 
 @dataclass(frozen=True)
 class RawTrace:
@@ -82,6 +85,17 @@ def read_trace(path: Path, layout: str, selection: Selection | None = None) -> R
     trace = LAYOUTS[layout](path, selection or Selection())
     _check_axis(trace)
     return trace
+
+
+def own_estimates(notes: Mapping[str, str]) -> dict[str, float]:
+    """What the instrument itself made of its sweep: "frequency_hz" and "q", as far as it says."""
+    found = {}
+    for name, key in OWN_ESTIMATES.items():
+        try:
+            found[key] = float(notes[name])
+        except (KeyError, ValueError):  # a note is not a datum: nothing hangs on it
+            continue
+    return found
 
 
 def _check_axis(trace: RawTrace) -> None:

@@ -30,6 +30,7 @@ from fitting.result import (
     SweepCurves,
 )
 from fitting.scaling import LaboratoryMaximum, laboratory_maximum
+from fitting.sweep_line import line_of_sweep
 
 
 @dataclass(frozen=True)
@@ -212,6 +213,7 @@ def _finish(
         seconds=float("nan"),
         warnings=tuple(warnings),
         provenance=provenance_of(bound, identity, options),
+        line=line_of_sweep(bound.sweep) if bound.sweep is not None else None,
     )
 
 

@@ -113,6 +113,34 @@ class SweepCurves:
 
 
 @dataclass(frozen=True)
+class SweepLine:
+    """One damped mode fitted to the sweep itself, without the FMU, beside what the instrument says.
+
+    ``frequency_hz`` its eigenfrequency, ``width_hz`` the full width at half maximum of the squared
+    amplitude, ``q`` their ratio, ``amplitude`` (in ``unit``, peak) at the eigenfrequency, each with
+    its standard deviation; ``residual`` the root mean square of what the fit leaves, over the
+    amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
+    ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
+    the head of its file says.
+    """
+
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    amplitude: float
+    amplitude_std: float
+    unit: str
+    residual: float
+    background: str
+    message: str
+    instrument: Mapping[str, float]
+    notes: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class Scale:
     """chi before and after, its grid bias, and what noise did to the laboratory's maximum.
 
@@ -229,6 +257,7 @@ class Result:
     seconds: float
     warnings: tuple[str, ...]
     provenance: Provenance
+    line: SweepLine | None = None
 
 
 def write_result(result: Result, folder: Path) -> tuple[Path, Path]:

@@ -19,6 +19,7 @@ from fitting.job import Options, job_of, options_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.reconstruction import Hooks, Progress
 from fitting.result import IDENTIFIABLE, Result, write_result
+from fitting.sweep_line import line_sentences
 
 NAME = "reconstruct"
 SUMMARY = "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a report"
@@ -157,6 +158,8 @@ def table(result: Result) -> list[str]:
         shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items()) or "only one"
         mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
         lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
+    if result.line is not None:
+        lines += line_sentences(result.line)
     cost = result.evaluations
     lines.append(
         f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
