@@ -1,0 +1,45 @@
+"""The figures of a reconstruction: which belong to a campaign, drawn and saved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from fitting.labdata import BoundCampaign
+from fitting.plots_campaign import draw_drive, draw_response, draw_spectra
+from fitting.plots_deviation import draw_improvement, draw_over_frequency, draw_per_experiment
+from fitting.plots_history import draw_convergence, draw_derived
+from fitting.plots_style import Drawing, FigureFile, save, style
+from fitting.result import Result
+
+FOLDER = "figures"
+
+
+def write_figures(result: Result, bound: BoundCampaign, out_dir: Path) -> list[FigureFile]:
+    """Draw every figure that the campaign has data for, as SVG and PNG below `out_dir`/figures.
+
+    The same result gives the same bytes.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    with style():
+        return [save(draw(result, bound), out_dir / FOLDER) for draw in figures_of(result, bound)]
+
+
+def figures_of(
+    result: Result, bound: BoundCampaign
+) -> list[Callable[[Result, BoundCampaign], Drawing]]:
+    """The figures to draw, in order: those of peaks need experiments, the last one a sweep."""
+    draws: list[Callable[[Result, BoundCampaign], Drawing]] = []
+    if result.peaks:
+        draws += [draw_drive, draw_spectra, draw_over_frequency, draw_improvement]
+    if result.history:
+        draws.append(draw_convergence)
+    if result.peaks and result.derived:
+        draws.append(draw_derived)
+    if result.peaks:
+        draws.append(draw_per_experiment)
+    if result.sweep is not None and bound.sweep is not None:
+        draws.append(draw_response)
+    return draws
