@@ -19,7 +19,6 @@ import importlib
 import importlib.metadata
 import importlib.util
 import io
-import math
 import os
 import sys
 import tempfile
@@ -32,15 +31,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jinja2
 import pythonfmu
 
+from fmu_src.start_values import BuildError, checked_start_values
+
 if TYPE_CHECKING:
     from fmu_src.slave import ModelSlave
-    from fmu_src.variables import Variable
+    from fmu_src.start_values import StartValue
 
 ROOT = Path(__file__).resolve().parent
 SOURCE = ROOT / "fmu_src"
 OUT = ROOT / "build"
-
-StartValue = float | int | bool | str
 
 # needsExecutionTool: the binary inside is a bridge to a Python interpreter that the machine must
 # have (libpython 3.8 or later), which is what this flag tells a host.
@@ -71,10 +70,6 @@ class {model}(Fmi2Slave):
     start_overrides = {overrides!r}
     guid_text = {guid!r}
 '''
-
-
-class BuildError(Exception):
-    """An FMU cannot be built from what was asked for; the text is one line for the user."""
 
 
 class _Entry(NamedTuple):
@@ -161,74 +156,6 @@ def model_modules(source: Path = SOURCE) -> dict[str, str]:
     """Return the models of a source package: class name -> module name."""
     with _loaded(source, None) as package:
         return dict(package.MODELS)
-
-
-def checked_start_values(
-    model_class: type[ModelSlave], start_values: Mapping[str, StartValue]
-) -> dict[str, StartValue]:
-    """Return the start values with the types of their variables, sorted by name.
-
-    Raises ``BuildError`` naming the variable, what was found and what is wanted.
-    """
-    table = {variable.name: variable for variable in model_class.variables}
-    checked = {}
-    for name, given in sorted(start_values.items()):
-        if name not in table:
-            raise BuildError(f"{model_class.__name__} has no variable {name!r}")
-        variable = table[name]
-        if variable.causality != "parameter":
-            raise BuildError(f"{name} is not a parameter, it is {_article(variable.causality)}")
-        checked[name] = _within_bounds(variable, _typed(variable, given))
-    return checked
-
-
-def _article(causality: str) -> str:
-    return f"{'an' if causality[0] in 'aeiou' else 'a'} {causality}"
-
-
-_WANTED = {
-    "Real": "a finite number",
-    "Integer": "a whole number of 32 bits",
-    "Boolean": "true or false",
-    "String": "text",
-}
-
-
-def _typed(variable: Variable, given: StartValue) -> StartValue:
-    """Return ``given`` as a value of the variable's kind; text is read, other types must fit."""
-    refusal = BuildError(
-        f"{variable.name} = {given!r}: {variable.name} is {variable.kind}, "
-        f"wanted is {_WANTED[variable.kind]}"
-    )
-    if variable.kind == "Boolean" and str(given).lower() in ("true", "false"):
-        return str(given).lower() == "true"
-    if variable.kind == "String" and isinstance(given, str):
-        return given
-    if variable.kind in ("Boolean", "String"):
-        raise refusal
-    if isinstance(given, bool) or (variable.kind == "Integer" and isinstance(given, float)):
-        raise refusal
-    try:
-        value = float(given) if variable.kind == "Real" else int(given)
-    except (ValueError, OverflowError) as error:
-        raise refusal from error
-    if not math.isfinite(value) or (variable.kind == "Integer" and not -(2**31) <= value < 2**31):
-        raise refusal
-    return value
-
-
-def _within_bounds(variable: Variable, value: StartValue) -> StartValue:
-    if isinstance(value, str | bool):
-        return value
-    unit = f" {variable.unit}" if variable.unit else ""
-    low, high = variable.minimum, variable.maximum
-    for outside, words in (
-        (low is not None and value < low, f"at least {low!r}"),
-        (high is not None and value > high, f"at most {high!r}"),
-    ):
-        if outside:
-            raise BuildError(f"{variable.name} = {value!r}{unit}: wanted is {words}{unit}")
-    return value
 
 
 # --- loading the sources without leaving a trace -------------------------------------------------

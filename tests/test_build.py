@@ -20,8 +20,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import build_fmu
-from build_fmu import BuildError, build, checked_start_values, main
+from build_fmu import build, main
 from fmu_src.coupled_oscillator import CoupledOscillator
+from fmu_src.start_values import BuildError, checked_start_values
 from tests.fmus import Instance, unpack
 
 ROOT = Path(build_fmu.__file__).parent
