@@ -58,7 +58,8 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
 
     With t = (f - f_k)/h about the largest point k, y(t) = 1/A^2 is interpolated by the polynomial
     of degree four through the five points nearest to k; the minimum of y gives the maximum of A.
-    The bias bound is the distance to the same from degree two through three points.
+    The bias bound is the distance to the same from degree two through three points; with fewer
+    than five points in all, at least the fall to the lower neighbour.
 
     Args:
         frequency_hz: increasing, shape (n,), n >= 3.
@@ -82,6 +83,8 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
     t_fine, y_fine = _lowest(f, a, k, min(FINE_POINTS, f.size), t_coarse)
     h = 0.5 * (f[k + 1] - f[k - 1])
     bias = abs(float(np.sqrt(y_fine / y_coarse)) - 1.0)
+    if f.size < FINE_POINTS:  # two fits through so few points can agree by symmetry alone
+        bias = max(bias, float(a[k] / min(a[k - 1], a[k + 1])) - 1.0)
     return Maximum(float(a[k] / np.sqrt(y_fine)), float(f[k] + h * t_fine), bias, bracketed=True)
 
 

@@ -57,6 +57,8 @@ def test_clean_data_give_the_width_back_and_both_forms_fit_alike(clean: Measured
         outcome = run_alternative(objective, Schedule(starts=3), SolveSettings())
         assert outcome.best is not None
         ends.append(outcome.best.steps[-1])
+        spent = sum(step.evaluations for chain in outcome.chains for step in chain.steps)
+        assert spent < 2500  # without second-order corrections ten times as many
         assert ends[-1].status == "optimal"
         assert ends[-1].j_fit < 1e-6
         assert width_of(outcome, reflection=reflection) == pytest.approx(WIDTH, rel=1e-6)

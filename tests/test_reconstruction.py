@@ -148,6 +148,17 @@ def test_progress_counts_up_to_the_end(noisy_campaign: BoundCampaign) -> None:
     assert {state.alternative for state in seen} == {0, 1}
 
 
+def test_ending_badly_is_a_value(noisy_campaign: BoundCampaign) -> None:
+    options = options_of(noisy_campaign)
+    solve = replace(options.solve, misfit="absolute", iterations=2, restarts=0)
+    hurried = Options(replace(options.schedule, starts=1, levels=1), solve)
+    found = reconstruct(noisy_campaign, respond, Identity(), hurried)
+    assert found.status == "not converged"
+    assert found.optimality > 1e-3
+    assert "still promises" in found.message
+    assert np.isfinite(found.parameters["theta"].value)
+
+
 class Stopping(checkpoint.Checkpoint):
     """A checkpoint during whose n-th write the user presses Ctrl-C, or the power fails."""
 

@@ -44,7 +44,7 @@ numbers = st.floats(allow_nan=True, allow_infinity=True)
 @given(
     values=st.lists(numbers, min_size=2, max_size=2),
     table=st.dictionaries(st.text(max_size=5), numbers, max_size=4),
-    flag=st.one_of(st.booleans(), st.text(max_size=5), st.floats(allow_nan=False, allow_infinity=False)),
+    flag=st.booleans() | st.text(max_size=5) | st.floats(allow_nan=False, allow_infinity=False),
     maybe=st.none() | st.integers(),
 )
 @settings(max_examples=200, deadline=None)

@@ -69,6 +69,31 @@ def test_the_bias_bound_holds_for_two_coupled_modes(spacing_hz: float) -> None:
             assert truth / float(np.max(a)) - 1.0 > 1e-5
 
 
+@given(
+    offset=st.floats(-0.45, 0.45),
+    spacing=st.floats(0.1, 0.5),
+    background=st.floats(0.0, 0.3),
+    angle=st.floats(0.0, 6.3),
+    points=st.sampled_from([3, 4, 5, 9]),
+)
+@settings(max_examples=200, deadline=None)
+def test_the_bias_bound_holds_where_the_curve_is_no_lorentzian(
+    offset: float, spacing: float, background: float, angle: float, points: int
+) -> None:
+    """One mode with crosstalk, |1/(1 + 2 i t) + b e^(i a)|: 1/A^2 is no polynomial any more."""
+
+    def curve(t: np.ndarray) -> np.ndarray:
+        return np.asarray(np.abs(1.0 / (1.0 + 2j * t) + background * np.exp(1j * angle)))
+
+    fine = np.linspace(-1.5, 1.5, 3001)
+    fine = fine[np.argmax(curve(fine))] + np.linspace(-1e-3, 1e-3, 1001)
+    top = float(fine[np.argmax(curve(fine))])
+    t = nodes_around(top + offset * spacing, spacing, points)
+    found = refine_maximum(t, curve(t))
+    if found.bracketed:
+        assert abs(found.value / np.max(curve(fine)) - 1.0) <= found.bias + 1e-9
+
+
 def test_a_maximum_at_the_end_is_not_taken_for_one() -> None:
     f = nodes_around(ETA + 500.0, 50.0)
     found = refine_maximum(f, single_mode(f, ETA, 94.0))
