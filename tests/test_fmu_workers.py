@@ -162,12 +162,12 @@ def test_failure_is_a_sentence_with_the_parameters(
 @pytest.mark.parametrize("misbehave", [HANGS, HANGS_AT_START])
 def test_endless_loop_is_stopped(good: Path, misbehave: int) -> None:
     bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
-    with FmuWorkers(good, timeout_s=1.0) as workers:
+    with FmuWorkers(good, timeout_s=2.0) as workers:
         workers.run([PULLED])
         began = time.monotonic()
-        with pytest.raises(FmuFailure, match="no answer within 1 s") as failure:
+        with pytest.raises(FmuFailure, match="no answer within 2 s") as failure:
             workers.run([PULLED, bad])
-        assert time.monotonic() - began < 5
+        assert time.monotonic() - began < 8
         assert failure.value.parameters == bad.start_values
 
 
@@ -225,7 +225,7 @@ def test_reset_is_trusted_only_where_it_works(
         expected = workers.run(runs)
         assert workers.counts.instances == len(runs)
         assert "asked for" in workers.reuse_note
-    with FmuWorkers(build_c_fmu(folder, reset=reset), timeout_s=1.0) as workers:
+    with FmuWorkers(build_c_fmu(folder, reset=reset), timeout_s=2.0) as workers:
         results = workers.run(runs) + workers.run(runs)
         assert word in workers.reuse_note
         assert ("every run has a new instance" in workers.reuse_note) is not reused

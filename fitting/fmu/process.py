@@ -12,6 +12,7 @@ from fitting.fmu.interface import Setup
 from fitting.fmu.reuse import Verdict
 from fitting.fmu.worker import AT_RUN, BEGUN, IN_TRIAL, PULSE_SIZE, Batch, Reply, serve
 
+START_S = 120.0  # longest start of a process, before it touches the FMU
 LAST_WORDS = 500  # characters of what the FMU printed before it crashed
 
 
@@ -60,12 +61,15 @@ class Worker:
         """Whether the FMU is only being tried after a reset."""
         return bool(self._pulse[IN_TRIAL])
 
-    def idle_s(self) -> float:
-        """Time since the process last began something."""
+    def is_late(self, timeout_s: float) -> bool:
+        """Whether the process began something longer than that ago; its own start is not counted.
+
+        A start has a limit of its own: on a busy machine, Python alone may take seconds.
+        """
         begun = int(self._pulse[BEGUN])
         if begun != self._begun:
             self._begun, self._since = begun, time.monotonic()
-        return time.monotonic() - self._since
+        return time.monotonic() - self._since > (timeout_s if begun else max(timeout_s, START_S))
 
     def cause_of_death(self) -> str:
         """A sentence on how the process ended and what the FMU printed last."""

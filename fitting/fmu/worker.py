@@ -160,6 +160,7 @@ def serve(
 
 
 def _answer(holder: _Holder, batch: Batch, pulse: Any) -> Reply:
+    pulse[BEGUN] += 1
     results: list[FloatArray] = []
     used_up, failure = False, None
     for number, order in enumerate(batch.orders):

@@ -182,7 +182,7 @@ class FmuWorkers:
                 self._take(number, reply, job)
             del pipes[worker.pipe]
         for number, worker in pipes.values():
-            if worker.idle_s() > self._timeout_s:
+            if worker.is_late(self._timeout_s):
                 text = f"gave no answer within {self._timeout_s:g} s and was stopped"
                 self._ended_badly(number, worker, job, text)
 
