@@ -380,21 +380,31 @@ if __name__ == "__main__":
     run = Run({"mass": 1.0}, 0.0, 1.0, 2, ("displacement",))
     workers.run([run])
     print(workers._workers[0]._process.pid, workers._home, flush=True)
-    workers.run([Run({"misbehave": 1}, 0.0, 1.0, 2, ("displacement",))])
+    if sys.argv[2] == "busy":
+        workers.run([Run({"misbehave": 1}, 0.0, 1.0, 2, ("displacement",))])
+    time.sleep(60)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    ("how", "state"),
+    [
+        (signal.SIGKILL, "busy"),
+        (signal.SIGKILL, "idle"),
+        (signal.SIGTERM, "idle"),
+        (signal.SIGINT, "busy"),
+    ],
+)
 def test_nothing_is_left_behind_when_the_caller_is_killed(
-    good: Path, tmp_path: Path, how: signal.Signals
+    good: Path, tmp_path: Path, how: signal.Signals, state: str
 ) -> None:
-    """The worker sits in an endless loop of the FMU meanwhile."""
+    """Busy: the worker sits in an endless loop of the FMU meanwhile."""
     script = tmp_path / "caller.py"
     script.write_text(CALLER)
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     caller = subprocess.Popen(
-        [sys.executable, str(script), str(good)],
+        [sys.executable, str(script), str(good), state],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,

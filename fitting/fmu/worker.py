@@ -138,14 +138,16 @@ def serve(
 ) -> None:
     """Main function of the process: answer batches until the caller sends None or is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller to deal with
-    _leave_with_caller(Path(setup.folder).parent)
+    home = Path(setup.folder).parent
+    _leave_with_caller(home)
     log_file = _divert_output(log_path)
     holder = _Holder(setup, Log(log_file), verdict, pulse)
     baseline: int | None = None
     while True:
         try:
             batch: Batch | None = pipe.recv()
-        except (EOFError, OSError):
+        except (EOFError, OSError):  # the caller is gone and cannot clear up
+            shutil.rmtree(home, ignore_errors=True)
             break
         if batch is None:
             holder.close()
