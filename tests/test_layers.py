@@ -20,8 +20,8 @@ LADDER = (
     "campaign_binding fmu.worker interior_point",
     "continuation fmu.process labdata",
     "assembly checkpoint fmu.workers job plots_campaign plots_deviation plots_history sweep_line",
-    "fmu plots_reconstruction reconstruction",
-    "drive driving",
+    "fmu plots_reconstruction reconstruction report_tables",
+    "drive driving report_sections",
     "fmu_job plots_drive report",
     "commands.check commands.reconstruct commands.simulate commands.synthesize",
     "cli",
@@ -70,7 +70,9 @@ def climbs(name: str, tree: ast.AST) -> list[str]:
     """Imports of a module that do not climb down."""
     packages = {"fitting", "fitting.commands"}
     wanted = imports(tree, set(RANKS)) - packages
-    return [m for m in sorted(wanted) if m.startswith("fitting") and RANKS[m] >= RANKS[name]]
+    return [
+        m for m in sorted(wanted) if m.startswith("fitting") and RANKS.get(m, 99) >= RANKS[name]
+    ]
 
 
 def comes_through(tree: ast.AST) -> set[str]:
