@@ -147,7 +147,7 @@ def _promise(evaluator: Evaluator, x: FloatArray, nu: float, settings: SolveSett
 
 
 class _Watch:
-    """Keeps the best iterate by the true J, and stops a solve that no longer lowers it."""
+    """Keeps the best iterate by the true J; stops a solve that is there, or that gets nowhere."""
 
     def __init__(self, evaluator: Evaluator, nu: float, settings: SolveSettings) -> None:
         self.evaluator, self.nu, self.settings = evaluator, nu, settings
@@ -156,7 +156,7 @@ class _Watch:
         self.best = math.inf
         self.mark, self.waited = math.inf, 0
         self.iterations = 0
-        self.stopped = False
+        self.stopped = ""
 
     def __call__(self, y: FloatArray, state: Any) -> bool:
         self.iterations += 1
@@ -165,12 +165,20 @@ class _Watch:
             value = _value(self.evaluator, x, self.nu, self.settings)
             if value < self.best:
                 self.best, self.best_x = value, x
-        if self.best < self.mark - 0.1 * _tolerance(self.best, self.settings):
+                # the solver has this Jacobian already: the test costs no simulation
+                if _promise(self.evaluator, x, self.nu, self.settings) <= self._enough():
+                    self.stopped = "optimal"
+                    return True
+        if self.best < self.mark - 0.1 * self._enough():
             self.mark, self.waited = self.best, 0
         else:
             self.waited += 1
-        self.stopped = self.waited >= PATIENCE
-        return self.stopped
+        if self.waited >= PATIENCE:
+            self.stopped = "J stopped falling"
+        return bool(self.stopped)
+
+    def _enough(self) -> float:
+        return _tolerance(self.best, self.settings)
 
 
 def _interior_point(
@@ -197,7 +205,7 @@ def _interior_point(
         answer = minimize(method="trust-constr", callback=watch, options=options, **problem)
     if watch.best_x is None:
         return x0, watch.iterations, "no iterate inside the box"
-    said = "J stopped falling" if watch.stopped else str(answer.message).rstrip(".")
+    said = watch.stopped or str(answer.message).rstrip(".")
     return watch.best_x, watch.iterations, f"interior point: {said}"
 
 
