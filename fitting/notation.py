@@ -21,6 +21,8 @@ _NO_UNIT = ("", "1", "-", "dimensionless")
 _SIGNS = {"plus": "+", "minus": "−"}
 _SYMBOL = re.compile(r"([A-Za-z]+?)_?(\d+|(?<=_)[A-Za-z0-9]+)?")
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Numbers below this are written without a power of ten.
+_PLAIN_BELOW = 1e9
 #: Values whose range is below this share of their size are shown as differences from one of them.
 _NARROW = 1e-2
 #: Ranges below this share of the size are rounding, not variation.
@@ -163,31 +165,56 @@ def on_log_axis(value: float) -> str:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """A number for people: `digits` significant ones, a true minus, powers of ten written out."""
+    """A number for people: `digits` significant ones, a true minus, powers of ten written out.
+
+    Powers only where the number would be long: 2.8e2 is 280, 7014832.6 to six digits 7014830.
+    """
     if math.isnan(value):
         return "–"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     text = f"{value:.{digits}g}"
+    if "e+" in text and abs(value) < _PLAIN_BELOW:
+        text = f"{float(text):.0f}"
     mantissa, _, exponent = text.partition("e")
     mantissa = mantissa.replace("-", "−")
     if not exponent:
         return mantissa
     power = power_of_ten(int(exponent))
-    return power if mantissa == "1" else f"{mantissa} × {power}"
+    return power if mantissa == "1" else f"{mantissa}\u00a0×\u00a0{power}"
 
 
 def with_error(value: float, error: float, unit: str = "") -> str:
     """Value ± error, the value rounded where the error's second digit stands, with its unit."""
-    tail = f" {unit_text(unit)}" if unit_text(unit) else ""
+    tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
     place = math.floor(math.log10(error)) - 1
     if not -12 <= place < 6:
-        return f"{number(value, 9)} ± {number(error, 2)}{tail}"
+        return f"{number(value, 9)}\u00a0±\u00a0{number(error, 2)}{tail}"
     digits = max(0, -place)
     rounded = [f"{round(v, -place):.{digits}f}".replace("-", "−") for v in (value, error)]
-    return f"{rounded[0]} ± {rounded[1]}{tail}"
+    return f"{rounded[0]}\u00a0±\u00a0{rounded[1]}{tail}"
+
+
+def quantity(value: float, error: float, unit: str) -> str:
+    """Value ± error with a prefix that suits the value, unless the error were all zeros in it."""
+    factor, shown = prefixed(abs(value), unit)
+    if 0.0 < error < 1e-3 * factor:
+        factor, shown = 1.0, unit
+    return with_error(value / factor, error / factor, shown)
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """An interval, its ends rounded where the third digit of its width stands."""
+    tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        return f"{number(low)} to {number(high)}{tail}"
+    place = math.floor(math.log10(high - low)) - 2
+    if not -12 <= place < 6:
+        return f"{number(low)} to {number(high)}{tail}"
+    ends = (f"{round(v, -place):.{max(0, -place)}f}" for v in (low, high))
+    return f"{' to '.join(end.replace('-', '−') for end in ends)}{tail}"
 
 
 def percent(share: float, digits: int = 2) -> str:

@@ -265,7 +265,8 @@ def _spectra_caption(result: Result, bound: BoundCampaign, shown: int) -> str:
     if floors:
         factor, unit = prefixed(max(floors), bound.amplitude_unit)
         low, high = min(floors) / factor, max(floors) / factor
-        floor = f" The noise floor (mean magnitude {low:.2g} to {high:.2g} {unit}) is in the trace."
+        span = f"{number(low, 2)} to {number(high, 2)} {unit}"
+        floor = f" The noise floor (mean magnitude {span}) is in the trace."
     left_out = ""
     if shown < len(bound.experiments):
         left_out = f" The first {shown} of {len(bound.experiments)} experiments are shown."

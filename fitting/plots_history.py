@@ -16,9 +16,10 @@ from fitting.notation import (
     on_log_axis,
     plain,
     prefixed,
+    quantity,
     scaling_for,
+    span,
     unit_text,
-    with_error,
 )
 from fitting.plots_style import (
     AFTER,
@@ -280,8 +281,7 @@ def _in_words(derived: DerivedResult) -> str:
 
 
 def _value_words(derived: DerivedResult) -> str:
-    factor, unit = prefixed(abs(derived.value), derived.unit)
-    return with_error(derived.value / factor, derived.std / factor, unit)
+    return quantity(derived.value, derived.std, derived.unit)
 
 
 def _box_words(derived: DerivedResult) -> str:
@@ -289,4 +289,4 @@ def _box_words(derived: DerivedResult) -> str:
     if not (math.isfinite(low) and math.isfinite(high)):
         return "any value to any other"
     factor, unit = prefixed(max(abs(low), abs(high)), derived.unit)
-    return f"{number(low / factor, 5)} to {number(high / factor, 5)} {unit}".strip()
+    return span(low / factor, high / factor, unit)
