@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ def corners() -> list[Scene]:
         for angle in ANGLES
         for form in (False, True)
     ]
-    cases: dict[str, dict[str, float | bool]] = {
+    cases: dict[str, dict[str, Any]] = {
         "equal damping": {"d1": 100.0, "d2": 100.0},
         "d1 far above d2": {"d1": 1e5, "d2": 1e-1},
         "d1 = 0": {"d1": 0.0},

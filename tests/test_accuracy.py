@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -121,7 +122,7 @@ def test_a_hundred_thousand_steps_of_held_input(shared: Instance) -> None:
     ids=str,
 )
 def test_a_parameter_changed_between_steps_keeps_state_and_phase(
-    shared: Instance, changes: dict[str, float]
+    shared: Instance, changes: dict[str, Any]
 ) -> None:
     change, times = 0.0031, [0.0031 + 1e-8, 0.0077, 0.0321]
     shared.slave.reset()
