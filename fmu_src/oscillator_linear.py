@@ -24,7 +24,7 @@ from .oscillator_exact import (
     rotating_pencil,
     second_difference,
 )
-from .oscillator_phase import Frequency, difference, kept_phase
+from .oscillator_phase import Frequency, difference, kept_phases
 from .oscillator_precise import Precise, in_precise_arithmetic
 
 if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 or later
@@ -127,10 +127,8 @@ class LinearSolver:
 
     def retuned(self, p: Parameters, t: float) -> LinearSolver:
         """Return the solver for new parameters, with state and drive phases kept at ``t`` s."""
-        offsets = (
-            kept_phase(self.offsets[0], self.p.u1, p.u1, t),
-            kept_phase(self.offsets[1], self.p.u2, p.u2, t),
-        )
+        before = self.p.u1, self.p.u2
+        offsets = kept_phases(self.offsets, before, (p.u1, p.u2), t)
         solver = LinearSolver(p, self.envelope, offsets)
         solver.start(t, self.full_state(t), self.b)
         return solver

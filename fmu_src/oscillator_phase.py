@@ -54,3 +54,16 @@ def kept_phase(offset: float, before: float, after: float, t: float) -> float:
     if before == after:
         return offset
     return (offset + Frequency(before).cycles(t) - Frequency(after).cycles(t)) % 1.0
+
+
+def kept_phases(
+    offsets: tuple[float, float],
+    before: tuple[float, float],
+    after: tuple[float, float],
+    t: float,
+) -> tuple[float, float]:
+    """Return the offsets in cycles of both tones, as ``kept_phase`` does for one."""
+    return (
+        kept_phase(offsets[0], before[0], after[0], t),
+        kept_phase(offsets[1], before[1], after[1], t),
+    )

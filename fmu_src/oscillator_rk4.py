@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from .model_error import ModelError
 from .oscillator_equations import TWO_PI, Parameters, damping, phasors
-from .oscillator_phase import Frequency, kept_phase
+from .oscillator_phase import Frequency, kept_phases
 
 if TYPE_CHECKING:
     from .oscillator_linear import State
@@ -109,24 +109,29 @@ class RungeKuttaSolver:
     ) -> tuple[float, float, float, float]:
         """Return the state after one substep of the classical fourth-order method."""
         q1, q2, v1, v2 = y
-        (d11, d22, d12), (c1, c2) = self._damping, self._stiffness
-        g1, g2 = self.p.g1, self.p.g2
-        a1 = g1 * force[0] - d11 * v1 - d12 * v2 - c1 * q1
-        a2 = g2 * force[0] - d12 * v1 - d22 * v2 - c2 * q2
+        a1, a2 = self._acceleration(force[0], q1, q2, v1, v2)
         total = [v1, v2, a1, a2]
         k1, k2, k3, k4 = v1, v2, a1, a2
         for weight, part, f in ((2.0, 0.5, force[1]), (2.0, 0.5, force[1]), (1.0, 1.0, force[2])):
             s = part * h
-            p1, p2, p3, p4 = q1 + s * k1, q2 + s * k2, v1 + s * k3, v2 + s * k4
-            k1, k2 = p3, p4
-            k3 = g1 * f - d11 * p3 - d12 * p4 - c1 * p1
-            k4 = g2 * f - d12 * p3 - d22 * p4 - c2 * p2
+            k1, k2, p1, p2 = v1 + s * k3, v2 + s * k4, q1 + s * k1, q2 + s * k2
+            k3, k4 = self._acceleration(f, p1, p2, k1, k2)
             total[0] += weight * k1
             total[1] += weight * k2
             total[2] += weight * k3
             total[3] += weight * k4
         s = h / 6.0
         return q1 + s * total[0], q2 + s * total[1], v1 + s * total[2], v2 + s * total[3]
+
+    def _acceleration(
+        self, force: float, q1: float, q2: float, v1: float, v2: float
+    ) -> tuple[float, float]:
+        """Return q~'' of both modes."""
+        (d11, d22, d12), (c1, c2) = self._damping, self._stiffness
+        return (
+            self.p.g1 * force - d11 * v1 - d12 * v2 - c1 * q1,
+            self.p.g2 * force - d12 * v1 - d22 * v2 - c2 * q2,
+        )
 
     def displacement(self, t: float) -> tuple[float, float]:
         """Return q~1, q~2 at the communication point reached."""
@@ -143,11 +148,11 @@ class RungeKuttaSolver:
 
     def retuned(self, p: Parameters, t: float) -> RungeKuttaSolver:
         """Return the solver for new parameters, with state and drive phases kept at ``t`` s."""
-        offsets = (
-            kept_phase(self.offsets[0], self.p.u1, p.u1, t),
-            kept_phase(self.offsets[1], self.p.u2, p.u2, t),
-        )
-        solver = RungeKuttaSolver(p, self.requested, offsets)
+        before = self.p.u1, self.p.u2
+        offsets = kept_phases(self.offsets, before, (p.u1, p.u2), t)
+        return self._taken_over_by(RungeKuttaSolver(p, self.requested, offsets))
+
+    def _taken_over_by(self, solver: RungeKuttaSolver) -> RungeKuttaSolver:
         solver.b, solver.t, solver._y = self.b, self.t, self._y
         return solver
 
