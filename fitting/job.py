@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -78,7 +79,7 @@ def measured_of(bound: BoundCampaign) -> Measured:
 def job_of(bound: BoundCampaign, identity: Identity, options: Options) -> str:
     """Fingerprint of everything that a finished level depends on."""
     content = {
-        "files": {path.name: _sha256(path) for path in (bound.path, *bound.files)},
+        "files": _files(bound),
         "fmu": identity.sha256,
         "options": to_plain(options),
         "version": fitting.__version__,
@@ -99,7 +100,7 @@ def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) ->
         fmu_guid=identity.guid,
         fmu_sha256=identity.sha256,
         campaign=str(bound.path),
-        files={path.name: _sha256(path) for path in (bound.path, *bound.files)},
+        files=_files(bound),
         versions=versions,
         command=identity.command,
         seed=schedule.seed,
@@ -116,6 +117,15 @@ def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) ->
         plan=identity.plan,
         finished=datetime.now(UTC).isoformat(timespec="seconds"),
     )
+
+
+def _files(bound: BoundCampaign) -> dict[str, str]:
+    """SHA-256 of every file read, by its path as seen from the campaign's folder."""
+    folder = bound.path.parent
+    return {
+        Path(os.path.relpath(path, folder)).as_posix(): _sha256(path)
+        for path in (bound.path, *bound.files)
+    }
 
 
 def _sha256(path: Path) -> str:

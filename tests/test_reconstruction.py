@@ -22,7 +22,7 @@ from fitting.continuation import ContinuationStep
 from fitting.driving import FmuResponse, plan_campaign
 from fitting.errors import BadInput
 from fitting.fmu import FmuWorkers, read_description
-from fitting.job import Identity, Options, job_of, options_of
+from fitting.job import Identity, Options, job_of, options_of, provenance_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.reconstruction import Hooks, Progress, reconstruct
 from fitting.result import Result, Scalar, read_result, write_result
@@ -199,6 +199,28 @@ def test_a_job_is_told_from_others(noisy_campaign: BoundCampaign) -> None:
     assert one != job_of(noisy_campaign, Identity(sha256="b"), options)
     other = Options(replace(options.schedule, seed=2), options.solve)
     assert one != job_of(noisy_campaign, Identity(sha256="a"), other)
+
+
+def test_files_of_one_name_in_several_folders_are_told_apart(
+    noisy_campaign: BoundCampaign, tmp_path: Path
+) -> None:
+    folder = tmp_path / "campaign"
+    paths = [folder / "campaign.toml", *(folder / f"pair{m}" / "trace.csv" for m in range(5))]
+    paths.append(tmp_path / "shared" / "trace.csv")
+    for k, path in enumerate(paths):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"content {k}\n")
+    bound = replace(noisy_campaign, path=paths[0], files=tuple(paths))
+    options = options_of(bound)
+    names = ["campaign.toml", *(f"pair{m}/trace.csv" for m in range(5)), "../shared/trace.csv"]
+    assert list(provenance_of(bound, Identity(), options).files) == names
+    before = job_of(bound, Identity(), options)
+    for path in paths:
+        kept = path.read_text()
+        path.write_text("changed\n")
+        assert job_of(bound, Identity(), options) != before
+        path.write_text(kept)
+    assert job_of(bound, Identity(), options) == before
 
 
 # --- through the FMU ------------------------------------------------------------------------------
