@@ -1,6 +1,7 @@
 """``fmu-fit``: finds the command, runs it, turns its ending into an exit code.
 
-0 done; 1 ended without convergence (results are written and say so); 2 bad input; 3 the FMU failed.
+0 done; 1 ended without convergence (results are written and say so); 2 bad input; 3 the FMU failed;
+130 another command than reconstruct was interrupted.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         sub = commands.add_parser(
             command.NAME,
             help=command.SUMMARY,
-            description=command.__doc__,
+            description=(command.__doc__ or "").replace("``", "'"),
             epilog=f"example: {command.EXAMPLE}",
         )
         command.add_arguments(sub)

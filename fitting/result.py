@@ -216,8 +216,10 @@ class Cost:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the result comes from; `plan` in sentences, `files` path, as seen from the campaign's
-    folder, -> sha256."""
+    """Where the result comes from; `plan` in sentences.
+
+    `files`: path as seen from the campaign's folder -> sha256.
+    """
 
     fmu_name: str
     fmu_file: str

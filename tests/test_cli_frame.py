@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +26,15 @@ def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixtur
     example = importlib.import_module(f"fitting.commands.{name}").EXAMPLE
     assert f"example: {example}" in text
     assert example.startswith(f"fmu-fit {name} ")
+    assert "`" not in text
+    for action in positionals(name):
+        assert action.help, f"{name} {action.metavar} has no description"
+
+
+def positionals(name: str) -> list[argparse.Action]:
+    parser = argparse.ArgumentParser()
+    importlib.import_module(f"fitting.commands.{name}").add_arguments(parser)
+    return [action for action in parser._actions if not action.option_strings]
 
 
 def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -33,6 +44,10 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
     first_words = {line.split()[0] for line in text.splitlines() if line.strip()}
     assert first_words >= set(COMMANDS)
     assert "3 the FMU failed" in " ".join(text.split())
+    codes = re.findall(r"^\| (\d+) \| ", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+    assert codes == ["0", "1", "2", "3", "130"]
+    for code in codes:
+        assert re.search(rf"\b{code} [a-z]", text), f"exit code {code} is not told"
 
 
 @pytest.mark.parametrize(
@@ -43,6 +58,15 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
         (["simulate"], "FMU"),
         (["check", "absent.fmu"], "absent.fmu: No such file"),
         (["check", "absent.fmu", "--step", "long"], "--step"),
+        (["check", "absent.fmu", "--timeout", "-1"], "--timeout: found '-1', wanted a positive"),
+        (["reconstruct", "c.toml", "--workers", "0"], "--workers: found '0', wanted a whole"),
+        (["reconstruct", "c.toml", "--workers", "-2"], "--workers: found '-2', wanted a whole"),
+        (["reconstruct", "c.toml", "--starts", "-3"], "--starts: found '-3', wanted a whole"),
+        (["reconstruct", "c.toml", "--starts", "0"], "--starts: found '0'"),
+        (["reconstruct", "c.toml", "--seed", "-3"], "--seed: found '-3', wanted a whole number"),
+        (["reconstruct", "c.toml", "--seed", "1.5"], "--seed: found '1.5'"),
+        (["synthesize", "--series", "q1", "--out", "o", "--seed", "-3"], "--seed: found '-3'"),
+        (["simulate", "absent.fmu", "--out", "o", "--timeout", "nan"], "--timeout: found 'nan'"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

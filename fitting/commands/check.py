@@ -11,6 +11,7 @@ from pathlib import Path
 from fitting.errors import BadInput, FmuFailure, StartValue
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, Run, validation_problems
 from fitting.labdata import bind, read_campaign
+from fitting.options import positive_number
 from fitting.progress import status_line
 
 NAME = "check"
@@ -22,10 +23,12 @@ VARIED = 1e-3  # of a value, to see whether a reset instance still gives what a 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("fmu", type=Path, metavar="FMU")
+    parser.add_argument("fmu", type=Path, metavar="FMU", help="the file (FMI 2.0 or 3.0)")
     parser.add_argument("--campaign", type=Path, metavar="CAMPAIGN.toml", help="also: does it suit")
-    parser.add_argument("--step", type=float, default=1e-3, help="length of the trial step, s")
-    parser.add_argument("--timeout", type=float, default=60.0, help="longest run, s (60)")
+    parser.add_argument(
+        "--step", type=positive_number, default=1e-3, help="length of the trial step, s (0.001)"
+    )
+    parser.add_argument("--timeout", type=positive_number, default=60.0, help="longest run, s (60)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,6 +17,7 @@ from fitting.fmu import FmuWorkers
 from fitting.fmu_job import identify_fmu, provide_fmu, reconstruct_through
 from fitting.job import Options, job_of, options_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
+from fitting.options import whole_number
 from fitting.reconstruction import Hooks, Progress
 from fitting.result import IDENTIFIABLE, Result, write_result
 from fitting.sweep_line import line_sentences
@@ -28,13 +29,17 @@ EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("campaign", type=Path, metavar="CAMPAIGN.toml")
+    parser.add_argument(
+        "campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file, as the README tells"
+    )
     parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
-    parser.add_argument("--workers", type=int, help="worker processes (one per processor, up to 8)")
+    parser.add_argument(
+        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+    )
     parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
-    parser.add_argument("--seed", type=int, help="seed of the starts (the campaign's)")
-    parser.add_argument("--starts", type=int, help="number of starts (the campaign's)")
+    parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
+    parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
@@ -85,7 +90,7 @@ def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
     if args.seed is not None:
         schedule = replace(schedule, seed=args.seed)
     if args.starts is not None:
-        schedule = replace(schedule, starts=max(1, args.starts))
+        schedule = replace(schedule, starts=args.starts)
     solve = options.solve if args.misfit is None else replace(options.solve, misfit=args.misfit)
     return replace(options, schedule=schedule, solve=solve)
 

@@ -15,6 +15,7 @@ from fitting.drive import Drive, DriveResult, simulate_drive
 from fitting.errors import BadInput, StartValue
 from fitting.files import write_whole
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.options import positive_number, whole_number
 from fitting.progress import status_line
 from fitting.units import convert, parse_quantity, same_kind
 
@@ -27,7 +28,7 @@ DEFAULT_TONES = ("u1", "u2")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("fmu", type=Path, metavar="FMU")
+    parser.add_argument("fmu", type=Path, metavar="FMU", help="the file (FMI 2.0 or 3.0)")
     parser.add_argument("--out", type=Path, required=True, help="folder for CSV files and figures")
     parser.add_argument(
         "--set",
@@ -44,14 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--input", help="FMU input to drive, where no parameters hold the tones")
     parser.add_argument("--drive", help='drive frequencies for --input, as "280 Hz, 281 Hz"')
-    parser.add_argument("--level", type=float, default=1.0, help="amplitude of each tone (1)")
     parser.add_argument(
-        "--steps-per-period", type=int, default=100, help="held steps in a period (100)"
+        "--level", type=positive_number, default=1.0, help="amplitude of each tone (1)"
+    )
+    parser.add_argument(
+        "--steps-per-period", type=whole_number(4), default=100, help="held steps in a period (100)"
     )
     parser.add_argument("--settle", metavar="TIME", help="time before sampling (found by trying)")
     parser.add_argument("--window", metavar="TIME", help="time sampled (some common periods)")
     parser.add_argument("--samples", type=int, help="samples in the window (by the band)")
-    parser.add_argument("--timeout", type=float, default=60.0, help="longest run, s (60)")
+    parser.add_argument("--timeout", type=positive_number, default=60.0, help="longest run, s (60)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 from fitting.errors import BadInput
 from fitting.files import write_all
 from fitting.laboratory import SERIES_THETA, Bench, measure, string_bench
+from fitting.options import whole_number
 from fitting.synthesis import CAMPAIGN_NAME, TRUTH_NAME, campaign_files, read_bench
 
 NAME = "synthesize"
@@ -47,7 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAMPAIGN.toml",
         help=f"a synthetic campaign; its {TRUTH_NAME} beside it is the truth again",
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed of all noise (default 1)")
+    parser.add_argument(
+        "--seed", type=whole_number(0), default=1, help="seed of all noise (default 1)"
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in {**BENCH_OPTIONS, **MODE_OPTIONS}.items():
         parser.add_argument(f"--{option}", type=float, metavar="X", help=text)
