@@ -20,8 +20,7 @@ class Parameter:
 
     ``lower <= start <= upper``; ``reference`` is where the Tikhonov term pulls to; ``scale`` is the
     change that counts as one in the search vector; ``period`` makes values that differ by it
-    the same system, reported in ``[0, period)``; ``scope`` is "campaign": one value for all
-    experiments.
+    the same system, reported in ``[0, period)``. One value holds for the whole campaign.
 
     Raises:
         BadInput: bounds reversed, start outside, a number not finite, scale or period not positive.
@@ -35,7 +34,6 @@ class Parameter:
     reference: float
     scale: float
     period: float | None = None
-    scope: str = "campaign"
 
     def __post_init__(self) -> None:
         who = f"parameter '{self.name}'"
