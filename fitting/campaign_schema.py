@@ -244,6 +244,12 @@ def _trace_format(section: Section, *, ready: bool = False) -> TraceFormat:
         )
     amplitude = declared_amplitude(section.text("amplitude"), impedance, section.where("amplitude"))
     layout = "csv" if ready else section.choice("layout", tuple(LAYOUTS), "csv")
+    for key, only in (("trace", "rohde-schwarz"), ("chunk", "zurich")):
+        if key in section and layout != only:
+            found = "ready peaks" if ready else f'layout = "{layout}"'
+            raise BadInput(
+                f'{section.where(key)}: has no meaning with {found}, only with layout = "{only}"'
+            )
     return TraceFormat(layout, amplitude, selection)
 
 

@@ -299,6 +299,24 @@ READING = [
     ),
     (TOML, '"V peak"', '"dBm"', '"dBm" is a power: wanted impedance = "50 ohm"'),
     (TOML, 'layout = "csv"', 'layout = "xls"', "[experiments] layout: found 'xls', wanted one of"),
+    (
+        TOML,
+        'layout = "csv"',
+        'layout = "csv"\ntrace = 2',
+        '[experiments] trace: has no meaning with layout = "csv", only with layout = "rohde-',
+    ),
+    (
+        TOML,
+        'layout = "csv"\namplitude = "V peak"\nset',
+        'layout = "csv"\nchunk = 1\namplitude = "V peak"\nset',
+        '[sweep] chunk: has no meaning with layout = "csv", only with layout = "zurich"',
+    ),
+    (
+        TOML,
+        'layout = "csv"',
+        'layout = "zurich"\ntrace = 2',
+        '[experiments] trace: has no meaning with layout = "zurich"',
+    ),
     (TOML, '"robust"', '"median"', "noise_floor: found 'median', wanted one of"),
     (TOML, "before =", "befor =", "[drift.eta_plus]: unknown key 'befor'; did you mean 'before'?"),
     (TOML, 'use = "scale"', 'use = "both"', "[sweep] use: found 'both'"),
@@ -424,6 +442,10 @@ def test_campaigns_that_do_not_suit_the_fmu_are_refused(
         (
             ("campaign.toml", '"V rms"', '"dBm"\nimpedance = "50 ohm"'),
             "deviation in dBm is a ratio",
+        ),
+        (
+            ("campaign.toml", '"V rms"', '"V rms"\ntrace = 2'),
+            "[experiments] trace: has no meaning with ready peaks",
         ),
         (
             ("experiments.csv", ";solver;", ";sloth;"),
