@@ -20,6 +20,7 @@ from fitting.campaign_schema import (
 from fitting.campaign_section import Written
 from fitting.errors import BadInput
 from fitting.instruments import RawTrace, read_trace, unit_of
+from fitting.notation import hertz
 from fitting.peaks import MIN_SWEEP_POINTS, NoiseFloor, read_peaks
 from fitting.tables import Column, Table, did_you_mean, parse_number, read_table
 from fitting.units import convert
@@ -195,10 +196,9 @@ def _tones(table: Table, names: tuple[str, ...]) -> FloatArray:
     tones = np.column_stack(columns)
     for row, line in zip(tones, table.lines, strict=True):
         if np.any(row <= 0.0) or np.unique(row).size < row.size:
-            shown = ", ".join(f"{f / 1e6:.8g}" for f in row)
             raise BadInput(
-                f"{table.path}: row {line}: drive frequencies {shown} MHz; "
-                "wanted positive ones that differ"
+                f"{table.path}: row {line}: drive frequencies "
+                f"{hertz(*row, digits=8, joined=', ')}; wanted positive ones that differ"
             )
     return tones
 

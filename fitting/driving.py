@@ -17,6 +17,7 @@ import numpy.typing as npt
 from fitting.errors import BadInput
 from fitting.fmu import InputSignal, Run
 from fitting.labdata import BoundCampaign
+from fitting.notation import hertz
 from fitting.plan import Window, plan_window, settling_s, tone_amplitudes, tone_misfit
 from fitting.response import Evaluation
 from fitting.scaling import (
@@ -82,7 +83,7 @@ def plan_campaign(bound: BoundCampaign) -> Plan:
         nodes = tuple(map(float, nodes_around(centre, spacing)))
         sentences.append(
             f"Scale: the simulated maximum is interpolated through {FINE_POINTS} points "
-            f"{spacing:.4g} Hz apart around {centre / 1e6:.9g} MHz (1/A^2 as a polynomial of "
+            f"{spacing:.4g} Hz apart around {hertz(centre)} (1/A^2 as a polynomial of "
             f"degree four); more are added where its bias exceeds {bound.accuracy:.1g}."
         )
     return Plan(windows, settle, nodes, tuple(sentences))

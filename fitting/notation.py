@@ -107,6 +107,12 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
     return _PREFIXES[-1][0], _PREFIXES[-1][1] + unit
 
 
+def hertz(*values_hz: float, digits: int = 9, joined: str = " and ") -> str:
+    """Frequencies in Hz, kHz, MHz or GHz, as the largest asks: "6.94016 and 6.94036 MHz"."""
+    factor, unit = prefixed(max([1.0, *map(abs, values_hz)]), "Hz")
+    return f"{joined.join(f'{value / factor:.{digits}g}' for value in values_hz)} {unit}"
+
+
 @dataclass(frozen=True)
 class Scaling:
     """How values are drawn: (value - offset)/factor, in `unit`; `origin` is the offset in words."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fitting.errors import BadInput
 from fitting.leastsq import LeastSquaresFit, minimise_squares
+from fitting.notation import hertz
 
 FloatArray = NDArray[np.float64]
 
@@ -143,8 +144,8 @@ def read_peaks(
     for tone, height in zip(tones_hz, raw, strict=True):
         if not height > DETECTION_SIGMA * floor.sigma_v:
             raise BadInput(
-                f"{source}: no peak at the tone {tone / 1e6:.8g} MHz: {height:.3g} read on a noise "
-                f"floor of {floor.level_v:.3g}; wanted at least "
+                f"{source}: no peak at the tone {hertz(tone, digits=8)}: {height:.3g} read on "
+                f"a noise floor of {floor.level_v:.3g}; wanted at least "
                 f"{DETECTION_SIGMA * floor.sigma_v:.3g} (wrong file, or wrong drive frequency?)"
             )
     if kind == "mean":
@@ -161,8 +162,8 @@ def _check_inside(frequency_hz: FloatArray, tone_hz: float, source: str) -> None
     slack = 0.5 * (last - first) / max(1, frequency_hz.size - 1)
     if not first - slack <= tone_hz <= last + slack:
         raise BadInput(
-            f"{source}: does not contain the tone {tone_hz / 1e6:.8g} MHz; its points run from "
-            f"{first / 1e6:.8g} to {last / 1e6:.8g} MHz"
+            f"{source}: does not contain the tone {hertz(tone_hz, digits=8)}; its points run "
+            f"from {hertz(first, last, digits=8, joined=' to ')}"
         )
 
 

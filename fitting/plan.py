@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.errors import BadInput
+from fitting.notation import hertz
 from fitting.spectrum import common_period, exact
 
 FloatArray = npt.NDArray[np.float64]
@@ -128,10 +129,9 @@ def plan_window(
     if samples is None:
         return _incoherent(tones, settle_s, least + 4, samples_per_period)
     period = float(common)
-    shown = " and ".join(f"{tone / 1e6:.9g} MHz" for tone in tones)
     reason = (
-        f"{shown}: {period:.6g} s hold whole periods; {samples} samples keep the tones apart "
-        "and off 0 and half the rate, so that a fit of the tones is the Fourier bin"
+        f"{hertz(*tones)}: {period:.6g} s hold whole periods; {samples} samples keep the tones "
+        "apart and off 0 and half the rate, so that a fit of the tones is the Fourier bin"
     )
     held = 0
     if samples_per_period:

@@ -89,6 +89,25 @@ def test_crest_between_points_is_exact_for_a_gaussian_filter(
 
 
 @pytest.mark.parametrize(
+    ("scale", "outside", "silent"),
+    [
+        (1.0, "the tone 60 Hz; its points run from 30 to 50 Hz", "no peak at the tone 45 Hz"),
+        (1e3, "the tone 60 kHz; its points run from 30 to 50 kHz", "no peak at the tone 45 kHz"),
+        (1e9, "the tone 60 GHz; its points run from 30 to 50 GHz", "no peak at the tone 45 GHz"),
+    ],
+)
+def test_frequencies_are_told_in_the_unit_that_suits_them(
+    scale: float, outside: str, silent: str
+) -> None:
+    grid = scale * np.linspace(30.0, 50.0, 201)
+    flat = np.ones(201)
+    with pytest.raises(BadInput, match=outside):
+        read_peaks(grid, flat, (60.0 * scale,))
+    with pytest.raises(BadInput, match=silent):
+        read_peaks(grid, flat, (45.0 * scale,))
+
+
+@pytest.mark.parametrize(
     ("tones", "size", "words"),
     [
         ((6.95e6,), 501, "does not contain the tone 6.95 MHz; its points run from 6.93975"),

@@ -41,6 +41,22 @@ def test_the_papers_pairs_come_back_from_a_few_samples(pair_mhz: tuple[float, fl
     assert tone_misfit(window, values) < 1e-8
 
 
+@pytest.mark.parametrize(
+    ("tones", "words"),
+    [
+        ((0.5,), "0.5 Hz: "),
+        ((318.0, 326.0), "318 and 326 Hz: "),
+        ((30282.5,), "30.2825 kHz: "),
+        ((999e3, 1.001e6), "0.999 and 1.001 MHz: "),
+        ((6940160.0, 6940360.0), "6.94016 and 6.94036 MHz: "),
+    ],
+)
+def test_the_reason_names_tones_in_the_unit_that_suits_them(
+    tones: tuple[float, ...], words: str
+) -> None:
+    assert plan_window(tones, 0.0).reason.startswith(words)
+
+
 @given(
     tones=st.lists(st.integers(1, 5_000_000), min_size=1, max_size=3, unique=True),
     grain=st.sampled_from([1, 10, 1000]),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from fitting.drive import Drive, DriveResult, simulate_drive
 from fitting.errors import BadInput, StartValue
 from fitting.files import write_whole
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.notation import hertz
 from fitting.options import positive_number, whole_number
 from fitting.progress import status_line
 from fitting.units import convert, parse_quantity, same_kind
@@ -205,15 +205,7 @@ def _summary(result: DriveResult, description: FmuDescription) -> list[str]:
     for name, peaks in zip(result.drive.outputs, result.peaks.T, strict=True):
         unit = description.variables[name].unit or ""
         lines += [
-            f"{name}: {peak:.9g} {unit} peak at {tone / 10 ** _power(tone):.10g} {_prefix(tone)}Hz"
+            f"{name}: {peak:.9g} {unit} peak at {hertz(tone, digits=10)}"
             for tone, peak in zip(result.drive.tones_hz, peaks, strict=True)
         ]
     return lines
-
-
-def _power(tone: float) -> int:
-    return min(9, max(0, int(math.log10(tone)) // 3 * 3))
-
-
-def _prefix(tone: float) -> str:
-    return {0: "", 3: "k", 6: "M", 9: "G"}[_power(tone)]
