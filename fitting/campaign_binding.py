@@ -6,52 +6,20 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum
+from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
 from fitting.campaign_schema import ContinuationSettings, ParameterChoice
 from fitting.campaign_section import Scalar, Written, in_unit
 from fitting.errors import BadInput
 from fitting.parameters import Parameter
 from fitting.tables import did_you_mean
-from fitting.units import convert
+from fitting.units import base_unit, convert
+from fitting.variables import READABLE, SETTABLE, VariableLike
 
 FloatArray = NDArray[np.float64]
-
-#: Causalities whose value an importer may set, for any FMI version.
-SETTABLE = ("parameter", "structuralParameter", "input", "local")
-READABLE = ("output", "local", "calculatedParameter")
-
-
-class VariableLike(Protocol):
-    """What binding needs to know about an FMU variable."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    @property
-    def kind(self) -> str:
-        """Real, Integer, Boolean or String; Real stands for the floats of FMI 3.0 too."""
-
-    @property
-    def unit(self) -> str | None:
-        """Its unit, None if the FMU declares none."""
-
-    @property
-    def causality(self) -> str:
-        """Its causality, in the words of FMI."""
-
-    @property
-    def min(self) -> float | None:
-        """Least allowed value."""
-
-    @property
-    def max(self) -> float | None:
-        """Largest allowed value."""
 
 
 @dataclass(frozen=True)
@@ -189,12 +157,7 @@ class _Binder:
         where = written.where
         has_unit = isinstance(written.value, str) or written.unit is not None
         if has_unit and variable.unit is None:
-            note = (
-                f"The FMU declares no unit for '{variable.name}': values written with a unit "
-                "were taken in SI base units."
-            )
-            if note not in self.notes:
-                self.notes.append(note)
+            self.note_missing_unit(variable)
         value = in_unit(written, variable.unit)
         low, high = variable.min, variable.max
         if (low is not None and value < low) or (high is not None and value > high):
@@ -203,6 +166,15 @@ class _Binder:
                 f"[{low}, {high}] that the FMU declares for '{variable.name}'"
             )
         return value
+
+    def note_missing_unit(self, variable: VariableLike) -> None:
+        """Note, once, what is done where the FMU declares no unit."""
+        note = (
+            f"The FMU declares no unit for '{variable.name}': values written with a unit "
+            "were taken in SI base units."
+        )
+        if note not in self.notes:
+            self.notes.append(note)
 
     def setting(self, name: str, written: Written) -> Scalar:
         """Check that a variable may be set, and convert the value."""
@@ -226,6 +198,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     file, binder = campaign.file, _Binder(variables)
     top = str(campaign.path)
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
+    campaign = _in_unit_of_output(campaign, output, binder)
     drive = _bind_drive(campaign, binder)
     drifting = {name: _drift_ends(binder, name, ends) for name, ends in file.drift.items()}
     for name in file.derived:
@@ -247,7 +220,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         alternatives=_bind_alternatives(campaign, binder),
         continuation=file.continuation,
         accuracy=file.amplitude_accuracy,
-        amplitude_unit=_amplitude_unit(campaign),
+        amplitude_unit=campaign.amplitude_unit,
         drifting=drifting,
         notes=tuple(binder.notes),
         files=campaign.files,
@@ -256,11 +229,28 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     return bound
 
 
-def _amplitude_unit(campaign: Campaign) -> str:
-    if campaign.sweep is not None:
-        return campaign.sweep.unit
-    experiments = campaign.file.experiments
-    return experiments.format.amplitude.unit if experiments is not None else "V"
+def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: _Binder) -> Campaign:
+    """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
+    if campaign.is_scaled:
+        return campaign
+    found, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
+    try:
+        where = f"{campaign.path}: [{section}] amplitude"
+        factor = convert(1.0, found, output.unit, where=where)
+    except BadInput as error:
+        raise BadInput(
+            f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
+        ) from error
+    if output.unit is None:
+        binder.note_missing_unit(output)
+    if factor == 1.0:
+        return campaign
+    unit = output.unit or base_unit(found)
+    binder.notes.append(
+        f"There is no scale: amplitudes were converted from {found} to {unit}, the unit of "
+        f"'{output.name}'."
+    )
+    return in_other_unit(campaign, factor, unit)
 
 
 def _bind_drive(campaign: Campaign, binder: _Binder) -> Drive:

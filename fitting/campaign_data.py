@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,18 +75,54 @@ class MeasuredSweep:
 class Campaign:
     """The campaign with its data; what depends on the FMU's variables is still as written.
 
-    ``files`` are all files read, the campaign file first.
+    ``files`` are all files read, the campaign file first; ``unit`` is that of the amplitudes, empty
+    for the declared one.
     """
 
     file: CampaignFile
     experiments: tuple[MeasuredExperiment, ...]
     sweep: MeasuredSweep | None
     files: tuple[Path, ...]
+    unit: str = ""
 
     @property
     def path(self) -> Path:
         """The campaign file."""
         return self.file.path
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether a sweep sets the scale between measured and simulated amplitudes."""
+        return self.file.sweep is not None and self.file.sweep.scale != "none"
+
+    @property
+    def amplitude_unit(self) -> str:
+        """Unit of all amplitudes."""
+        return self.unit or _declared_unit(self.file)
+
+
+def _declared_unit(file: CampaignFile) -> str:
+    declared = file.sweep or file.experiments
+    return declared.format.amplitude.unit if declared is not None else "V"
+
+
+def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
+    """The campaign with every amplitude multiplied by ``factor``: they are in ``unit`` then."""
+    experiments = tuple(
+        replace(
+            e,
+            peaks_v=factor * e.peaks_v,
+            sigmas_v=factor * e.sigmas_v,
+            floor_v=factor * e.floor_v,
+            spectrum=e.spectrum
+            and replace(e.spectrum, amplitude_v=factor * e.spectrum.amplitude_v, unit=unit),
+        )
+        for e in campaign.experiments
+    )
+    sweep = campaign.sweep
+    if sweep is not None:
+        sweep = replace(sweep, amplitude_v=factor * sweep.amplitude_v, unit=unit)
+    return replace(campaign, experiments=experiments, sweep=sweep, unit=unit)
 
 
 def read_campaign(path: str | Path) -> Campaign:

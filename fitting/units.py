@@ -91,6 +91,12 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
         raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
 
 
+def base_unit(unit: str) -> str:
+    """SI base units of a unit that exists, as text: "mN" -> "kg·m/s²"."""
+    found = _unit(unit)
+    return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
+
+
 def same_kind(unit: str, other: str) -> bool:
     """Whether values in ``unit`` convert to ``other``."""
     try:

@@ -210,8 +210,10 @@ def test_a_generated_input_of_a_foreign_fmu(tmp_path: Path, texts: dict[str, str
     assert campaign.experiments[0].settings == {}
     assert campaign.sweep is None
     assert campaign.parameters[0].reference == 1.5
-    assert campaign.notes == (
-        "The FMU declares no unit for 'k': values written with a unit were taken in SI base units.",
+    assert campaign.notes == tuple(
+        f"The FMU declares no unit for '{name}': values written with a unit were taken in SI base "
+        "units."
+        for name in ("x", "k")
     )
     assert (
         read_campaign(tmp_path / "campaign.toml").file.fmu.file == tmp_path / "x/CoupledOscillator"
@@ -495,6 +497,67 @@ def test_sweep_and_peaks_must_share_a_unit(tmp_path: Path, texts: dict[str, str]
         BadInput, match=r"\[sweep\] amplitude is declared in m, \[experiments\] in V"
     ):
         read_campaign(path)
+
+
+def metres(unit: str | None) -> dict[str, Variable]:
+    """The oscillator's variables with the observed output in that unit."""
+    return oscillator() | {"q1_hybrid": Variable("q1_hybrid", unit=unit, causality="output")}
+
+
+def in_nanometres(texts: dict[str, str], *, scale: str) -> dict[str, str]:
+    """The campaign of a detector calibrated in nm, its files in um."""
+    changed = {name: text.replace("(uV)", "(um)") for name, text in texts.items()}
+    toml = changed["campaign.toml"].replace('"V peak"', '"nm peak"')
+    if scale == "no sweep":
+        toml = toml[: toml.index("[sweep]")] + toml[toml.index("# Start and reference") :]
+    else:
+        toml = toml.replace('scale = "maximum"', f'scale = "{scale}"')
+    return changed | {"campaign.toml": toml}
+
+
+@pytest.mark.parametrize("scale", ["none", "no sweep", "maximum"])
+def test_without_a_scale_amplitudes_are_in_the_unit_of_the_output(
+    tmp_path: Path, texts: dict[str, str], scale: str
+) -> None:
+    volts = bound(lay(tmp_path, texts))
+    campaign = bound(lay(tmp_path, in_nanometres(texts, scale=scale)), metres("m"))
+    unit, per_volt = ("nm", 1e9) if scale == "maximum" else ("m", 1.0)
+    assert campaign.amplitude_unit == unit
+    for found, there in zip(campaign.experiments, volts.experiments, strict=True):
+        assert found.peaks_v == pytest.approx(per_volt * there.peaks_v, rel=1e-12)
+        assert found.sigmas_v == pytest.approx(per_volt * there.sigmas_v, rel=1e-12)
+        assert found.floor_v == pytest.approx(per_volt * there.floor_v, rel=1e-12)
+        assert found.spectrum is not None
+        assert there.spectrum is not None
+        assert found.spectrum.unit == unit
+        assert found.spectrum.amplitude_v == pytest.approx(per_volt * there.spectrum.amplitude_v)
+    assert (campaign.sweep is None) == (scale == "no sweep")
+    if campaign.sweep is not None and volts.sweep is not None:
+        assert campaign.sweep.unit == unit
+        assert campaign.sweep.amplitude_v == pytest.approx(per_volt * volts.sweep.amplitude_v)
+    said = "There is no scale: amplitudes were converted from nm to m, the unit of 'q1_hybrid'."
+    assert campaign.notes == (() if scale == "maximum" else (said,))
+
+
+@pytest.mark.parametrize(("scale", "section"), [("none", "sweep"), ("no sweep", "experiments")])
+def test_without_a_scale_the_units_must_be_of_one_kind(
+    tmp_path: Path, texts: dict[str, str], scale: str, section: str
+) -> None:
+    campaign = read_campaign(lay(tmp_path, in_nanometres(texts, scale=scale)))
+    with pytest.raises(BadInput) as caught:
+        bind(campaign, metres("V"))
+    words = f"[{section}] amplitude: found unit 'nm', wanted 'V' or one convertible to it"
+    assert words in str(caught.value)
+    assert "'q1_hybrid'" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_scale_and_unit_amplitudes_are_taken_in_si(
+    tmp_path: Path, texts: dict[str, str]
+) -> None:
+    campaign = bound(lay(tmp_path, in_nanometres(texts, scale="none")), metres(None))
+    assert campaign.amplitude_unit == "m"
+    assert any("declares no unit for 'q1_hybrid'" in note for note in campaign.notes)
 
 
 def test_an_fmu_in_other_units_gets_them(tmp_path: Path, texts: dict[str, str]) -> None:
