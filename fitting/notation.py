@@ -177,6 +177,8 @@ def number(value: float, digits: int = 6) -> str:
     """
     if math.isnan(value):
         return "–"
+    if value == 0.0:
+        return "0"  # without the sign that a zero may carry
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
     text = f"{value:.{digits}g}"

@@ -31,6 +31,7 @@ from fitting.plots_style import (
     marker_of,
     new_figure,
     plain_ticks,
+    short,
 )
 from fitting.result import Peak, Result, SweepCurves
 
@@ -39,6 +40,7 @@ FloatArray = npt.NDArray[np.float64]
 #: Drives drawn one below the other, and spectra side by side; a figure is to stay readable.
 MOST_DRIVES, MOST_SPECTRA, SPECTRA_PER_ROW = 8, 20, 5
 #: Beats of the slowest drive that are shown, and carrier periods in the close-up.
+LONGEST_LABEL = 10
 BEATS, CARRIERS = 2.0, 8.0
 ENVELOPE_POINTS = 1500
 
@@ -50,7 +52,7 @@ def draw_drive(result: Result, bound: BoundCampaign) -> Drawing:
     """
     shown = bound.experiments[:MOST_DRIVES]
     title = "Drive over time"
-    height = 1.6 + 0.72 * len(shown)
+    height = 1.6 + max(2.2, 0.72 * len(shown))
     figure = new_figure(title, bound.title, synthetic=bound.synthetic, height=height)
     span, carrier = _drive_span_s(shown), CARRIERS / max(shown[0].tones_hz)
     grid = figure.add_gridspec(len(shown), 2, width_ratios=(2.1, 1.0))
@@ -62,8 +64,8 @@ def draw_drive(result: Result, bound: BoundCampaign) -> Drawing:
         first = first or axes
         envelope = _envelope(experiment, bound, time)
         axes.fill_between(time / factor, -envelope, envelope, color=SIMULATED, linewidth=0.0)
-        axes.set_title(f"{experiment.label}: {_beat_words(experiment)}".replace("$", r"\$"),
-                       loc="left", fontsize=8, pad=3)  # fmt: skip
+        label = short(experiment.label, LONGEST_LABEL)
+        axes.set_title(f"{label}: {_beat_words(experiment)}", loc="left", fontsize=8, pad=3)
         axes.set_xlim(0.0, span / factor)
         axes.tick_params(labelbottom=i == len(shown) - 1)
     if first is not None:
@@ -114,7 +116,8 @@ def _close_up(axes: Axes, experiment: Experiment, bound: BoundCampaign, span_s: 
     envelope = _envelope(experiment, bound, time)
     axes.plot(time / factor, envelope, color=BLACK, linewidth=0.9, linestyle="--")
     axes.plot(time / factor, -envelope, color=BLACK, linewidth=0.9, linestyle="--")
-    axes.set_title(f"close-up of {experiment.label}".replace("$", r"\$"), loc="left", fontsize=8)
+    label = short(experiment.label, LONGEST_LABEL)
+    axes.set_title(f"close-up of {label}", loc="left", fontsize=8)
     axes.set_xlabel(f"time t ({unit})")
     axes.set_xlim(0.0, span_s / factor)
 
@@ -232,7 +235,7 @@ def _spectrum_panel(
         markerfacecolor="white", markeredgecolor=SIMULATED, zorder=6,
     )  # fmt: skip
     gaps = [(s - p.measured_v) / p.measured_v for s, p in zip(raw, peaks, strict=True)]
-    label = experiment.label.replace("$", r"\$")
+    label = short(experiment.label, 22)
     axes.set_title(f"{label}\n{', '.join(percent(g) for g in gaps)}", fontsize=8)
     plain_ticks(axes, x=4)
 

@@ -158,10 +158,12 @@ def draw_per_experiment(result: Result, bound: BoundCampaign) -> Drawing:
             (after, ASIDE, _after(marker)),
         ):
             sigma = _relative_sigma(peak)
-            upper.errorbar(  # an absolute value has nothing below zero
+            bar = upper.errorbar(  # an absolute value has nothing below zero
                 at + aside, value, yerr=[[min(sigma, value)], [sigma]], ecolor=look["color"],
                 capsize=2.5, elinewidth=1.0, **look,
             )  # fmt: skip
+            for part in (*bar.lines[1], *bar.lines[2]):
+                part.set_clip_on(True)  # the marker may lie on the axis, the bar not beyond it
     means = _draw_means(upper, result)
     upper.set_ylabel("relative deviation\n|χz − z*| / z*")
     plain_ticks(upper)

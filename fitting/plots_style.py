@@ -7,6 +7,7 @@ markers and dashes say the same. Saving the same figure twice gives the same byt
 from __future__ import annotations
 
 import io
+import math
 import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
@@ -38,6 +39,8 @@ MARKERS = ("o", "^", "p", "D", "s", "v", "h", "P", "X", "*", "<", ">")
 
 SYNTHETIC = "SYNTHETIC DATA"
 PNG_DPI = 160
+#: Names of experiments longer than this are cut in legends and on axes.
+LONGEST_NAME = 24
 WIDTH = 7.2
 
 _STYLE: Any = {  # matplotlib's stubs want every key as a literal
@@ -136,6 +139,16 @@ def save(drawing: Drawing, folder: Path) -> FigureFile:
     return FigureFile(drawing.name, drawing.title, drawing.caption, drawing.alt, svg, png)
 
 
+def short(text: str, longest: int) -> str:
+    """A name cut to so many characters, dollar signs escaped for matplotlib.
+
+    The middle goes: names in a row mostly differ at their ends.
+    """
+    tail = longest // 2
+    cut = text if len(text) <= longest else f"{text[: longest - 1 - tail]}…{text[-tail:]}"
+    return cut.replace("$", r"\$")
+
+
 def marker_of(index: int) -> str:
     """Marker shape of an experiment, the same in all figures."""
     return MARKERS[index % len(MARKERS)]
@@ -166,15 +179,23 @@ def experiment_handles(labels: Sequence[str]) -> list[Line2D]:
             marker=marker_of(i),
             markersize=5.5,
             color=GREY,
-            label=text.replace("$", r"\$"),
+            label=short(text, LONGEST_NAME),
         )
         for i, text in enumerate(labels)
     ]
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist], *, ncols: int) -> None:
-    """A legend of the whole figure, under its panels, where it can hide nothing."""
-    figure.legend(handles=list(handles), loc="outside lower center", ncols=ncols)
+    """A legend of the whole figure, under its panels, where it can hide nothing.
+
+    Long names get fewer columns, many rows a taller figure.
+    """
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    width = figure.get_figwidth()
+    columns = max(1, min(ncols, int(width / (0.55 + 0.068 * longest))))
+    rows = -(-len(handles) // columns)
+    figure.set_figheight(figure.get_figheight() + 0.17 * max(0, rows - 2))
+    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns)
 
 
 def label_experiments(axes: Axes, labels: Sequence[str], *, share: int = 1) -> None:
@@ -182,10 +203,12 @@ def label_experiments(axes: Axes, labels: Sequence[str], *, share: int = 1) -> N
 
     `share` is the number of panels side by side.
     """
-    axes.set_xticks(range(len(labels)), [text.replace("$", r"\$") for text in labels])
+    width = axes.figure.get_figure(root=True).get_size_inches()[0] / share
+    step = math.ceil(0.17 * len(labels) / (width - 0.9))  # turned labels need that many inches
+    shown = range(0, len(labels), max(1, step))
+    axes.set_xticks(shown, [short(labels[i], LONGEST_NAME) for i in shown])
     axes.grid(visible=False, axis="x")
     axes.set_xlim(-0.6, len(labels) - 0.4)
-    width = axes.figure.get_figure(root=True).get_size_inches()[0] / share
     if sum(len(text) + 1 for text in labels) > 15.0 * (width - 0.7):
         axes.tick_params(axis="x", rotation=45)
         for text in axes.get_xticklabels():
