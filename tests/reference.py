@@ -88,6 +88,11 @@ def retuned(p1: Any, p2: Any, change: float, times: Sequence[float]) -> list[tup
         return result
 
 
+def _nonzero(m: mp.matrix) -> list[list[tuple[int, Any]]]:
+    """Return the rows of a matrix as (column, entry) without zeros, for many cheap products."""
+    return [[(j, m[i, j]) for j in range(m.cols) if m[i, j]] for i in range(m.rows)]
+
+
 def displacements(
     p: Any, times: Sequence[float], periodic: bool = False, inputs: Sequence[float] | None = None
 ) -> list[tuple[Any, Any, Any, Any]]:
@@ -99,15 +104,15 @@ def displacements(
     with mp.workdps(DIGITS):
         generator = _system(p)
         y = _start(p, periodic, inputs[0] if inputs else 0.0)
-        propagators: dict[Any, mp.matrix] = {}
+        propagators: dict[Any, list[list[tuple[int, Any]]]] = {}
         now, result = mp.mpf(0), []
         for k, t in enumerate(times):
             span = mp.mpf(t) - now
             if span not in propagators:
-                propagators[span] = mp.expm(generator * span, method="taylor")
+                propagators[span] = _nonzero(mp.expm(generator * span, method="taylor"))
             if inputs:
                 y[8] = mp.mpf(inputs[k])
-            y = propagators[span] * y
+            y = [mp.fsum(m * y[j] for j, m in row) for row in propagators[span]]
             now = mp.mpf(t)
             result.append((+y[0], +y[1], +y[2], +y[3]))
         return result
