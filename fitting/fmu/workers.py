@@ -52,8 +52,9 @@ class FmuWorkers:
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
     reset and reused where a repeated run is the same bit for bit, "never": a new one for each run.
 
-    ``warnings`` collects the different warnings that the FMU logged. After an FmuFailure the object
-    can be used on. Raises BadInput if the FMU cannot be read.
+    ``warnings`` collects the different warnings that the FMU logged, ``latest_warnings`` those of
+    the last call of ``run``. After an FmuFailure the object can be used on. Raises BadInput if the
+    FMU cannot be read.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class FmuWorkers:
         self.description = read_description(path)
         self.counts = Counts()
         self.warnings: tuple[str, ...] = ()
+        self.latest_warnings: tuple[str, ...] = ()
         self._timeout_s = timeout_s
         self._orders = Orders(self.description)
         self._workers: list[Worker | None] = [None] * workers
@@ -106,6 +108,7 @@ class FmuWorkers:
         Raises FmuFailure for the first run found to fail, with the FMU's words and the start values
         of that run; BadInput for names and values that do not fit the FMU.
         """
+        self.latest_warnings = ()
         orders = self._orders.take_all(runs)
         job = _Job(runs, orders, [np.empty(0)] * len(orders), self._shares(len(orders)))
         try:
@@ -189,8 +192,8 @@ class FmuWorkers:
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
         self._verdicts[number] = reply.verdict
         self.counts += reply.counts
-        new = [text for text in reply.warnings if text not in self.warnings]
-        self.warnings = (*self.warnings, *new)[:MOST_WARNINGS]
+        self.warnings = _added(self.warnings, reply.warnings)
+        self.latest_warnings = _added(self.latest_warnings, reply.warnings)
         todo = job.todo[number]
         position = 0
         for i in todo[: reply.done]:
@@ -220,6 +223,10 @@ class FmuWorkers:
 
     def _failure(self, message: str, run: Run) -> FmuFailure:
         return FmuFailure(message, run.start_values, self.description.path)
+
+
+def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:
+    return (*kept, *(text for text in more if text not in kept))[:MOST_WARNINGS]
 
 
 def _unpack(description: FmuDescription) -> Path:
