@@ -88,7 +88,7 @@ def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
         results[parameter.name] = ParameterResult(
             value=float(shown[i]),
             unit=parameter.unit,
-            std=std,
+            std=std if _held(shrinkage) else float("nan"),
             ci95=_interval(parameter, raw, float(shown[i]), std),
             reference=parameter.reference,
             start=parameter.start,
@@ -98,6 +98,11 @@ def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
             identifiable=in_words(shrinkage),
         )
     return results
+
+
+def _held(shrinkage: float) -> bool:
+    """Whether the data say anything: else a linearised error would be one of the box's width."""
+    return in_words(shrinkage) != IDENTIFIABLE[2]
 
 
 def _interval(parameter: Parameter, raw: float, shown: float, std: float) -> tuple[float, float]:
@@ -146,21 +151,32 @@ def _derived(
 ) -> DerivedResult:
     known = bool(np.all(np.isfinite(gradient)) and np.isfinite(means[0]))
     std, shrinkage = solution.errors.of(gradient) if known else (float("nan"), 0.0)
+    std = std if _held(shrinkage) else float("nan")
+    value = float(means[0])
     finite = means[np.isfinite(means)]
     box = (float(np.min(finite)), float(np.max(finite))) if finite.size else (np.nan, np.nan)
     return DerivedResult(
-        value=float(means[0]),
+        value=value,
         unit=unit,
         values=tuple(map(float, values)),
-        mean=float(means[0]),
+        mean=value,
         spread=float(np.std(values, ddof=1)) if values.size > 1 else 0.0,
         std=std,
-        ci95=(float(means[0] - 1.96 * std), float(means[0] + 1.96 * std)),
+        ci95=_within(box, value, std),
         reference=float(means[1]),
         shrinkage=shrinkage,
         identifiable=in_words(shrinkage) if known else IDENTIFIABLE[2],
         box=box,
     )
+
+
+def _within(box: tuple[float, float], value: float, std: float) -> tuple[float, float]:
+    """95 % interval of a derived value, cut to its range over the box; without data, that range."""
+    if np.isnan(value):
+        return float("nan"), float("nan")
+    if np.isnan(std):
+        return box
+    return max(value - 1.96 * std, box[0]), min(value + 1.96 * std, box[1])
 
 
 def deviations(solution: Solution, tones: Sequence[int]) -> Deviations:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,8 @@ from fitting.result import Result
 FloatArray = npt.NDArray[np.float64]
 
 BUILDER = "build_fmu.py"
+#: Kinds of warnings that a note tells of.
+MOST_KINDS = 3
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
@@ -69,7 +71,9 @@ def reconstruct_through(
     options: Options,
     hooks: Hooks | None = None,
 ) -> Result:
-    """Reconstruct a bound campaign with running FMU workers; plan and FMU warnings are added.
+    """Reconstruct a bound campaign with running FMU workers; adds the plan and the FMU's warnings.
+
+    Only what the FMU warns of at the solution is a warning; what it said elsewhere is a note.
 
     Raises:
         FmuFailure: the FMU failed; with its words and the parameters.
@@ -84,28 +88,57 @@ def reconstruct_through(
         hooks,
     )
     response = FmuResponse(bound, workers, plan, result.alternative)
-    sentences = (*plan.sentences, f"Instances: {workers.reuse_note}.")
-    warnings = [*result.warnings, *_condensed(workers.warnings)]
-    misfit = response.misfit(_reported(result, bound))
+    reported = _reported(result, bound)
+    misfit = response.misfit(reported)
+    here = _said_at(reported, response, workers)
+    warnings = [*result.warnings, *(f"The FMU says: {_in_short(alike)}" for alike in here.values())]
     if misfit > max(100.0 * bound.accuracy, 1e-4):
         warnings.append(
             f"Sampled runs differ from mean and tones by {misfit:.1e} of their amplitude: "
             "a transient that has not settled, harmonics, or a coarse solver."
         )
-    provenance = replace(result.provenance, plan=sentences)
+    reuse = workers.reuse_note
+    provenance = replace(
+        result.provenance,
+        plan=(*plan.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
+        notes=_said_elsewhere(workers.warnings, here),
+    )
     return replace(result, warnings=tuple(warnings), provenance=provenance)
 
 
-def _condensed(warnings: Sequence[str]) -> list[str]:
-    """The FMU's warnings, one for all that differ in their numbers only."""
+def _said_at(p: FloatArray, response: FmuResponse, workers: FmuWorkers) -> dict[str, list[str]]:
+    """What the FMU warns of at the parameters p, by kind.
+
+    The runs were all made before, so that none is made of other parameters to try a reset.
+    """
+    response.derived_many([p])
+    response.misfit(p)
+    said = list(workers.latest_warnings)
+    response.derived_many([p])
+    return _by_kind([*said, *(text for text in workers.latest_warnings if text not in said)])
+
+
+def _said_elsewhere(warnings: Sequence[str], here: Mapping[str, list[str]]) -> tuple[str, ...]:
+    """One sentence on what the FMU warned of at starts, steps and samples only."""
+    rest = [alike for kind, alike in _by_kind(warnings).items() if kind not in here]
+    if not rest:
+        return ()
+    more = f"; and {len(rest) - MOST_KINDS} more" if len(rest) > MOST_KINDS else ""
+    told = "; ".join(_in_short(alike) for alike in rest[:MOST_KINDS])
+    return (f"At other parameters than the reported ones the FMU warned: {told}{more}",)
+
+
+def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
+    """Warnings that differ in their numbers only, together."""
     kinds: dict[str, list[str]] = {}
     for said in warnings:
         kinds.setdefault(NUMBER.sub("#", said), []).append(said)
-    return [
-        f"The FMU says: {alike[0]}"
-        + (f" (and {len(alike) - 1} more that differ in numbers only)" if len(alike) > 1 else "")
-        for alike in kinds.values()
-    ]
+    return kinds
+
+
+def _in_short(alike: Sequence[str]) -> str:
+    more = f" (and {len(alike) - 1} more that differ in numbers only)" if len(alike) > 1 else ""
+    return alike[0] + more
 
 
 def _reported(result: Result, bound: BoundCampaign) -> FloatArray:

@@ -28,7 +28,8 @@ class Measured:
 
     `peaks_v`, `sigmas_v` (n_peaks,) in the order experiments x tones; `sweep_v` (n_sweep,);
     `scale` "maximum" (Algorithm 1), "fit" (least squares over the sweep) or "none" (the model
-    answers in the same unit); `fit_sweep` makes every sweep point a residual row, relative to `maximum_v`.
+    answers in their unit); `fit_sweep` makes every sweep point a residual row, relative to
+    `maximum_v`.
 
     Raises:
         ValueError: shapes that differ, a peak that is not positive, a scale without a sweep.

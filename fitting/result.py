@@ -26,9 +26,10 @@ IDENTIFIABLE = ("determined", "partly determined", "not determined")
 class ParameterResult:
     """One fitted parameter.
 
-    `value` is canonical (periodic ones in [0, period)); `std`, `ci95` from the linearised
-    covariance with box and Tikhonov term as prior, `ci95` within the box; `shrinkage` the share of
-    its variance that comes from the data, not from the prior; `identifiable` in words.
+    `value` is canonical (periodic ones in [0, period)); `std` (NaN where "not determined"), `ci95`
+    from the linearised covariance with box and Tikhonov term as prior, `ci95` within the box;
+    `shrinkage` the share of its variance that comes from the data, not from the prior;
+    `identifiable` in words.
     """
 
     value: float
@@ -48,8 +49,9 @@ class DerivedResult:
     """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
 
     `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
-    mean over the box of the parameters: what it could be without any data. Where it is "not
-    determined", that range is the answer and `value` is only where the optimiser stopped.
+    mean over the box of the parameters: what it could be without any data. `ci95` is cut to it.
+    Where it is "not determined", `std` is NaN, `ci95` is the range, that range is the answer and
+    `value` is only where the optimiser stopped.
     """
 
     value: float
@@ -216,9 +218,10 @@ class Cost:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the result comes from; `plan` in sentences.
+    """Where the result comes from; `plan` and `notes` in sentences.
 
-    `files`: path as seen from the campaign's folder -> sha256.
+    `notes` are about the run, not about the result. `files`: path as seen from the campaign's
+    folder -> sha256.
     """
 
     fmu_name: str
@@ -233,6 +236,7 @@ class Provenance:
     settings: Mapping[str, Scalar]
     plan: tuple[str, ...]
     finished: str
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from fitting.continuation import ContinuationStep
 from fitting.driving import FmuResponse, plan_campaign
 from fitting.errors import BadInput
 from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu_job import identify_fmu, reconstruct_through
 from fitting.job import Identity, Options, job_of, options_of, provenance_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.reconstruction import Hooks, Progress, reconstruct
@@ -70,6 +71,35 @@ def test_the_width_is_determined_and_the_coupling_is_not(result: Result) -> None
     assert "not determined" in coupling.text()
     assert coupling.box[0] < 2e5 < 7e5 < coupling.box[1]
     assert any("lambda is not determined" in said for said in result.warnings)
+
+
+def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Path) -> None:
+    for value in (result.parameters["theta"], result.derived["lambda"]):
+        assert np.isnan(value.std)
+    assert result.derived["lambda"].ci95 == result.derived["lambda"].box
+    for p in result.parameters.values():
+        assert p.lower <= p.ci95[0] <= p.value <= p.ci95[1] <= p.upper
+    for d in result.derived.values():
+        assert d.box[0] <= d.ci95[0] <= d.value <= d.ci95[1] <= d.box[1]
+    width = result.derived["D11"]
+    assert width.ci95[1] - width.ci95[0] == pytest.approx(2 * 1.96 * width.std)
+    data = json.loads(write_result(result, tmp_path)[0].read_text())
+    assert data["parameters"]["theta"]["std"] is None
+    assert data["derived"]["lambda"]["std"] is None
+    assert data["derived"]["lambda"]["ci95"][0] > 0.0
+    told = {line.split()[0]: line for line in command.table(result) if "determined" in line}
+    assert told["theta"].split()[3] == told["lambda"].split()[3] == "-"
+    assert f" {width.std:.2g} " in told["D11"]
+
+
+def test_the_table_says_nothing_twice(result: Result) -> None:
+    assert command.table(result)[0] == "string [synthetic]"
+    told = command.table(replace(result, title="String (synthetic)"))
+    assert told[0] == "String (synthetic)"
+    assert sum(line.startswith("alternative ") for line in told) == 2
+    single = replace(result.alternatives[0], settings={})
+    told = command.table(replace(result, alternatives=(single,)))
+    assert not any("alternative" in line for line in told if not line.startswith("warning"))
 
 
 def test_the_scatter_of_the_width_over_noise_is_what_is_claimed(tmp_path: Path) -> None:
@@ -301,6 +331,38 @@ def test_a_maximum_outside_the_first_points_is_found(
     )
 
 
+@pytest.mark.parametrize(
+    ("lower", "upper", "start", "warned", "noted"),
+    [
+        (0.2, 0.5, 0.3, True, False),  # sin 2 theta > 0: lambda is nowhere a real number
+        (1.2, 2.5, 1.3, False, True),  # it is not at the start, but it is at the end
+        (1.7, 2.5, 1.8, False, False),
+    ],
+)
+def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
+    oscillator_fmu: Path, string_q1: BoundCampaign, lower: float, upper: float, start: float,
+    warned: bool, noted: bool,
+) -> None:  # fmt: skip
+    theta = replace(string_q1.parameters[0], lower=lower, upper=upper, start=start, period=None)
+    if warned:
+        theta = replace(theta, reference=start)
+    bound = replace(
+        string_q1,
+        parameters=(theta, *string_q1.parameters[1:]),
+        alternatives=string_q1.alternatives[:1],
+    )
+    options = options_of(bound, quick=True)
+    options = replace(options, schedule=replace(options.schedule, levels=1))
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        identity = identify_fmu(workers.description, "test")
+        found = reconstruct_through(workers, bound, identity, options)
+    said = [text for text in found.warnings if "The FMU says: lambda is not a real" in text]
+    assert len(said) == warned
+    assert len(found.provenance.notes) == noted
+    if warned:
+        assert f"theta = {found.parameters['theta'].value!r} rad" in said[0]
+
+
 def arguments(*words: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     command.add_arguments(parser)
@@ -323,6 +385,13 @@ def test_the_command_reconstructs_the_shipped_campaign(
     assert found.deviations.final.mean < found.deviations.initial.mean
     assert found.provenance.fmu_guid
     assert len(found.provenance.plan) > 5
+    assert found.provenance.plan[-1].startswith("Instances are reset and reused: ")
+    # lambda is no real number at some starts and samples of the box, but at the solution it is
+    assert not any("The FMU says" in said for said in found.warnings)
+    assert "The FMU" not in out
+    [note] = found.provenance.notes
+    assert "other parameters than the reported ones" in note
+    assert "lambda is not a real number" in note
     assert not (tmp_path / checkpoint.NAME).exists()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
+import math
 import os
 import shlex
 import sys
@@ -140,19 +141,22 @@ class _Line:
             sys.stderr.flush()
 
 
+def _error(std: float) -> str:
+    return "-" if math.isnan(std) else f"{std:.2g}"
+
+
 def table(result: Result) -> list[str]:
     """The result as lines of text."""
-    lines = [result.title + (" [synthetic]" if result.synthetic else ""), ""]
+    marked = result.synthetic and "synthetic" not in result.title.lower()
+    lines = [result.title + (" [synthetic]" if marked else ""), ""]
     lines.append(f"{'parameter':12} {'value':>14} {'unit':5} {'std':>9} {'prior':>12}  by the data")
     for name, p in result.parameters.items():
         lines.append(
-            f"{name:12} {p.value:14.8g} {p.unit:5} {p.std:9.2g} {p.reference:12.6g}  "
+            f"{name:12} {p.value:14.8g} {p.unit:5} {_error(p.std):>9} {p.reference:12.6g}  "
             f"{p.identifiable} ({p.shrinkage:.2f})"
         )
     for name, d in result.derived.items():
-        value = f"{d.value:14.9g} {d.unit:5} {d.std:9.2g} {d.reference:12.6g}"
-        if d.identifiable == IDENTIFIABLE[2]:  # a number with a small error would be a lie
-            value = f"{d.value:14.9g} {d.unit:5} {'-':>9} {d.reference:12.6g}"
+        value = f"{d.value:14.9g} {d.unit:5} {_error(d.std):>9} {d.reference:12.6g}"
         note = f"{d.identifiable} ({d.shrinkage:.2f})"
         if d.identifiable == IDENTIFIABLE[2]:
             note += f": {d.box[0]:.6g} to {d.box[1]:.6g}"
@@ -160,7 +164,9 @@ def table(result: Result) -> list[str]:
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
     for other in result.alternatives:
-        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items()) or "only one"
+        if not other.settings:  # the campaign names no alternatives
+            continue
+        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items())
         mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
         lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
     if result.line is not None:
