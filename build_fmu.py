@@ -141,6 +141,7 @@ def fmu_bytes(
     with _loaded(source, modules[model]) as module:
         model_class = getattr(module, model)
         overrides = checked_start_values(model_class, start_values or {})
+        _try_start(model_class, overrides)
         job = _Job(model, source, modules[model], overrides)
 
         def entries(identity: _Identity) -> list[_Entry]:
@@ -150,6 +151,18 @@ def fmu_bytes(
                 return _assemble(stage, job, identity)
 
         return _archive(entries(_identity(entries(_Identity(BLANK_TAG, BLANK_GUID)))))
+
+
+def _try_start(model_class: type[ModelSlave], overrides: Mapping[str, StartValue]) -> None:
+    """Refuse to build what would fail at every start, in the model's own words."""
+    trial = type(model_class.__name__, (model_class,), {"start_overrides": overrides})
+    instance = trial(instance_name="trial")
+    instance.setup_experiment(0.0)
+    instance.enter_initialization_mode()
+    instance.exit_initialization_mode()
+    refusal = instance.value("status_message")
+    if refusal:
+        raise BuildError(f"{model_class.__name__} cannot start with these values: {refusal}")
 
 
 def model_modules(source: Path = SOURCE) -> dict[str, str]:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
-from pythonfmu import Fmi2Slave
+from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .model_error import ModelError
@@ -34,6 +34,8 @@ class ModelSlave(Fmi2Slave):
     variables: ClassVar[tuple[Variable, ...]] = ()
     moving: ClassVar[tuple[str, ...]] = ()
     start_overrides: ClassVar[Mapping[str, Any]] = {}
+    #: Some seventy periods of a 7 MHz string, each well sampled: what a host runs if told nothing.
+    default_experiment = DefaultExperiment(start_time=0.0, stop_time=1e-5, step_size=1e-8)
     guid_text: ClassVar[str] = "{00000000-0000-0000-0000-000000000000}"
 
     def __init__(self, **kwargs: Any) -> None:

@@ -93,7 +93,7 @@ PHYSICAL = (
         6.94026e6,
         "Hz",
         "eigenfrequency of the hybridised mode q1_hybrid",
-        minimum=0.0,
+        minimum=1e-12,
         nominal=1e6,
     ),
     parameter(
@@ -101,7 +101,7 @@ PHYSICAL = (
         7.02760e6,
         "Hz",
         "eigenfrequency of the hybridised mode q2_hybrid",
-        minimum=0.0,
+        minimum=1e-12,
         nominal=1e6,
     ),
     parameter(
@@ -203,7 +203,7 @@ class TwoModeSlave(ModelSlave, Generic[S]):
         """Start at rest or on the periodic orbit."""
         p = self._parameters()
         periodic = self.value("periodic_start")
-        self._warn(p, check(p, periodic))
+        self._warn(check(p, periodic))
         solver = self.new_solver(p, (0.0, 0.0))
         solver.start(t, None if periodic else AT_REST, self.value("b"))
         self._solver = solver
@@ -211,7 +211,7 @@ class TwoModeSlave(ModelSlave, Generic[S]):
     def change(self, t: float) -> None:
         """Go on from the present state and drive phases with new parameters."""
         p = self._parameters()
-        self._warn(p, check(p, periodic_start=False))
+        self._warn(check(p, periodic_start=False))
         self._solver = self.retuned(self.running(), p, t)
 
     def step(self, t: float, end: float) -> None:
@@ -242,9 +242,19 @@ class TwoModeSlave(ModelSlave, Generic[S]):
         return q1, q2, *physical(solver.p, q1, q2)
 
     def steady_outputs(self) -> Sequence[float]:
-        """Return coupling, uncoupled eigenfrequencies and damping matrix."""
+        """Return coupling, uncoupled eigenfrequencies and damping matrix.
+
+        Why lambda may be NaN is told here, to those who read it: a fit initialises a thousand times
+        without reading it, and each message costs time and, in pythonfmu's binary, 290 bytes.
+        """
         p = self.running().p
-        return *coupling(p), *(TWO_PI * w for w in damping(p))
+        uncoupled = coupling(p)
+        if math.isnan(uncoupled[0]):
+            self.warn(
+                f"lambda is not a real number at theta = {p.theta!r} rad (sin 2 theta > 0 with "
+                f"eta_plus = {p.eta_plus!r} Hz, eta_minus = {p.eta_minus!r} Hz): it is NaN"
+            )
+        return *uncoupled, *(TWO_PI * w for w in damping(p))
 
     def motion(self) -> dict[str, Any]:
         """Return the solver's state."""
@@ -265,12 +275,7 @@ class TwoModeSlave(ModelSlave, Generic[S]):
     def _parameters(self) -> Parameters:
         return Parameters(*(self.value(name) for name in Parameters._fields))
 
-    def _warn(self, p: Parameters, sentences: list[str]) -> None:
-        if math.isnan(coupling(p)[0]):
-            sentences.append(
-                f"lambda is not a real number at theta = {p.theta!r} rad (sin 2 theta > 0 with "
-                f"eta_plus = {p.eta_plus!r} Hz, eta_minus = {p.eta_minus!r} Hz): it is NaN"
-            )
+    def _warn(self, sentences: list[str]) -> None:
         for sentence in sentences:
             self.warn(sentence)
 

@@ -16,6 +16,7 @@ UNITS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "1/s": ({"s": "-1"}, {}),
     "m": ({"m": "1"}, {"pm": "1000000000000"}),
     "m/s2": ({"m": "1", "s": "-2"}, {}),
+    "1/(m2.s2)": ({"m": "-2", "s": "-2"}, {}),
 }
 
 
@@ -53,15 +54,19 @@ class Variable:
         element = Element("ScalarVariable", attributes)
         details = {
             "unit": self.unit,
-            "min": self.minimum,
-            "max": self.maximum,
-            "nominal": self.nominal,
+            "min": _short(self.minimum),
+            "max": _short(self.maximum),
+            "nominal": _short(self.nominal),
             "start": None if self.causality == "output" else start,
         }
         SubElement(
             element, self.kind, {key: _text(v) for key, v in details.items() if v is not None}
         )
         return element
+
+
+def _short(value: float | None) -> str | None:
+    return None if value is None else f"{value:g}"
 
 
 def _text(value: Any) -> str:

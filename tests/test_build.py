@@ -235,6 +235,23 @@ def test_a_wrong_start_value_is_named_and_nothing_is_written(
 
 
 @pytest.mark.parametrize(
+    ("assignment", "sentence"),
+    [
+        ("eta_plus=1e-13", "eta_plus = 1e-13 Hz: wanted is at least 1e-12 Hz"),
+        ("u1=-1", "u1 = -1.0 Hz: wanted is at least 0.0 Hz"),
+        ("d1=1e8", "a mode is overdamped (d1 = 100000000.0 Hz"),
+    ],
+)
+def test_an_fmu_that_could_never_start_is_not_built(
+    assignment: str, sentence: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--model", "CoupledOscillator", "--out", str(tmp_path), "--set", assignment]
+    assert main(arguments) == 2
+    assert sentence in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
     "arguments", [["--model", "Pendulum"], ["--out", str(Path(__file__)), "--set", "theta=1"]]
 )
 def test_other_bad_input_is_one_line_too(
