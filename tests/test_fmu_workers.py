@@ -187,12 +187,14 @@ def test_failures_of_fmi_3(folder: Path, misbehave: int, words: str) -> None:
 
 
 def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
+    slow = replace(PULLED, start_values={**START, "misbehave": WARNS})
+    latest = []
     with FmuWorkers(good) as workers:
-        workers.run([replace(PULLED, start_values={**START, "misbehave": WARNS})] * 3)
-        assert workers.warnings == workers.latest_warnings == ("slow today, 99 % load",)
-        workers.run([PULLED])
-        assert workers.warnings == ("slow today, 99 % load",)
-        assert workers.latest_warnings == ()
+        for runs in ([slow] * 3, [PULLED]):
+            workers.run(runs)
+            assert workers.warnings == ("slow today, 99 % load",)
+            latest.append(workers.latest_warnings)
+    assert latest == [("slow today, 99 % load",), ()]
 
 
 def test_nan_is_handed_back_only_where_it_is_allowed(good: Path) -> None:
