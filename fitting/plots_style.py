@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
@@ -190,9 +191,10 @@ def legend_below(figure: Figure, handles: Sequence[Artist], *, ncols: int) -> No
 
     Long names get fewer columns, many rows a taller figure.
     """
-    longest = max(len(str(handle.get_label())) for handle in handles)
+    bare = (re.sub(r"\\mathrm|[${}_\\]", "", str(handle.get_label())) for handle in handles)
+    longest = max(map(len, bare))
     width = figure.get_figwidth()
-    columns = max(1, min(ncols, int(width / (0.55 + 0.068 * longest))))
+    columns = max(1, min(ncols, int(width / (0.45 + 0.065 * longest))))
     rows = -(-len(handles) // columns)
     figure.set_figheight(figure.get_figheight() + 0.17 * max(0, rows - 2))
     figure.legend(handles=list(handles), loc="outside lower center", ncols=columns)

@@ -97,7 +97,8 @@ def parameter_table(result: Result) -> Table:
         (
             _name(name), _number(p.value), Cell(unit_text(p.unit)), _number(p.std, 2),
             _interval(p.ci95), _number(p.reference), _number(p.start),
-            _interval((p.lower, p.upper)), _number(p.shrinkage, 3), _verdict(p.identifiable),
+            Cell(f"{number(p.lower)} to {number(p.upper)}"), _number(p.shrinkage, 3),
+            _verdict(p.identifiable),
         )
         for name, p in result.parameters.items()
     )  # fmt: skip
