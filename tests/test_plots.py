@@ -425,3 +425,17 @@ def test_style_does_not_leak() -> None:
     with plots_style.style():
         assert mpl.rcParams["svg.fonttype"] == "none"
     assert dict(mpl.rcParams) == before
+
+
+def test_a_run_stopped_at_once_and_values_that_do_not_exist_are_drawn(bound: BoundCampaign) -> None:
+    result = records.result_for(bound)
+    nothing = float("nan")
+    absent = replace(
+        result.derived["lambda"], value=nothing, values=(nothing,) * 5, mean=nothing,
+        spread=nothing, std=nothing, reference=nothing, box=(nothing, nothing),
+    )  # fmt: skip
+    begun = replace(result.history[0], derived={"lambda": nothing})
+    odd = replace(result, derived={"lambda": absent}, history=(begun,))
+    for draw in (draw_convergence, draw_derived):
+        texts = [t.get_text() for t in drawn(draw, odd, bound).findobj(Text)]
+        assert "the model has no value here" in texts
