@@ -143,7 +143,7 @@ def _level_curves(
             [i for i, _ in known], [v for _, v in known], color=SERIES[k % len(SERIES)],
             marker=SERIES_MARKERS[k % len(SERIES_MARKERS)], markersize=4.0, label=label,
         )  # fmt: skip
-    if not drawn:
+    if not any(math.isfinite(v) for curve in curves.values() for v in curve):
         axes.text(0.5, 0.5, "the model has no value here", ha="center", va="center",
                   transform=axes.transAxes, color=GREY)  # fmt: skip
     plain_ticks(axes)
