@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from fitting.continuation import Chain, ContinuationStep, Outcome, Schedule, distance, equal_j
 from fitting.evaluator import Evaluator
-from fitting.objective import Objective, Point, j_reg
+from fitting.notation import probability
+from fitting.objective import Measured, Objective, Point, j_reg
 from fitting.parameters import Parameter, canonical, search_bounds, starts, to_model, to_search
 from fitting.result import (
     IDENTIFIABLE,
@@ -23,6 +24,7 @@ from fitting.result import (
     Scalar,
     StartResult,
 )
+from fitting.structure import Structure, residual_structure
 from fitting.uncertainty import Covariance, covariance, in_words
 
 FloatArray = npt.NDArray[np.float64]
@@ -37,7 +39,8 @@ APART = 0.1
 class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
-    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there.
+    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there; `structure` that
+    of the sweep's residuals, None where the sweep is not fitted.
     """
 
     objective: Objective
@@ -47,6 +50,7 @@ class Solution:
     final: Point
     matrix: FloatArray
     errors: Covariance
+    structure: Structure | None
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -70,10 +74,23 @@ def solution_of(
     nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
     final, matrix = evaluator.point(x), evaluator.jacobian(x)
     lower, upper = search_bounds(parameters)
+    structure = _sweep_structure(objective.measured, final, matrix)
     errors = covariance(
-        matrix, final.residuals, objective.measured.rows_sigma, upper - lower, nu, scale_sigma
-    )
-    return Solution(objective, chain, nu, initial, final, matrix, errors)
+        matrix, final.residuals, objective.measured.rows_sigma, upper - lower, nu, scale_sigma,
+        slice(objective.measured.peaks_v.size, None),
+        structure.widening if structure is not None else 1.0,
+    )  # fmt: skip
+    return Solution(objective, chain, nu, initial, final, matrix, errors, structure)
+
+
+def _sweep_structure(measured: Measured, final: Point, matrix: FloatArray) -> Structure | None:
+    """Structure of the fitted sweep's residuals; a scale fitted to it is one more unknown."""
+    if not measured.fit_sweep:
+        return None
+    rows, columns = final.residuals[measured.peaks_v.size :], matrix[measured.peaks_v.size :]
+    if measured.scale == "fit":  # d r/d ln chi
+        columns = np.column_stack([columns, rows + measured.sweep_v / measured.maximum_v])
+    return residual_structure(rows, columns)
 
 
 def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
@@ -306,6 +323,14 @@ def warning_sentences(
         said.append(
             f"The residuals are {solution.errors.inflation:.3g} times what the noise explains: the "
             "model, or the interpolated drift, does not describe these data; errors are widened."
+        )
+    told = solution.structure
+    if told is not None and told.widening > 1.5:
+        said.append(
+            "The residuals of the fitted sweep are not noise, they hang together "
+            f"({probability(told.p_value)} for white noise): its "
+            f"{solution.objective.measured.sweep_v.size} points are worth {told.points:.2g} "
+            f"independent ones, and errors are {told.widening:.3g} times as wide for it."
         )
     said += _other_minima(solution, outcome)
     return said

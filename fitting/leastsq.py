@@ -16,13 +16,14 @@ FloatArray = NDArray[np.float64]
 class LeastSquaresFit:
     """The minimum of a sum of squares and the curvature there.
 
-    ``values`` (n,), ``covariance`` (n, n) in units of the values, ``residuals`` (m,),
-    ``converged`` and the solver's own ``message``.
+    ``values`` (n,), ``covariance`` (n, n) in units of the values, ``residuals`` (m,), ``jacobian``
+    (m, n) there, ``converged`` and the solver's own ``message``.
     """
 
     values: FloatArray
     covariance: FloatArray
     residuals: FloatArray
+    jacobian: FloatArray
     converged: bool
     message: str
 
@@ -59,6 +60,7 @@ def minimise_squares(
         values=np.asarray(fit.x, dtype=float),
         covariance=variance * _inverse_curvature(np.asarray(fit.jac, dtype=float)),
         residuals=np.asarray(fit.fun, dtype=float),
+        jacobian=np.asarray(fit.jac, dtype=float),
         converged=bool(fit.status > 0 and np.all(np.isfinite(fit.x))),
         message=str(fit.message),
     )

@@ -231,6 +231,11 @@ def percent(share: float, digits: int = 2) -> str:
     return f"{value:+.{max(0, digits - _places(value))}f} %".replace("-", "−")
 
 
+def probability(p: float) -> str:
+    """A probability as "p = 0.02", a tiny one as a bound."""
+    return f"p = {p:.1g}" if p >= 1e-12 else "p < 1e-12"
+
+
 def _places(value: float) -> int:
     """Digits before the decimal sign, less one."""
     return 0 if value == 0.0 or not math.isfinite(value) else max(0, int(math.log10(abs(value))))

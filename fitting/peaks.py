@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from fitting.errors import BadInput
 from fitting.leastsq import LeastSquaresFit, minimise_squares
 from fitting.notation import hertz
+from fitting.structure import Structure, residual_structure
 
 FloatArray = NDArray[np.float64]
 
@@ -57,6 +58,7 @@ class PeakReading:
 class Resonance:
     """One damped mode fitted to a sweep; every value has its standard deviation beside it.
 
+    The standard deviations are widened where the residuals hang together: ``structure`` tells.
     ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
     complex constant (0 without), ``residual_rms`` relative to the amplitude, ``correlation``
@@ -76,6 +78,7 @@ class Resonance:
     correlation: float
     curve: FloatArray
     message: str
+    structure: Structure
 
 
 def noise_floor(
@@ -216,7 +219,9 @@ def fit_resonance(
     ``b`` is zero, or with background="complex" one complex constant (direct crosstalk of the
     drive). Magnitudes fix eta, width and ``|b|``, but not which of two mirrored pairs (A, b) it
     is: with a background the amplitude is one of two candidates. ``sigma_v`` is the noise of a
-    point if known, otherwise the residual tells it.
+    point if known, otherwise the residual tells it. Errors are those of the linearised problem
+    times the widening that structured residuals ask for, see
+    `fitting.structure.residual_structure`.
 
     Raises:
         BadInput: too few points, or no resonance within the sweep.
@@ -265,7 +270,9 @@ def _as_resonance(
     source: str,
 ) -> Resonance:
     eta0, width0, height = guess
-    x, variance = fit.values, np.diag(fit.covariance)
+    structure = residual_structure(fit.residuals, fit.jacobian)
+    spread = structure.widening**2 * fit.covariance
+    x, variance = fit.values, np.diag(spread)
     eta, width = eta0 + width0 * float(x[0]), width0 * math.exp(float(x[1]))
     span = float(frequency_hz[-1] - frequency_hz[0])
     inside = frequency_hz[0] <= eta <= frequency_hz[-1] and width < 3.0 * span
@@ -275,7 +282,7 @@ def _as_resonance(
             f"(the fit ended at {eta:.10g} Hz, width {width:.4g} Hz: {fit.message})"
         )
     eta_std, log_width_std = width0 * math.sqrt(variance[0]), math.sqrt(variance[1])
-    covariance = width0 * width * float(fit.covariance[0, 1])
+    covariance = width0 * width * float(spread[0, 1])
     correlation = covariance / (eta_std * width * log_width_std) if eta_std * log_width_std else 0.0
     q = eta / width
     q_variance = (eta_std / eta) ** 2 + log_width_std**2 - 2.0 * covariance / (eta * width)
@@ -293,4 +300,5 @@ def _as_resonance(
         correlation=correlation,
         curve=curve,
         message=fit.message,
+        structure=structure,
     )

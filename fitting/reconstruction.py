@@ -30,7 +30,7 @@ from fitting.result import (
     SweepCurves,
 )
 from fitting.scaling import LaboratoryMaximum, laboratory_maximum
-from fitting.sweep_line import line_of_sweep
+from fitting.sweep_line import line_of_sweep, line_warnings
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,10 @@ def _finish(
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
     alternatives = assembly.alternative_results(objectives, outcomes, bound.alternatives, reported)
     warnings = assembly.warning_sentences(solution, outcome, parameters, derived)
+    line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     warnings = [*_data_warnings(bound, solution, maximum), *warnings, *_ties(alternatives)]
+    if line is not None:
+        warnings += line_warnings(line, fitted=objective.measured.fit_sweep)
     status, message = _status(solution, outcomes)
     last = solution.last
     return Result(
@@ -213,7 +216,7 @@ def _finish(
         seconds=float("nan"),
         warnings=tuple(warnings),
         provenance=provenance_of(bound, identity, options),
-        line=line_of_sweep(bound.sweep) if bound.sweep is not None else None,
+        line=line,
     )
 
 

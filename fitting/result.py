@@ -115,6 +115,28 @@ class SweepCurves:
 
 
 @dataclass(frozen=True)
+class LineFit:
+    """The sweep's line with one form of background; NaN where that fit failed (`message`).
+
+    `structure_p` is the probability that white noise leaves such residuals, `points` how many
+    independent points they are worth, `widening` the factor that the errors carry for it.
+    """
+
+    background: str
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    residual: float
+    structure_p: float
+    points: float
+    widening: float
+    message: str
+
+
+@dataclass(frozen=True)
 class SweepLine:
     """One damped mode fitted to the sweep itself, without the FMU, beside what the instrument says.
 
@@ -123,7 +145,9 @@ class SweepLine:
     its standard deviation; ``residual`` the root mean square of what the fit leaves, over the
     amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
     ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
-    the head of its file says.
+    the head of its file says. ``fits`` are the fits without and with a complex background, whatever
+    the campaign chose; ``background_p`` is the probability that noise alone lets the background
+    gain as much (F-test), NaN where one of them failed or nothing is left to gain.
     """
 
     frequency_hz: float
@@ -140,6 +164,8 @@ class SweepLine:
     message: str
     instrument: Mapping[str, float]
     notes: Mapping[str, str]
+    fits: tuple[LineFit, ...] = ()
+    background_p: float = float("nan")
 
 
 @dataclass(frozen=True)

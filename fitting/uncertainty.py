@@ -30,13 +30,15 @@ SMALLEST_SIGMA = 1e-6
 class Covariance:
     """Covariance in the search vector, (n, n): `total` = `noise` + `prior`.
 
-    `inflation` is the factor on the given sigmas that the residuals ask for (one if they fit).
+    `inflation` is the factor on the given sigmas that the residuals ask for (one if they fit),
+    `widening` the one on those of the sweep because its residuals hang together.
     """
 
     total: FloatArray
     noise: FloatArray
     prior: FloatArray
     inflation: float
+    widening: float = 1.0
 
     def of(self, gradient: FloatArray) -> tuple[float, float]:
         """(standard deviation, shrinkage) of a scalar whose gradient in x is given, (n,)."""
@@ -63,11 +65,14 @@ def covariance(
     widths: FloatArray,
     nu: float,
     scale_sigma: float = 0.0,
+    swept: slice = slice(0, 0),
+    widening: float = 1.0,
 ) -> Covariance:
     """Linearised covariance at a solution (see the module).
 
     V = inflation^2 (diag(sigma^2) + scale_sigma^2 1 1^T): the error of chi is common to all rows.
     inflation^2 = max(1, r^T V^-1 r/(m - n)): residuals larger than the noise widen the errors.
+    Rows of the sweep then count with widening sigma: they weigh as their independent points.
 
     Args:
         matrix: dr/dx, shape (m, n).
@@ -76,23 +81,28 @@ def covariance(
         widths: u - l of the box in x, shape (n,).
         nu: last regularisation.
         scale_sigma: relative standard deviation of chi.
+        swept: the rows of the sweep.
+        widening: of the sweep, see `fitting.structure.residual_structure`.
     """
     m, n = matrix.shape
     sigma = row_sigmas(sigmas, residuals)
     common = scale_sigma**2 * np.ones((m, m))
     factor = np.linalg.cholesky(np.diag(sigma**2) + common)
-    white = np.linalg.solve(factor, np.column_stack([matrix, residuals]))
-    chi_square = float(np.sum(white[:, n] ** 2))
+    chi_square = float(np.sum(np.linalg.solve(factor, residuals) ** 2))
     inflation = max(1.0, float(np.sqrt(chi_square / max(m - n, 1))))
+    if widening > 1.0:
+        sigma[swept] *= widening
+        factor = np.linalg.cholesky(np.diag(sigma**2) + common)
+    white = np.linalg.solve(factor, matrix)
     root = 1.0 / np.sqrt(12.0 / widths**2 + nu)
     # singular values keep the small ones apart from rounding, F + P would not
-    _, singular, rows = np.linalg.svd(white[:, :n] / inflation * root, full_matrices=True)
+    _, singular, rows = np.linalg.svd(white / inflation * root, full_matrices=True)
     squares = np.zeros(n)
     squares[: singular.size] = singular**2
     directions = rows.T * root[:, np.newaxis]
     noise = (directions * (squares / (1.0 + squares) ** 2)) @ directions.T
     prior = (directions * (1.0 / (1.0 + squares) ** 2)) @ directions.T
-    return Covariance(noise + prior, noise, prior, inflation)
+    return Covariance(noise + prior, noise, prior, inflation, widening)
 
 
 def in_words(shrinkage: float) -> str:

@@ -206,6 +206,16 @@ def test_residuals_above_the_noise_widen_the_errors() -> None:
     assert errors.inflation == pytest.approx(5.0, rel=1e-6)
 
 
+def test_rows_of_a_structured_sweep_weigh_as_their_independent_points() -> None:
+    """Weighted mean of four rows of sigma 0.01 and nine that are worth one."""
+    matrix, sigma = np.ones((13, 1)), np.full(13, 0.01)
+    errors = covariance(
+        matrix, np.zeros(13), sigma, np.array([1e3]), 0.0, swept=slice(4, None), widening=3.0
+    )
+    assert errors.of(np.ones(1))[0] == pytest.approx(0.01 / math.sqrt(4 + 1))
+    assert (errors.inflation, errors.widening) == (1.0, 3.0)
+
+
 def test_unknown_sigmas_are_the_scatter_of_their_rows() -> None:
     residuals = np.array([0.1, 0.03, -0.04])
     found = row_sigmas(np.array([0.02, 0.0, 0.0]), residuals)
