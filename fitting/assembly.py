@@ -29,8 +29,9 @@ from fitting.uncertainty import Covariance, covariance, in_words
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Points of the box at which derived outputs are read, to say what they could be without data.
-BOX_SAMPLES = 64
+#: Seeded points of the box at which derived outputs are read, to say what they could be without
+#: data, and the most points of a grid over it, which holds its corners.
+BOX_SAMPLES, BOX_GRID = 64, 729
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
 APART = 0.1
 
@@ -146,7 +147,7 @@ def derived_results(
             moved = x.copy()
             moved[i] = np.clip(x[i] + sign * step, lower[i], upper[i])
             nodes.append(moved)
-    samples = np.random.default_rng(seed).uniform(lower, upper, (BOX_SAMPLES, n))
+    samples = _box_points(lower, upper, seed)
     everything = [x, np.clip(np.zeros(n), lower, upper), *nodes, *samples]
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     results = {}
@@ -157,6 +158,18 @@ def derived_results(
         gradient = (around[0::2] - around[1::2]) / spans
         results[name] = _derived(solution, values, gradient, means, units.get(name, ""))
     return results
+
+
+def _box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
+    """Points of the box, shape (m, n): a grid with its corners, where that is small, and seeded."""
+    n = len(lower)
+    seeded = np.random.default_rng(seed).uniform(lower, upper, (BOX_SAMPLES, n))
+    levels = max(k for k in range(1, 10) if k**n <= BOX_GRID)
+    if levels < 2:
+        return seeded
+    axes = [np.linspace(a, b, levels) for a, b in zip(lower, upper, strict=True)]
+    grid = np.stack([axis.ravel() for axis in np.meshgrid(*axes)], axis=1)
+    return np.concatenate([grid, seeded])
 
 
 def _mean(values: FloatArray) -> float:
