@@ -80,7 +80,8 @@ class FmuDescription:
         """The variable ``name``; BadInput with the nearest names if there is none."""
         found = self.variables.get(name)
         if found is None:
-            near = difflib.get_close_matches(name, self.variables, n=3)
+            lower = {known.lower(): known for known in self.variables}
+            near = [lower[key] for key in difflib.get_close_matches(name.lower(), lower, n=3)]
             hint = f"; did you mean {' or '.join(near)}?" if near else ""
             raise BadInput(f"{self.path}: no variable {name!r} in this FMU{hint}")
         return found

@@ -148,9 +148,9 @@ class Interface:
             raise CallFailed(self.with_log(text))
 
     def with_log(self, text: str) -> str:
-        """A text, and behind it what the FMU logged."""
+        """What the FMU logged, and behind it a text on what it did."""
         said = self.log.sentences()
-        return f"{text}: {said}" if said else f"{text}, and the FMU logged nothing"
+        return f"{said}; {text}" if said else f"{text}, and the FMU logged nothing"
 
     def stopped(self, reached: float, wanted: float, why: str) -> CallFailed:
         """The failure of a step that did not arrive."""

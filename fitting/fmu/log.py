@@ -46,7 +46,8 @@ class Log:
         severe = [text for status, text in self._kept if status >= SEVERE]
         chosen = list(dict.fromkeys(severe)) or [text for _, text in list(self._kept)[-3:]]
         # the first ones tell the cause, the last ones what came of it
-        return " / ".join(chosen if len(chosen) <= 5 else [*chosen[:3], "…", *chosen[-2:]])
+        shown = chosen if len(chosen) <= 5 else [*chosen[:3], "…", *chosen[-2:]]
+        return "; ".join(text.rstrip(".;") or text for text in shown)
 
     def take_warnings(self) -> tuple[str, ...]:
         """Different warnings since the last call."""

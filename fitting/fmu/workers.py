@@ -50,7 +50,8 @@ class FmuWorkers:
     """Processes that hold an FMU open and take batches of runs; a context manager.
 
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
-    reset and reused where a repeated run is the same bit for bit, "never": a new one for each run.
+    reset and reused where a repeated run is the same bit for bit, "never": a new one for each run;
+    ``timeout_name`` what the user calls the time limit, for the message when it is over.
 
     ``warnings`` collects the different warnings that the FMU logged, ``latest_warnings`` those of
     the last call of ``run``. After an FmuFailure the object can be used on. Raises BadInput if the
@@ -64,6 +65,7 @@ class FmuWorkers:
         workers: int = 1,
         timeout_s: float = 60.0,
         reuse: Literal["auto", "never"] = "auto",
+        timeout_name: str = "timeout_s",
     ) -> None:
         if workers < 1:
             raise BadInput(f"workers is {workers!r}, wanted at least 1")
@@ -74,6 +76,7 @@ class FmuWorkers:
         self.warnings: tuple[str, ...] = ()
         self.latest_warnings: tuple[str, ...] = ()
         self._timeout_s = timeout_s
+        self._timeout_name = timeout_name
         self._orders = Orders(self.description)
         self._workers: list[Worker | None] = [None] * workers
         self._verdicts = [Verdict() for _ in range(workers)]
@@ -187,6 +190,7 @@ class FmuWorkers:
         for number, worker in pipes.values():
             if worker.is_late(self._timeout_s):
                 text = f"gave no answer within {self._timeout_s:g} s and was stopped"
+                text += f"; {self._timeout_name} sets that limit"
                 self._ended_badly(number, worker, job, text)
 
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
