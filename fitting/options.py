@@ -1,10 +1,14 @@
-"""Numbers on the command line: what an option cannot mean is refused where it is read."""
+"""Numbers and times on the command line: what an option cannot mean is refused at once."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 from collections.abc import Callable
+
+from fitting.errors import BadInput
+from fitting.units import convert, parse_quantity
 
 
 def whole_number(least: int) -> Callable[[str], int]:
@@ -24,12 +28,33 @@ def whole_number(least: int) -> Callable[[str], int]:
     return read
 
 
-def positive_number(text: str) -> float:
-    """An argparse type: a finite number above zero."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise argparse.ArgumentTypeError(f"found '{text}', wanted a positive number")
+def positive_time(option: str) -> Callable[[str], float]:
+    """An argparse type: a time above zero in s, as "2 ms"; a plain number is in s."""
+
+    def read(text: str) -> float:
+        return positive_quantity(text, "s", where=option)
+
+    return read
+
+
+def positive_quantity(text: str, unit: str, *, where: str) -> float:
+    """A written quantity above zero in ``unit``, in which a plain number is taken.
+
+    Raises BadInput, beginning with ``where``.
+    """
+    value = quantity(text, unit, where=where)
+    if not value > 0.0:
+        raise BadInput(f"{where}: found {text!r}, wanted a positive number")
     return value
+
+
+def quantity(text: str, unit: str, *, where: str) -> float:
+    """A written quantity in ``unit``, in which a plain number is taken.
+
+    Raises BadInput, beginning with ``where``.
+    """
+    with contextlib.suppress(ValueError):  # text with a unit
+        if not math.isfinite(float(text)):  # "nan" looks like a word to the reader of units
+            raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+    number, written = parse_quantity(text, where=where)
+    return number if written is None else convert(number, written, unit, where=where)

@@ -9,10 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from fitting.drive import DriveResult
-from fitting.notation import Scaling, listed, mathtext, number, prefixed, scaling_for
+from fitting.drive import COLUMN_SAMPLES, DriveResult
+from fitting.notation import (
+    Scaling,
+    listed,
+    mathtext,
+    number,
+    power_of_ten,
+    prefixed,
+    scaling_for,
+)
 from fitting.plots_style import (
     BLUE,
+    PALE,
     RED,
     SERIES_MARKERS,
     Drawing,
@@ -25,8 +34,12 @@ from fitting.plots_style import (
 
 FloatArray = NDArray[np.float64]
 
-BUCKET = 20  # samples whose least and largest value are drawn as one stretch of the envelope
-FLOOR = 1e-7  # of the largest peak: what is below is rounding and is not drawn
+#: A trace of fewer periods than this is drawn as a line: its periods can be seen.
+MANY_PERIODS = 150
+#: Lines of a spectrum up to which each is drawn as a stem.
+MOST_STEMS = 1500
+#: Decades of an axis above which its ticks are all powers of ten.
+PLAIN_DECADES = 4.0
 
 
 def save_figures(result: DriveResult, model: str, units: Sequence[str], folder: Path) -> list[Path]:
@@ -41,7 +54,7 @@ def save_figures(result: DriveResult, model: str, units: Sequence[str], folder: 
 
 def draw_trace(result: DriveResult, model: str, units: Sequence[str]) -> Drawing:
     """The envelope over two beats, beside it some periods at the envelope's maximum."""
-    outputs = result.drive.outputs
+    outputs = _oscillating(result)
     beating = result.beating
     title = "Steady response to the drive" if beating is None else "Beating under a two-tone drive"
     figure = new_figure(
@@ -54,13 +67,14 @@ def draw_trace(result: DriveResult, model: str, units: Sequence[str]) -> Drawing
         squeeze=False,
         width_ratios=(2.0, 1.0)[:columns] if columns > 1 else None,
     )
-    for row, (name, unit) in enumerate(zip(outputs, units, strict=True)):
-        factor, shown = prefixed(float(np.max(np.abs(result.carrier.values[:, row]))), unit)
+    for row, (name, column) in enumerate(outputs.items()):
+        carrier = result.carrier.values[:, column]
+        factor, shown = prefixed(float(np.max(np.abs(carrier))), units[column])
         label = f"{mathtext(name)} ({shown})" if shown else mathtext(name)
         if beating is not None:
-            _draw_envelope(grid[row, 0], beating.times_s, beating.values[:, row] / factor)
+            _draw_envelope(grid[row, 0], beating.times_s, beating.values[:, column] / factor)
             grid[row, 0].set_ylabel(label)
-        _draw_carrier(grid[row, -1], result.carrier.times_s, result.carrier.values[:, row] / factor)
+        _draw_carrier(grid[row, -1], result.carrier.times_s, carrier / factor)
         grid[row, -1].set_ylabel(label)
     caption = (
         f"{', '.join(outputs)} of {model}, driven at {_tones_text(result)}; "
@@ -73,43 +87,60 @@ def draw_trace(result: DriveResult, model: str, units: Sequence[str]) -> Drawing
 
 def draw_spectrum(result: DriveResult, model: str, units: Sequence[str]) -> Drawing:
     """Amplitudes over frequency, a panel per output, the tones labelled with their peaks."""
-    outputs = result.drive.outputs
+    outputs = _oscillating(result)
     title = "Amplitude spectrum of the response"
     figure = new_figure(
         title, _subtitle(result, model), synthetic=False, height=2.8 * len(outputs) + 0.6
     )
     axis = scaling_for(result.frequencies_hz.tolist(), "Hz")
     grid = figure.subplots(len(outputs), 1, squeeze=False, sharex=True)
-    for row, (name, unit) in enumerate(zip(outputs, units, strict=True)):
+    for row, (name, column) in enumerate(outputs.items()):
         axes = grid[row, 0]
-        factor, shown = prefixed(float(np.max(result.peaks[:, row])), unit)
+        factor, shown = prefixed(float(np.max(result.peaks[:, column])), units[column])
         _draw_amplitudes(
             axes,
             axis,
             result,
-            result.amplitudes[:, row] / factor,
-            result.peaks[:, row] / factor,
+            result.amplitudes[:, column] / factor,
+            result.peaks[:, column] / factor,
             shown,
         )
         axes.set_ylabel(f"amplitude of {mathtext(name)} ({shown + ', ' if shown else ''}peak)")
     grid[-1, 0].set_xlabel(axis.label("frequency"))
     caption = f"{title} of {model} ({', '.join(outputs)}); {result.reasons[0]}."
+    if result.constants:
+        caption += f" Constant and not drawn: {', '.join(result.constants)}."
     return Drawing("spectrum", title, caption, caption, figure)
 
 
+def _oscillating(result: DriveResult) -> dict[str, int]:
+    """Outputs that are drawn, with their columns."""
+    names = enumerate(result.drive.outputs)
+    return {name: column for column, name in names if name not in result.constants}
+
+
 def _draw_envelope(axes: Axes, times_s: FloatArray, values: FloatArray) -> None:
-    n = len(times_s) // BUCKET * BUCKET
-    times = times_s[:n].reshape(-1, BUCKET)
-    groups = values[:n].reshape(-1, BUCKET)
+    """Least to largest value in every column of samples, joined without a gap; or the line."""
     origin = float(times_s[0])
     factor, shown = prefixed(float(times_s[-1]) - origin, "s")
-    middle = (times.mean(axis=1) - origin) / factor
-    axes.fill_between(
-        middle, groups.min(axis=1), groups.max(axis=1), color=BLUE, linewidth=0, label="oscillation"
-    )
-    axes.set_xlim(middle[0], middle[-1])
+    times = (times_s - origin) / factor
+    columns = len(times) // COLUMN_SAMPLES
+    if columns < MANY_PERIODS:
+        axes.plot(times, values, color=BLUE, linewidth=0.8)
+        axes.set_title("two beats", loc="left")
+    else:
+        n = columns * COLUMN_SAMPLES
+        groups = values[:n].reshape(-1, COLUMN_SAMPLES)
+        axes.fill_between(
+            times[:n].reshape(-1, COLUMN_SAMPLES).mean(axis=1),
+            groups.min(axis=1),
+            groups.max(axis=1),
+            color=BLUE,
+            linewidth=0.4,
+        )
+        axes.set_title("two beats: least to largest value", loc="left")
+    axes.set_xlim(times[0], times[-1])
     axes.set_xlabel(f"time − {number(origin, 9)} s ({shown})")
-    axes.set_title("two beats: least to largest value", loc="left")
     plain_ticks(axes)
 
 
@@ -131,22 +162,39 @@ def _draw_amplitudes(
     unit: str,
 ) -> None:
     frequencies = np.array([axis(float(f)) for f in result.frequencies_hz])
-    floor = FLOOR * float(np.max(peaks))
-    what = "bins of whole periods" if result.coherent else "tapered spectrum"
-    axes.plot(frequencies, np.maximum(amplitudes, floor), color=BLUE, label=what)
+    tones = [axis(tone) for tone in result.drive.tones_hz]
+    least = _lower_limit(amplitudes, peaks, result.rounding)
+    what = "all other frequencies" if result.coherent else "spectrum, lines widened by the window"
+    if len(frequencies) <= MOST_STEMS:
+        axes.vlines(frequencies, least, np.maximum(amplitudes, least), color=BLUE, lw=1.0,
+                    label=what)  # fmt: skip
+    else:
+        axes.plot(frequencies, np.maximum(amplitudes, least), color=BLUE, lw=0.6, label=what)
+    axes.vlines(tones, least, np.maximum(peaks, least), color=RED, lw=1.6)
     for k, (tone, peak) in enumerate(zip(result.drive.tones_hz, peaks, strict=True)):
         axes.plot(
-            [axis(tone)],
-            [max(peak, floor)],
+            [tones[k]],
+            [max(peak, least)],
             linestyle="none",
             marker=SERIES_MARKERS[k % len(SERIES_MARKERS)],
             color=RED,
             label=f"{_hertz(tone)}: {number(float(peak), 5)} {unit}",
         )
+    rounding = result.rounding * float(np.max(peaks))
+    if rounding > least:
+        axes.axhspan(least, rounding, color=PALE, lw=0, zorder=0, label="rounding errors")
     log_axis(axes)
-    axes.set_ylim(floor, float(np.max(peaks)) * 5)
+    axes.set_ylim(least, float(np.max(peaks)) * 5)
+    if np.log10(np.max(peaks) / least) > PLAIN_DECADES:  # no mixture of 0.1 and powers
+        axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(round(np.log10(value))))
     axes.set_xlim(float(frequencies.min()), float(frequencies.max()))
     axes.legend(loc="upper right")
+
+
+def _lower_limit(amplitudes: FloatArray, peaks: FloatArray, rounding: float) -> float:
+    """A power of ten under most of the lines, but not far under what rounding leaves of them."""
+    typical = max(float(np.median(amplitudes)), 1e-2 * rounding * float(np.max(peaks)))
+    return float(10.0 ** np.floor(np.log10(typical) - 0.3))
 
 
 def _subtitle(result: DriveResult, model: str) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitting.errors import BadInput
+from fitting.notation import listed, number
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +28,10 @@ LEAST_SAMPLES = 256
 MOST_SAMPLES = 2**20
 #: Condition number of a tone fit above which the tones are not told apart.
 WORST_CONDITION = 1e3
+#: Tones that are this many times as fast as others look like a forgotten unit.
+FAR_APART = 1e3
+#: Largest order of combinations of tones: within the band of the tones, and anywhere.
+NEAR_ORDER, ANY_ORDER = 41, 5
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,21 @@ class Band:
         first, sign = (self.zone // 2, 1) if self.zone % 2 == 0 else ((self.zone + 1) // 2, -1)
         return np.asarray((first * self.samples + sign * k) / float(self.window_s))
 
+    def combination_bins(self) -> tuple[int, ...]:
+        """Bins of Σ k_i f_i with whole numbers k_i, where a nonlinear response has lines.
+
+        The mean, harmonics and mixtures up to order Σ|k_i| = 5, and what lies between and beside
+        the tones (Σ k_i = 1) up to order 41; each less where it would fill half of all bins. The
+        tones themselves are left out.
+        """
+        n = self.samples
+        cycles = {int(c) % n for c in self._cycles()}
+        gaps = {(a - b) % n for a in cycles for b in cycles}
+        near = _grown(cycles, gaps, NEAR_ORDER // 2, n)
+        mixed = _grown({0}, {s * c % n for c in cycles for s in (1, -1)}, ANY_ORDER, n)
+        folded = {min(m, n - m) for m in mixed | near}
+        return tuple(sorted(folded - set(self.bins())))
+
     def _cycles(self) -> list[Fraction]:
         return [exact(tone) * self.window_s for tone in self.tones_hz]
 
@@ -112,7 +132,9 @@ def plan_band(
     """
     tones = tuple(float(tone) for tone in tones_hz)
     if len(set(tones)) != len(tones) or not all(0.0 < tone < math.inf for tone in tones):
-        raise BadInput(f"tones {tones} Hz, wanted different positive frequencies")
+        raise BadInput(f"{told(tones)}: wanted different positive frequencies")
+    if samples is not None and samples < 1:
+        raise BadInput(f"samples is {samples!r}, wanted at least 1")
     period = common_period(tones)
     if window_s is not None:
         window = exact(window_s)
@@ -130,14 +152,32 @@ def plan_band(
     if window > longest_s:
         return None
     halves = [int(2 * exact(tone) * window) for tone in tones]
-    for n in [samples] if samples else _candidates(halves):
+    for n in _candidates(halves) if samples is None else [samples]:
         zone = _common_zone(halves, n)
         if zone is not None:
             return Band(tones, window, n, zone)
     raise BadInput(
-        f"tones {tones} Hz: no sampling of {float(window)!r} s "
+        f"{told(tones)}: no sampling of {float(window)!r} s "
         f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "
-        "within one band, wanted more samples or tones closer to each other"
+        f"within one band, wanted more samples or tones closer to each other{unit_hint(tones)}"
+    )
+
+
+def told(tones_hz: Sequence[float]) -> str:
+    """Tones in words, none of their digits left out: "tones 6.94018 Hz and 6940360 Hz"."""
+    many = "tones" if len(tones_hz) > 1 else "tone"
+    texts = (repr(float(tone)).removesuffix(".0") for tone in tones_hz)
+    return f"{many} {listed(f'{text} Hz' for text in texts)}"
+
+
+def unit_hint(tones_hz: Sequence[float]) -> str:
+    """What to say where tones are so far apart that a unit may have been forgotten; or nothing."""
+    slow, fast = min(tones_hz), max(tones_hz)
+    if not 0.0 < FAR_APART * slow < fast:
+        return ""
+    return (
+        f"; they differ by a factor of {number(fast / slow, 2)}: is a unit missing, as in "
+        '"6.94 MHz"?'
     )
 
 
@@ -172,12 +212,23 @@ def fit_tones(
     condition = float(np.linalg.cond(design)) if design.shape[0] >= design.shape[1] else math.inf
     if condition > WORST_CONDITION:
         raise BadInput(
-            f"tones {tuple(tones_hz)} Hz: {times_s.size} samples over {float(np.ptp(times_s))!r} s "
+            f"{told(tones_hz)}: {times_s.size} samples over {float(np.ptp(times_s))!r} s "
             f"do not tell them apart (condition number {condition:.3g}), wanted a longer window"
         )
     coefficients = np.linalg.lstsq(design, values, rcond=None)[0]
     peaks = np.hypot(coefficients[1::2], coefficients[2::2])
     return np.asarray(peaks), np.asarray(values - design @ coefficients)
+
+
+def _grown(seeds: set[int], steps: set[int], times: int, modulus: int) -> set[int]:
+    """What is reached from the seeds in so many steps, as long as it is a quarter of all."""
+    reached = edge = seeds
+    for _ in range(times):
+        edge = {(m + step) % modulus for m in edge for step in steps} - reached
+        if len(reached) + len(edge) > modulus // 4:
+            break
+        reached = reached | edge
+    return reached
 
 
 def _closest(tones: tuple[float, ...]) -> Fraction:

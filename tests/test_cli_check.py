@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from pathlib import Path
 
@@ -21,6 +22,10 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert "eta_plus" in text
     assert "suits this FMU" in text
     assert "same bit for bit" in text
+    assert (
+        "needsExecutionTool: needs further software on the machine, here a libpython of "
+        "Python 3.8 to 3.13\n" in text
+    )
 
 
 def test_an_fmu_that_does_not_suit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,3 +74,47 @@ def test_failing_fmu_is_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "misbehave = 5" in told.err
     assert told.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("--step=0", "--step: found '0', wanted a positive number"),
+        ("--step=nan", "--step: found 'nan', wanted a finite number"),
+        ("--step=1 mm", "--step: found unit 'mm', wanted 's'"),
+        ("--timeout=-1", "--timeout: found '-1', wanted a positive number"),
+    ],
+)
+def test_impossible_times_are_refused_by_name(
+    option: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(tmp_path / "any.fmu"), option]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_times_take_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = build_c_fmu(tmp_path, once=True)
+    assert main(["check", str(fmu), "--step", "2 ms", "--timeout", "0.5 min"]) == 0
+    text = capsys.readouterr().out
+    assert "one step of 0.002 s" in text
+    assert "needsExecutionTool" not in text
+    assert "canBeInstantiatedOnlyOncePerProcess: one instance in a process" in text
+
+
+def test_a_run_out_of_time_names_the_option(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Seven million periods of the step-by-step solver do not fit into the time."""
+    arguments = ["--set", "solver=2", "--timeout", "1500 ms", "--out", str(tmp_path / "out")]
+    assert main(["simulate", str(oscillator_fmu), *arguments]) == 3
+    assert "no answer within 1.5 s and was stopped; --timeout sets" in capsys.readouterr().err
+
+
+def test_what_the_fmu_says_comes_first(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--set", "d1=-1e6", "--out", str(tmp_path / "out")]
+    assert main(["simulate", str(oscillator_fmu), *arguments]) == 3
+    told = capsys.readouterr().err
+    assert f"{oscillator_fmu}: d1 = -1000000.0 Hz is negative" in told
+    assert re.search(r"will grow; the growing oscillation .*; stopped early at t = 0\.0 s", told)

@@ -12,9 +12,9 @@ ROOT = Path(__file__).parents[1]
 
 #: A module imports only from rows above its own; a new module takes its place in the table.
 LADDER = (
-    "errors fmu.log laboratory leastsq notation options progress scaling structure variables",
+    "errors fmu.log laboratory leastsq notation progress scaling structure variables",
     "files fmu.description fmu.records parameters peaks response spectrum tables units",
-    "amplitudes campaign_section fmu.orders fmu.signal instruments objective plan records",
+    "amplitudes campaign_section fmu.orders fmu.signal instruments objective options plan records",
     "campaign_schema evaluator fmu.interface plots_style result synthesis",
     "campaign_data fmu.reuse fmu.simulation linear_program uncertainty",
     "campaign_binding fmu.worker interior_point",

@@ -88,12 +88,41 @@ def test_band_refuses_edges_and_broken_periods() -> None:
         ({"tones_hz": (math.inf,)}, "different positive"),
         ({"tones_hz": PAIR, "window_s": 0.03}, "1.2 common periods"),
         ({"tones_hz": PAIR, "samples": 3}, "no sampling"),
-        ({"tones_hz": (1.0, 1e7)}, "no sampling"),
+        ({"tones_hz": PAIR, "samples": 0}, "samples is 0"),
+        ({"tones_hz": (1.0, 1e7)}, "tones 1 Hz and 10000000 Hz: no sampling"),
+        ({"tones_hz": (1.0, 1e7)}, "differ by a factor of 10000000: is a unit missing"),
     ],
 )
 def test_impossible_windows_are_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(BadInput, match=words):
         plan_band(**{"longest_s": 100.0, **arguments})  # type: ignore[arg-type]
+
+
+@given(st.integers(200, 400), st.integers(1, 20), st.integers(200, 400))
+@settings(max_examples=60, deadline=None)
+def test_a_nonlinear_response_has_lines_at_combinations_only(first: int, gap: int, n: int) -> None:
+    try:
+        band = plan_band((first, first + gap), longest_s=10.0, window_s=1.0, samples=n)
+    except BadInput:
+        return
+    assert band is not None
+    turns = np.outer((first, first + gap), np.arange(n)) % n / n  # whole numbers: exact
+    x = np.cos(2 * np.pi * turns).sum(axis=0)
+    lines = amplitude_spectrum(x + x**2 / 3 + x**3 / 7)
+    seen = set(np.flatnonzero(lines > 1e-12).tolist())
+    combined = set(band.combination_bins())
+    assert seen <= combined | set(band.bins())
+    assert not combined & set(band.bins())
+
+
+def test_combinations_are_a_part_of_the_band_only() -> None:
+    """Between and beside the published pair, 200 Hz apart; else a free oscillation is not seen."""
+    band = plan_band(PAIR, longest_s=1.0)
+    assert band is not None
+    seen = band.frequencies_hz()[list(band.combination_bins())]
+    beside = np.array([PAIR[0] + 200 * k for k in range(-8, 10) if k not in (0, 1)])
+    assert all(np.abs(seen - f).min() < 1e-6 for f in beside)
+    assert len(seen) < 0.6 * band.samples / 2
 
 
 def test_no_common_period_of_reasonable_length() -> None:

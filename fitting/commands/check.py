@@ -11,13 +11,15 @@ from pathlib import Path
 from fitting.errors import BadInput, FmuFailure, StartValue
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, Run, validation_problems
 from fitting.labdata import bind, read_campaign
-from fitting.options import positive_number
+from fitting.options import positive_time
 from fitting.progress import status_line
 
 NAME = "check"
 SUMMARY = "will this FMU load, validate, run, survive a reset, and suit a campaign"
 EXAMPLE = "fmu-fit check build/CoupledOscillator.fmu --campaign data/string_q1/campaign.toml"
 
+#: Those that the binary which pythonfmu packs into an FMU looks for on the machine.
+PYTHONS = "3.8 to 3.13"
 VARIED = 1e-3  # of a value, to see whether a reset instance still gives what a new one gives
 
 
@@ -26,9 +28,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fmu", type=Path, metavar="FMU", help="the file (FMI 2.0 or 3.0)")
     parser.add_argument("--campaign", type=Path, metavar="CAMPAIGN.toml", help="also: does it suit")
     parser.add_argument(
-        "--step", type=positive_number, default=1e-3, help="length of the trial step, s (0.001)"
+        "--step",
+        type=positive_time("--step"),
+        default=1e-3,
+        metavar="TIME",
+        help='length of the trial step, as "1 ms" (0.001 s)',
     )
-    parser.add_argument("--timeout", type=positive_number, default=60.0, help="longest run, s (60)")
+    parser.add_argument(
+        "--timeout",
+        type=positive_time("--timeout"),
+        default=60.0,
+        metavar="TIME",
+        help="longest run (60 s)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -38,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: the FMU cannot be read, breaks the rules of FMI, or does not suit the campaign.
         FmuFailure: the trial run failed.
     """
-    with FmuWorkers(args.fmu, timeout_s=args.timeout) as workers:
+    with FmuWorkers(args.fmu, timeout_s=args.timeout, timeout_name="--timeout") as workers:
         print(*_facts(workers.description), sep="\n")
         problems = validation_problems(args.fmu)
         for problem in problems:
@@ -63,9 +75,8 @@ def _facts(description: FmuDescription) -> list[str]:
         f"{description.path}: {description.model_name}, FMI {description.fmi_version}, "
         f"{', '.join(description.platforms)}",
         f"guid {description.guid}, sha256 {description.sha256}",
-        f"made by {description.generation_tool or 'a tool that does not tell'}"
-        + ("; needs a tool on the machine" if description.needs_execution_tool else "")
-        + ("; one instance per process" if description.one_instance_per_process else ""),
+        f"made by {description.generation_tool or 'a tool that does not tell'}",
+        *_needs(description),
         ", ".join(f"{n} {causality}" for causality, n in sorted(counts.items())),
         "",
     ]
@@ -77,6 +88,18 @@ def _facts(description: FmuDescription) -> list[str]:
     width = max((len(v.name) for v in shown), default=0)
     lines += [_row(v, width) for v in shown]
     return [*lines, ""]
+
+
+def _needs(description: FmuDescription) -> list[str]:
+    """What the flags of the FMU ask of a host, in words."""
+    lines = []
+    if description.needs_execution_tool:
+        python = "pythonfmu" in description.generation_tool.lower()
+        what = f", here a libpython of Python {PYTHONS}" if python else ""
+        lines.append(f"needsExecutionTool: needs further software on the machine{what}")
+    if description.one_instance_per_process:
+        lines.append("canBeInstantiatedOnlyOncePerProcess: one instance in a process")
+    return lines
 
 
 def _row(v: FmuVariable, width: int) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,15 +17,18 @@ from fitting.errors import BadInput, StartValue
 from fitting.files import write_whole
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.notation import hertz
-from fitting.options import positive_number, whole_number
+from fitting.options import positive_quantity, positive_time, quantity, whole_number
 from fitting.progress import status_line
-from fitting.units import convert, parse_quantity, same_kind
+from fitting.units import convert, same_kind
 
 NAME = "simulate"
 SUMMARY = "one drive through an FMU: time trace with beating, spectrum with its peaks"
 EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" --out out/two-tone'
 
 DEFAULT_TONES = ("u1", "u2")
+TONE_NAME = re.compile(r"(.*?)(\d+)")
+#: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
+AMPLITUDE_STEM = "A"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,25 +51,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--input", help="FMU input to drive, where no parameters hold the tones")
     parser.add_argument("--drive", help='drive frequencies for --input, as "280 Hz, 281 Hz"')
     parser.add_argument(
-        "--level", type=positive_number, default=1.0, help="amplitude of each tone (1)"
+        "--level", help='amplitude of each tone of --input, as "2 N" (1 in the unit of the input)'
     )
     parser.add_argument(
-        "--steps-per-period", type=whole_number(4), default=100, help="held steps in a period (100)"
+        "--steps-per-period",
+        type=whole_number(4),
+        default=100,
+        help="held steps of --input in a period (100)",
     )
     parser.add_argument("--settle", metavar="TIME", help="time before sampling (found by trying)")
-    parser.add_argument("--window", metavar="TIME", help="time sampled (some common periods)")
-    parser.add_argument("--samples", type=int, help="samples in the window (by the band)")
-    parser.add_argument("--timeout", type=positive_number, default=60.0, help="longest run, s (60)")
+    parser.add_argument(
+        "--window",
+        type=positive_time("--window"),
+        metavar="TIME",
+        help="time sampled (some common periods)",
+    )
+    parser.add_argument(
+        "--samples", type=whole_number(1), help="samples in the window (by the band)"
+    )
+    parser.add_argument(
+        "--timeout",
+        type=positive_time("--timeout"),
+        default=60.0,
+        metavar="TIME",
+        help="longest run (60 s)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulate and write; returns 0, or 1 if the amplitudes did not become steady.
+    """Simulate and write; returns 0, or 1 if the response did not become steady.
 
     Raises:
         BadInput: names, values, units or times do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
-    with FmuWorkers(args.fmu, timeout_s=args.timeout) as workers:
+    with FmuWorkers(args.fmu, timeout_s=args.timeout, timeout_name="--timeout") as workers:
         description = workers.description
         drive = _drive(args, description)
         with status_line(NAME) as tell:
@@ -74,7 +95,10 @@ def run(args: argparse.Namespace) -> int:
     print(*_summary(result, description), sep="\n")
     for warning in workers.warnings:
         print(f"the FMU warns: {warning}")
-    return 0 if result.settled else 1
+    if result.settled and result.explained:
+        return 0
+    print(*_advice(args, drive, description), sep="\n")
+    return 1
 
 
 def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, StartValue]:
@@ -82,9 +106,9 @@ def start_values(assignments: Sequence[str], description: FmuDescription) -> dic
     values: dict[str, StartValue] = {}
     for text in assignments:
         name, found, value = text.partition("=")
-        if not found:
-            raise BadInput(f"--set {text}: wanted NAME=VALUE")
         name = name.strip()
+        if not (name and found):
+            raise BadInput(f"--set {text}: wanted NAME=VALUE")
         values[name] = _value(value.strip(), description.variable(name))
     return values
 
@@ -97,14 +121,15 @@ def _value(text: str, variable: FmuVariable) -> StartValue:
         if text.lower() not in ("true", "false", "1", "0"):
             raise BadInput(f"{where}: found {text!r}, wanted true or false")
         return text.lower() in ("true", "1")
-    number, unit = parse_quantity(text, where=where)
-    if unit is not None:
-        number = convert(number, unit, variable.unit or "1", where=where)
     if variable.kind == "Integer":
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
         if not number.is_integer():
             raise BadInput(f"{where}: found {text!r}, wanted a whole number")
         return int(number)
-    return number
+    return quantity(text, variable.unit or "1", where=where)
 
 
 def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
@@ -112,20 +137,26 @@ def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
     outputs = _listed(args.outputs) or _first_output(description)
     if (args.input is None) != (args.drive is None):
         raise BadInput("--input and --drive: found one of them, wanted both or none")
+    level = 1.0
     if args.input is not None:
         texts = _listed(args.drive)
-        tones = tuple(_quantity(text, "Hz", "--drive") for text in texts)
+        tones = tuple(quantity(text, "Hz", where="--drive") for text in texts)
+        unit = description.variable(args.input).unit or "1"
+        if args.level is not None:
+            level = positive_quantity(args.level, unit, where="--level")
+    elif args.level is not None:
+        raise BadInput("--level: is for --input, wanted --set with the amplitudes of the tones")
     else:
-        tones = _tones(_listed(args.tones), values, description)
+        tones = _tones(_tone_names(args, description), values, description)
     return Drive(
         values,
         tones,
         outputs,
-        settle_s=None if args.settle is None else _quantity(args.settle, "s", "--settle"),
-        window_s=None if args.window is None else _quantity(args.window, "s", "--window"),
+        settle_s=None if args.settle is None else _settling(args.settle),
+        window_s=args.window,
         samples=args.samples,
         input=args.input,
-        level=args.level,
+        level=level,
         steps_per_period=args.steps_per_period,
     )
 
@@ -134,9 +165,11 @@ def _listed(text: str | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in (text or "").split(",") if word.strip())
 
 
-def _quantity(text: str, unit: str, where: str) -> float:
-    number, written = parse_quantity(text, where=where)
-    return number if written is None else convert(number, written, unit, where=where)
+def _settling(text: str) -> float:
+    time_s = quantity(text, "s", where="--settle")
+    if time_s < 0.0:
+        raise BadInput(f"--settle: found {text!r}, wanted a time of at least 0")
+    return time_s
 
 
 def _first_output(description: FmuDescription) -> tuple[str, ...]:
@@ -148,17 +181,22 @@ def _first_output(description: FmuDescription) -> tuple[str, ...]:
     raise BadInput(f"{description.path}: has no continuous Real output, wanted --outputs")
 
 
+def _tone_names(args: argparse.Namespace, description: FmuDescription) -> tuple[str, ...]:
+    names = _listed(args.tones)
+    if names:
+        return names
+    if not all(name in description.variables for name in DEFAULT_TONES):
+        raise BadInput(
+            f"{description.path}: has no parameters {' and '.join(DEFAULT_TONES)}, wanted "
+            "--tones with the names of those that hold the drive frequencies, or --input"
+        )
+    return DEFAULT_TONES
+
+
 def _tones(
     names: tuple[str, ...], values: Mapping[str, StartValue], description: FmuDescription
 ) -> tuple[float, ...]:
     """Frequencies in Hz that the parameters hold."""
-    if not names:
-        names = tuple(name for name in DEFAULT_TONES if name in description.variables)
-        if names != DEFAULT_TONES:
-            raise BadInput(
-                f"{description.path}: has no parameters {' and '.join(DEFAULT_TONES)}, wanted "
-                "--tones with the names of those that hold the drive frequencies, or --input"
-            )
     tones = []
     for name in names:
         variable = description.variable(name)
@@ -201,11 +239,46 @@ def _csv(header: list[str], rows: NDArray[np.float64]) -> str:
 
 
 def _summary(result: DriveResult, description: FmuDescription) -> list[str]:
-    lines = list(result.reasons)
+    *lines, beside = result.reasons
+    lines.append(beside if result.explained else f"warning: {beside}")
     for name, peaks in zip(result.drive.outputs, result.peaks.T, strict=True):
         unit = description.variables[name].unit or ""
+        if name in result.constants:
+            lines.append(f"{name}: constant, {result.constants[name]:.9g} {unit}".rstrip())
+            continue
         lines += [
             f"{name}: {peak:.9g} {unit} peak at {hertz(tone, digits=10)}"
             for tone, peak in zip(result.drive.tones_hz, peaks, strict=True)
         ]
     return lines
+
+
+def _advice(args: argparse.Namespace, drive: Drive, description: FmuDescription) -> list[str]:
+    """What may help where a response is not steady."""
+    lines = ["not steady: wanted more damping, or a longer time before sampling by --settle TIME"]
+    if drive.input is None:
+        names = _tone_names(args, description)
+        lines += [
+            f"{name} is not among the tones {', '.join(names)}: if the FMU drives with it as well, "
+            f"wanted it in --tones, or --set {amplitude}=0"
+            for name, amplitude in _other_tones(names, drive.start_values, description)
+        ]
+    return lines
+
+
+def _other_tones(
+    names: tuple[str, ...], values: Mapping[str, StartValue], description: FmuDescription
+) -> list[tuple[str, str]]:
+    """Parameters named like the tones, but for their number, with amplitudes that are not zero."""
+    stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}
+    found = []
+    for name, variable in description.variables.items():
+        match = TONE_NAME.fullmatch(name)
+        if match is None or match[1] not in stems or name in names:
+            continue
+        amplitude = description.variables.get(AMPLITUDE_STEM + match[2])
+        if amplitude is None or not variable.can_be_started:
+            continue
+        if values.get(amplitude.name, amplitude.start):
+            found.append((name, amplitude.name))
+    return found
