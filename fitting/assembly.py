@@ -322,11 +322,12 @@ def warning_sentences(
     """What a reader of the numbers must know."""
     said = []
     values: dict[str, ParameterResult | DerivedResult] = {**parameters, **derived}
-    for name, value in values.items():
-        if value.identifiable != IDENTIFIABLE[0]:
+    for verdict in IDENTIFIABLE[1:]:
+        names = [name for name, value in values.items() if value.identifiable == verdict]
+        if names:
             said.append(
-                f"{name} is {value.identifiable} by these data (shrinkage {value.shrinkage:.2g}): "
-                "prior and start decide where it is reported."
+                f"{verdict.capitalize()} by these data: {', '.join(names)}. Prior and start decide "
+                "where these values are reported."
             )
     for i, parameter in enumerate(solution.parameters):
         p, width = float(solution.final.parameters[i]), parameter.upper - parameter.lower
