@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from fitting.cli import main
 from fitting.commands import synthesize
 from fitting.errors import BadInput
 from fitting.files import write_whole
@@ -93,7 +94,6 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "q1", "--d1", "-3"], "damping d1 = -3.0"),
         (["--series", "q1", "--eta-plus", "9e6"], "eta_plus = 9000000.0 Hz must lie"),
         (["--series", "q1", "--noise-scale", "-1"], "noise_scale must not be negative"),
-        (["--series", "q1", "--seed", "-1"], "--seed: found -1"),
         (["--like", DATA / "afm_sensor" / "campaign.toml"], "truth.toml: no such file"),
     ],
 )
@@ -102,6 +102,17 @@ def test_impossible_laboratories_are_refused(
 ) -> None:
     with pytest.raises(BadInput, match=message):
         call(*words, "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_negative_seed_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["synthesize", "--series", "q1", "--seed", "-1", "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "--seed: found '-1', wanted a whole number of at least 0" in err
     assert not (tmp_path / "out").exists()
 
 
