@@ -18,6 +18,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
+from decimal import Decimal
 from typing import TYPE_CHECKING, NamedTuple
 
 from .model_error import ModelError
@@ -48,6 +49,10 @@ if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 o
 CONFLUENT = 1e-2
 #: A transient with this exponent is lost beside any number it could be added to.
 DECAYED = -100.0
+
+#: Poles closer to the real axis than this part of their size are real: oscillating ones made of
+#: doubles keep half the digits of a double between them and the axis.
+_REAL_POLE = Decimal("1e-12")
 
 NOTHING: Pair = (0j, 0j)
 
@@ -104,7 +109,8 @@ def oscillator_pencil(p: Parameters) -> Pencil:
         poles = _roots_of(e1, e2)
     except ArithmeticError:
         poles = None
-    if poles is None or poles[0].im <= 0 or poles[1].im <= 0:
+    # a real pole of an overdamped mode shows up with a rounding error above or below the axis
+    if poles is None or any(x.im <= abs(x.re) * _REAL_POLE for x in poles):
         raise ModelError(
             f"a mode is overdamped (d1 = {p.d1!r} Hz, d2 = {p.d2!r} Hz at eta_plus = "
             f"{p.eta_plus!r} Hz, eta_minus = {p.eta_minus!r} Hz): the exact solver needs "

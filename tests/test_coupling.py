@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests import reference
-from tests.fmus import OK, Instance
+from tests.fmus import DISCARD, LIVELY, OK, Instance
 from tests.scenes import STRING
 
 ETA = {"eta_plus": 6.94026e6, "eta_minus": 7.02760e6}
@@ -64,3 +64,18 @@ def test_the_start_time_is_part_of_the_drive_phase(instance: Instance) -> None:
     truth = reference.displacements(SimpleNamespace(**(values | shifted)), [duration])[0]
     found = instance.get("q1_hybrid", "q2_hybrid")
     assert found == pytest.approx([float(truth[0]), float(truth[1])], rel=1e-10)
+
+
+@pytest.mark.parametrize("d2", [5e5, 4e3])
+def test_an_overdamped_mode_is_left_to_rk4(instance: Instance, d2: float) -> None:
+    """Its poles are real, which rounding must not hide."""
+    values = dict(LIVELY) | {"d1": 5e5, "d2": d2}
+    instance.start(**values)
+    assert instance.step(0.0, 1e-5) == DISCARD
+    assert "overdamped" in instance.status_message()
+    instance.slave.reset()
+    instance.start(solver=2, rk4_substep=1e-8, **values)
+    assert instance.step(0.0, 1e-5) == OK
+    truth = reference.displacements(SimpleNamespace(reflection=False, **values), [1e-5])[0]
+    found = instance.get("q1_hybrid", "q2_hybrid")
+    assert found == pytest.approx([float(truth[0]), float(truth[1])], rel=1e-6)
