@@ -8,4 +8,7 @@ that has libpython.
 from __future__ import annotations
 
 #: Model name (the FMU's ``modelName`` and ``modelIdentifier``) -> module of this package.
-MODELS: dict[str, str] = {"CoupledOscillator": "coupled_oscillator"}
+MODELS: dict[str, str] = {
+    "CoupledOscillator": "coupled_oscillator",
+    "DuffingOscillator": "duffing_oscillator",
+}

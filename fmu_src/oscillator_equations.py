@@ -17,6 +17,8 @@ from .model_error import ModelError
 
 TWO_PI = 2.0 * math.pi
 FOUR_PI_SQUARED = TWO_PI * TWO_PI
+#: Displacements and velocities of both modes in a start at rest, as the solvers take them.
+AT_REST = (0j, 0j, 0j, 0j)
 
 
 class Parameters(NamedTuple):

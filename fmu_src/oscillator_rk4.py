@@ -150,11 +150,13 @@ class RungeKuttaSolver:
         """Return the solver for new parameters, with state and drive phases kept at ``t`` s."""
         before = self.p.u1, self.p.u2
         offsets = kept_phases(self.offsets, before, (p.u1, p.u2), t)
-        return self._taken_over_by(RungeKuttaSolver(p, self.requested, offsets))
-
-    def _taken_over_by(self, solver: RungeKuttaSolver) -> RungeKuttaSolver:
-        solver.b, solver.t, solver._y = self.b, self.t, self._y
+        solver = RungeKuttaSolver(p, self.requested, offsets)
+        solver.take_over(self)
         return solver
+
+    def take_over(self, other: RungeKuttaSolver) -> None:
+        """Go on from the state of another solver."""
+        self.b, self.t, self._y = other.b, other.t, other._y
 
     def snapshot(self) -> dict[str, Any]:
         """Return what must be stored, beside the parameters, to continue bit for bit."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from .model_error import ModelError
-from .oscillator_equations import TWO_PI, Parameters, check, coupling, damping, physical
+from .oscillator_equations import AT_REST, TWO_PI, Parameters, check, coupling, damping, physical
 from .slave import STATUS_MESSAGE, ModelSlave
 from .variables import Variable
 
@@ -51,8 +51,6 @@ if TYPE_CHECKING:
 
 
 S = TypeVar("S", bound="Solver")
-
-AT_REST = (0j, 0j, 0j, 0j)
 
 
 def parameter(name: str, start: Any, unit: str | None, description: str, **more: Any) -> Variable:

@@ -1,0 +1,246 @@
+"""The solver ``envelope``: the slow amplitudes in a rotating frame, with a step that is controlled.
+
+The steps are the solver's own: it runs past a communication point as far as the tolerance lets it
+and answers for the times in between, so the cut of a run into communication steps does not change
+a bit of the result. Only a change of parameters ends a step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .duffing_equations import Cubic, shift
+from .duffing_exponential import PROBE, Step, take_step, weights
+from .duffing_orbit import averaged_orbit, fixed_point
+from .duffing_slow import SlowModel
+from .model_error import ModelError
+from .oscillator_equations import AT_REST
+from .oscillator_phase import kept_phases
+
+if TYPE_CHECKING:
+    from .duffing_exponential import Weights
+    from .duffing_slow import Pair, State
+    from .oscillator_equations import Parameters
+
+#: The relative frequency shift by the cubic terms beyond which an expansion in it says nothing.
+LARGEST_SHIFT = 0.1
+#: Share of the tolerance that one step may take: the errors of a few steps are alive at a time.
+PER_STEP = 0.03
+#: A step that could be longer by less than this factor keeps its length, and so its weights.
+DEADBAND = 1.25
+
+
+class Settings(NamedTuple):
+    """How an envelope is integrated: relative tolerance, and the branch of a periodic start."""
+
+    tolerance: float
+    upper: bool
+
+
+class EnvelopeSolver:
+    """The Duffing oscillator's slow motion between changes of its parameters."""
+
+    grows = False  # a motion that grows leaves the range of the averaging and is refused there
+
+    def __init__(
+        self,
+        p: Parameters,
+        cubic: Cubic,
+        settings: Settings,
+        offsets: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self.p, self.cubic, self.settings, self.offsets = p, cubic, settings, offsets
+        self.model = SlowModel(p, cubic, offsets)
+        self.b = 0.0
+        growth = max(rate.real for rate in self.model.rates)
+        self._longest = 1.0 / growth if growth > 0.0 else math.inf
+        self._weights: tuple[float, tuple[Weights, Weights]] | None = None
+
+    # -- start and state ------------------------------------------------------------------------
+
+    def start(self, t: float, state: State | None, b: float) -> None:
+        """Begin at ``t`` s from displacements and velocities over 2 pi (None: periodic orbit)."""
+        self.with_input(b, t)
+        if state is not None:
+            self._begin(t, self.model.slow_state(state, t))
+        elif not any(self.cubic):
+            self._begin(t, (0j, 0j))
+        elif len(set(self.model.detunings)) <= 1:
+            self._start_on_orbit(t)
+        elif self.settings.upper:
+            raise ModelError(
+                "branch = 1: the upper branch is that of one active tone (A1 = 0 or A2 = 0), not "
+                f"of two, at u1 = {self.p.u1!r} Hz and u2 = {self.p.u2!r} Hz"
+            )
+        else:
+            self._settle(t, None)
+
+    def _start_on_orbit(self, t: float) -> None:
+        """Begin on the periodic orbit of one tone, on the branch that the settings name."""
+        model, linear = self.model, self.model.linear(t)
+        if not any(linear):
+            self._begin(t, (0j, 0j))
+            return
+        q = averaged_orbit(model, linear, self.settings.upper)
+        guess = model.deviation(q, linear)
+        w = fixed_point(model, linear, guess)
+        if w is None:  # at the edge of a branch only the motion itself knows where it ends
+            self._settle(t, guess)
+        else:
+            self._begin(t, w)
+
+    def _settle(self, t: float, w: Pair | None) -> None:
+        """Begin at ``t`` s where the motion from ``w`` (None: rest) long before has come to."""
+        decay = min(-rate.real for rate in self.model.rates)
+        begin = t - math.log(100.0 / self.settings.tolerance) / decay
+        self._begin(begin, self.model.slow_state(AT_REST, begin) if w is None else w)
+        self.advance(t)
+        self._begin(t, self._slow(t))
+
+    def _begin(self, t: float, w: Pair) -> None:
+        """Stand at ``t`` s with ``w``, before the first step."""
+        self._stand(t, w)
+        q1, q2 = self._amplitudes(t)
+        self._scale = abs(q1), abs(q2)
+        fastest = max(abs(rate.real) for rate in self.model.rates)
+        self._next = 0.1 / fastest if fastest else 10.0 / self.model.centre
+
+    def _stand(self, t: float, w: Pair) -> None:
+        n1, n2, _, _ = self.model.slope(w, self.model.linear(t))
+        self._step: Step | None = None
+        self._reached = t, w, (n1, n2)
+        self._read: tuple[float, Pair] | None = None
+
+    def full_state(self, t: float) -> State:
+        """Return displacements and velocities over 2 pi at ``t`` s."""
+        return self.model.full_state(self._slow(t), t)
+
+    def retuned(self, p: Parameters, t: float, cubic: Cubic | None = None) -> EnvelopeSolver:
+        """Return the solver for new parameters, with state and drive phases kept at ``t`` s."""
+        before = self.p.u1, self.p.u2
+        offsets = kept_phases(self.offsets, before, (p.u1, p.u2), t)
+        solver = EnvelopeSolver(p, cubic or self.cubic, self.settings, offsets)
+        solver.start(t, self.full_state(t), self.b)
+        return solver
+
+    def with_input(self, b: float, t: float) -> None:
+        """Refuse an input: a rotating frame cannot carry it."""
+        if b:
+            raise ModelError(
+                f"b = {b!r}: the rotating frame of solver 1 (envelope) cannot carry an arbitrary "
+                "input; use solver 2 (rk4)"
+            )
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        step = self._step
+        t, w = (step.t, step.y) if step else self._reached[:2]
+        return {
+            "t": t,
+            "w": [w[0].real, w[0].imag, w[1].real, w[1].imag],
+            "h": step.h if step else 0.0,
+            "next": self._next,
+            "scale": list(self._scale),
+            "b": self.b,
+            "offsets": list(self.offsets),
+        }
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Take up a snapshot of a solver with the same parameters and offsets."""
+        w = snapshot["w"]
+        self._stand(snapshot["t"], (complex(w[0], w[1]), complex(w[2], w[3])))
+        if snapshot["h"]:
+            self._accept(self._attempt(snapshot["h"]))
+        self._next = snapshot["next"]
+        self._scale = snapshot["scale"][0], snapshot["scale"][1]
+
+    # -- motion ---------------------------------------------------------------------------------
+
+    def displacement(self, t: float) -> tuple[float, float]:
+        """Return q~1, q~2 at ``t`` s."""
+        return self.model.displacement(self._amplitudes(t), t)
+
+    def squares(self, t: float) -> tuple[float, float]:
+        """Return the squared amplitudes of both modes at ``t`` s, in m^2."""
+        q1, q2 = self._amplitudes(t)
+        return abs(q1) ** 2, abs(q2) ** 2
+
+    def _amplitudes(self, t: float) -> Pair:
+        """Return Q at ``t`` s; the last answer is kept for the next reader."""
+        if self._read is None or self._read[0] != t:
+            self._read = t, self.model.amplitudes(self._slow(t), self.model.linear(t))
+        return self._read[1]
+
+    def _slow(self, t: float) -> Pair:
+        """Return w at a time within the last step."""
+        if self._step is None or t == self._reached[0]:
+            return self._reached[1]
+        return self._step.between(self.model.rates, t)
+
+    def advance(self, t: float) -> None:
+        """Take steps until one of them holds ``t`` s."""
+        while self._reached[0] < t:
+            try:
+                self._take()
+            except OverflowError as error:
+                raise ModelError(
+                    f"the envelope left the range of numbers after t = {self._reached[0]!r} s"
+                ) from error
+
+    def _take(self) -> None:
+        """Take one step as long as the tolerance allows."""
+        h = min(self._next, self._longest)
+        tolerance = PER_STEP * self.settings.tolerance
+        while True:
+            step = self._attempt(h)
+            scale = self._scale_after(step)
+            worst = max(e / s if s else 0.0 for e, s in zip(step.error, scale)) / tolerance
+            self._check(step, worst)
+            factor = min(5.0, 0.9 * worst**-0.25) if worst else 5.0
+            if worst <= 1.0:
+                break
+            h *= max(0.2, factor)
+        self._next = h if 1.0 <= factor < DEADBAND else h * max(0.2, factor)
+        self._scale = scale
+        self._accept(step)
+
+    def _attempt(self, h: float) -> Step:
+        t, w, n = self._reached
+        if self._weights is None or self._weights[0] != h:
+            rates = self.model.rates
+            self._weights = h, (weights(rates[0], h), weights(rates[1], h))
+        linear = self.model.linear
+        forced = linear(t + PROBE * h), linear(t + 0.5 * h), linear(t + h)
+        return take_step((t, w, n), h, self._weights[1], self.model.slope, forced)
+
+    def _accept(self, step: Step) -> None:
+        self._step = step
+        self._reached = step.end, step.y_end, step.n_end
+        self._read = None
+
+    def _scale_after(self, step: Step) -> tuple[float, float]:
+        """Return the amplitudes that errors are relative to: the largest, as it is forgotten."""
+        kept = [
+            scale * math.exp(min(rate.real, 0.0) * step.h)
+            for scale, rate in zip(self._scale, self.model.rates)
+        ]
+        return max(kept[0], step.largest[0]), max(kept[1], step.largest[1])
+
+    def _check(self, step: Step, worst: float) -> None:
+        """Raise ModelError where the averaging does not hold or the numbers end."""
+        if not math.isfinite(worst) or not math.isfinite(sum(step.largest)):
+            raise OverflowError
+        squares = step.largest[0] ** 2, step.largest[1] ** 2
+        found = shift(self.cubic, squares, self.model.centre)
+        if worst <= 1.0 and not found <= LARGEST_SHIFT:
+            raise ModelError(
+                f"the cubic terms shift the frequency by {found!r} of the drive's at t = "
+                f"{step.end!r} s, beyond the {LARGEST_SHIFT!r} up to which an envelope holds; "
+                "use solver 2 (rk4)"
+            )
+        if step.end == step.t:
+            raise ModelError(
+                f"the envelope cannot keep its tolerance {self.settings.tolerance!r} at t = "
+                f"{step.t!r} s"
+            )

@@ -1,0 +1,265 @@
+"""The slow model of the Duffing oscillator: averaging to second order around an exact linear part.
+
+In the plane of the two oscillating modes, q~ = z + conj(z) with z' = S z in the linear system
+(:mod:`duffing_plane`), the equations read, with nothing left out,
+
+    Z = 2 z,   Z' = S Z + 2 G f(t),   q~ = Re Z,   G = (S - conj S)^-1,
+
+f the drive less the cubic forces. In the frame of the phase phi = 2 pi c t, with c the mean drive
+frequency, q~ = Re[Q exp(i phi) + R exp(3 i phi)], Q = (linear periodic response) + y - B N,
+
+    y' = (S - 2 pi i c) y - G N(Q, R),    R = -X(3 c) N3(Q),
+
+where N and N3 are the parts at exp(i phi) and exp(3 i phi) of the cubic forces. To first order
+N1 = 3/4 alpha1 |Q1|^2 Q1 + kappa/4 (2 |Q2|^2 Q1 + conj(Q1) Q2^2); kept as well are what R does to
+N and the response -B N to the part at exp(-i phi). So the linear limit is exact, and what is left
+out is of second order: about eps (3 eps + |u1 - u2|/c) of an amplitude, with eps its relative
+frequency shift by the cubic terms (N. N. Bogoliubov, Y. A. Mitropolsky, Asymptotic Methods in the
+Theory of Non-linear Oscillations, Gordon and Breach 1961, section 1). The slow variables are the
+coordinates w of y along the eigenvectors of S.
+"""
+
+from __future__ import annotations
+
+import cmath
+from typing import TYPE_CHECKING, NamedTuple
+
+from .duffing_plane import inverse, plane
+from .model_error import ModelError
+from .oscillator_equations import TWO_PI, Parameters, damping, phasors
+from .oscillator_phase import Frequency
+
+if TYPE_CHECKING:
+    from .duffing_equations import Cubic
+
+    Pair = tuple[complex, complex]
+    #: Displacements in m and velocities over 2 pi of both modes, as complex numbers.
+    State = tuple[complex, complex, complex, complex]
+
+#: The frame turns at a frequency between these multiples of an eigenfrequency, ...
+FRAME = 0.5, 2.0
+#: ... no tone is further from it than this part of it, ...
+SPREAD = 0.25
+#: ... and three times the frame's frequency is further than this part from an eigenfrequency.
+THIRD = 0.1
+
+
+class Tone(NamedTuple):
+    """A drive tone: its detuning from the frame, cycles added, and the responses with amplitude.
+
+    ``response`` is the phasor X(u) A exp(i phase), ``mirror`` the conjugate of what its
+    counter-rotating half does to Z.
+    """
+
+    detuning: Frequency
+    offset: float
+    response: Pair
+    mirror: Pair
+
+
+class SlowModel:
+    """Everything about a set of parameters that the slow motion needs."""
+
+    def __init__(self, p: Parameters, cubic: Cubic, offsets: tuple[float, float]) -> None:
+        """Settle the frame; raise ModelError for a scene to which averaging does not apply."""
+        self.p, self.cubic = p, cubic
+        active = [
+            (u, cmath.rect(size, phase), offset)
+            for u, size, phase, offset in zip(
+                (p.u1, p.u2), (p.A1, p.A2), (p.phase1, p.phase2), offsets
+            )
+            if size
+        ]
+        self.centre = frame_frequency(p)
+        self.detunings = [u - self.centre for u, _, _ in active]
+        if any(cubic):
+            _check_frame(p, self.centre, self.detunings)
+        self.plane = plane(p, self.centre)
+        #: The rates of the linear motion of w, in 1/s.
+        self.rates = self.plane.rates
+        self._set_corrections(p)
+        self.tones = [self._tone(u, amplitude, offset) for u, amplitude, offset in active]
+        self._carrier = Frequency(self.centre)
+
+    def _set_corrections(self, p: Parameters) -> None:
+        """Make the responses of each mode to its cubic forces away from the carrier."""
+        omega, widths = TWO_PI * self.centre, damping(p)
+        #: B and its like at 3 c, and X(3 c), to first order without the damping's coupling.
+        self._behind = self._mirrored(omega)
+        self._behind3 = self._mirrored(3.0 * omega)
+        self._third = tuple(
+            1.0
+            / complex(
+                TWO_PI * (eta - 3.0 * self.centre) * TWO_PI * (eta + 3.0 * self.centre),
+                3.0 * omega * TWO_PI * width,
+            )
+            for eta, width in zip((p.eta_plus, p.eta_minus), widths)
+        )
+
+    def _mirrored(self, omega: float) -> Pair:
+        s11, _, _, s22 = self.plane.solvent
+        return (
+            1j * self.plane.gain[0] / (1j * omega - s11.conjugate()),
+            1j * self.plane.gain[3] / (1j * omega - s22.conjugate()),
+        )
+
+    def _tone(self, u: float, amplitude: complex, offset: float) -> Tone:
+        p, (s11, s12, s21, s22) = self.p, (s.conjugate() for s in self.plane.solvent)
+        turn = 1j * TWO_PI * u
+        m11, m12, m21, m22 = inverse(turn - s11, -s12, -s21, turn - s22)
+        h11, h12, h21, h22 = self.plane.gain
+        k1, k2 = 1j * (h11 * p.g1 + h12 * p.g2), 1j * (h21 * p.g1 + h22 * p.g2)
+        x1, x2 = phasors(p, u)
+        return Tone(
+            Frequency(u - self.centre),
+            offset,
+            (x1 * amplitude, x2 * amplitude),
+            ((m11 * k1 + m12 * k2) * amplitude, (m21 * k1 + m22 * k2) * amplitude),
+        )
+
+    # -- the slow equations ---------------------------------------------------------------------
+
+    def linear(self, t: float) -> Pair:
+        """Return the slow amplitudes of the linear periodic response at ``t`` s, in m."""
+        q1 = q2 = 0j
+        for tone in self.tones:
+            turn = cmath.rect(1.0, TWO_PI * (tone.detuning.cycles(t) + tone.offset))
+            q1 += tone.response[0] * turn
+            q2 += tone.response[1] * turn
+        return q1, q2
+
+    def amplitudes(self, w: Pair, linear: Pair) -> Pair:
+        """Return Q of both modes, in m: |Q| is the amplitude at the drive frequencies."""
+        y1, y2 = self.plane.amplitudes(*w)
+        q1, q2 = linear[0] + y1, linear[1] + y2
+        n1, n2 = self.forces(q1, q2)
+        return q1 - self._behind[0] * n1, q2 - self._behind[1] * n2
+
+    def deviation(self, q: Pair, linear: Pair) -> Pair:
+        """Return w from Q, the inverse of ``amplitudes``."""
+        n1, n2 = self.forces(*q)
+        return self.plane.coordinates(
+            q[0] + self._behind[0] * n1 - linear[0],
+            q[1] + self._behind[1] * n2 - linear[1],
+        )
+
+    def slope(self, w: Pair, linear: Pair) -> tuple[complex, complex, complex, complex]:
+        """Return w' less the part with ``rates``, and Q, of both modes."""
+        q1, q2 = self.amplitudes(w, linear)
+        n1, n2 = self.forces(q1, q2)
+        (h11, h12, h21, h22), (c12, c21) = self.plane.gain, self.plane.cross
+        s1, s2 = self.plane.coordinates(1j * (h11 * n1 + h12 * n2), 1j * (h21 * n1 + h22 * n2))
+        return s1 + c12 * w[1], s2 + c21 * w[0], q1, q2
+
+    def forces(self, q1: complex, q2: complex) -> Pair:
+        """Return N, the cubic forces at the carrier, of both modes."""
+        alpha1, alpha2, kappa = self.cubic
+        s1, s2 = q1 * q1, q2 * q2
+        c1, c2 = q1.conjugate(), q2.conjugate()
+        m1, m2 = (q1 * c1).real, (q2 * c2).real
+        # the third harmonics, R = -X(3 c) N3
+        r1 = -0.25 * self._third[0] * q1 * (alpha1 * s1 + kappa * s2)
+        r2 = -0.25 * self._third[1] * q2 * (alpha2 * s2 + kappa * s1)
+        n1 = 0.75 * alpha1 * (m1 * q1 + c1 * c1 * r1)
+        n2 = 0.75 * alpha2 * (m2 * q2 + c2 * c2 * r2)
+        if kappa:
+            both = 2.0 * c1 * c2
+            n1 += 0.25 * kappa * (2.0 * m2 * q1 + c1 * s2 + c2 * c2 * r1 + both * r2)
+            n2 += 0.25 * kappa * (2.0 * m1 * q2 + c2 * s1 + c1 * c1 * r2 + both * r1)
+        return n1, n2
+
+    # -- the full motion ------------------------------------------------------------------------
+
+    def displacement(self, q: Pair, t: float) -> tuple[float, float]:
+        """Return q~1, q~2 in m from Q at ``t`` s, third harmonics included."""
+        q1, q2 = q
+        turn = cmath.rect(1.0, TWO_PI * self._carrier.cycles(t))
+        n1, n2 = self._third_forces(q1, q2)
+        cube = turn * turn * turn
+        return (
+            (q1 * turn).real - (self._third[0] * n1 * cube).real,
+            (q2 * turn).real - (self._third[1] * n2 * cube).real,
+        )
+
+    def full_state(self, w: Pair, t: float) -> State:
+        """Return displacements and velocities over 2 pi."""
+        turn = cmath.rect(1.0, TWO_PI * self._carrier.cycles(t))
+        rest1, rest2 = self._beside(w, self.linear(t), t, turn)
+        y1, y2 = self.plane.amplitudes(*w)
+        z1, z2 = y1 * turn + rest1, y2 * turn + rest2
+        s11, s12, s21, s22 = self.plane.solvent
+        v1, v2 = s11 * z1 + s12 * z2, s21 * z1 + s22 * z2
+        return (
+            complex(z1.real),
+            complex(z2.real),
+            complex(v1.real / TWO_PI),
+            complex(v2.real / TWO_PI),
+        )
+
+    def slow_state(self, state: State, t: float) -> Pair:
+        """Return w, the inverse of ``full_state``.
+
+        What lies beside w depends on it through the cubic forces: iterated, it gains the factor
+        of the relative frequency shift each time.
+        """
+        q1, q2 = state[0].real, state[1].real
+        v1, v2 = TWO_PI * state[2].real, TWO_PI * state[3].real
+        s11, s12, s21, s22 = (s.conjugate() for s in self.plane.solvent)
+        w1, w2 = v1 - s11 * q1 - s12 * q2, v2 - s21 * q1 - s22 * q2
+        h11, h12, h21, h22 = self.plane.gain
+        z1, z2 = -2j * (h11 * w1 + h12 * w2), -2j * (h21 * w1 + h22 * w2)
+        linear, turn = self.linear(t), cmath.rect(1.0, TWO_PI * self._carrier.cycles(t))
+        back = turn.conjugate()
+        w = self.plane.coordinates(z1 * back - linear[0], z2 * back - linear[1])
+        for _ in range(12):
+            rest1, rest2 = self._beside(w, linear, t, turn)
+            w = self.plane.coordinates((z1 - rest1) * back, (z2 - rest2) * back)
+        return w
+
+    def _beside(self, w: Pair, linear: Pair, t: float, turn: complex) -> Pair:
+        """Return Z less y exp(i phi): the linear response and the parts away from the carrier."""
+        ahead, mirror = [0j, 0j], [0j, 0j]
+        for tone in self.tones:
+            part = cmath.rect(1.0, TWO_PI * (tone.detuning.cycles(t) + tone.offset))
+            for i in (0, 1):
+                mirror[i] += tone.mirror[i] * part
+                ahead[i] += (tone.response[i] - tone.mirror[i]) * part
+        y, q = self.plane.amplitudes(*w), self.amplitudes(w, linear)
+        third, cube, total = self._third_forces(*q), turn * turn * turn, [0j, 0j]
+        for i in (0, 1):
+            behind = mirror[i] + (q[i] - linear[i] - y[i])
+            behind3 = -self._behind3[i] * third[i]
+            ahead3 = -self._third[i] * third[i] - behind3
+            total[i] = ahead[i] * turn + ahead3 * cube
+            total[i] += (behind * turn + behind3 * cube).conjugate()
+        return total[0], total[1]
+
+    def _third_forces(self, q1: complex, q2: complex) -> Pair:
+        """Return N3, the cubic forces at three times the carrier, to first order."""
+        alpha1, alpha2, kappa = self.cubic
+        s1, s2 = q1 * q1, q2 * q2
+        return 0.25 * q1 * (alpha1 * s1 + kappa * s2), 0.25 * q2 * (alpha2 * s2 + kappa * s1)
+
+
+def frame_frequency(p: Parameters) -> float:
+    """Return c in Hz: the mean of the active tones' frequencies, or the mode nearest to u1."""
+    active = [u for u, size in ((p.u1, p.A1), (p.u2, p.A2)) if size]
+    if any(active):
+        return sum(active) / len(active)
+    return min((p.eta_plus, p.eta_minus), key=lambda eta: abs(eta - p.u1))
+
+
+def _check_frame(p: Parameters, centre: float, detunings: list[float]) -> None:
+    """Raise ModelError where a frame at ``centre`` Hz does not hold the cubic motion."""
+    low, high = min(p.eta_plus, p.eta_minus), max(p.eta_plus, p.eta_minus)
+    where = f"the drive's centre {centre!r} Hz, eta_plus = {p.eta_plus!r} Hz, eta_minus = "
+    where += f"{p.eta_minus!r} Hz"
+    if not FRAME[0] * low <= centre <= FRAME[1] * high:
+        why = f"the drive is beyond {FRAME[0]!r} to {FRAME[1]!r} times the eigenfrequencies"
+    elif any(abs(detuning) > SPREAD * centre for detuning in detunings):
+        why = f"u1 = {p.u1!r} Hz and u2 = {p.u2!r} Hz are too far apart for one rotating frame"
+    elif any(abs(3.0 * centre / eta - 1.0) < THIRD for eta in (p.eta_plus, p.eta_minus)):
+        why = "the third harmonic of the drive meets an eigenfrequency"
+    else:
+        return
+    raise ModelError(f"{why} ({where}): use solver 2 (rk4)")
