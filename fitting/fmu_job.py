@@ -13,11 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 import fitting
-from fitting.driving import FmuResponse, plan_campaign
+from fitting.driving import FmuResponse
 from fitting.errors import BadInput
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.job import Identity, Options
 from fitting.labdata import BoundCampaign, FmuChoice
+from fitting.planning import plan_campaign
 from fitting.reconstruction import Hooks, reconstruct
 from fitting.result import Result
 
@@ -77,7 +78,7 @@ def reconstruct_through(
 
     Raises:
         FmuFailure: the FMU failed; with its words and the parameters.
-        BadInput: the campaign cannot be planned (see `driving.plan_campaign`).
+        BadInput: the campaign cannot be planned (see `planning.plan_campaign`).
     """
     plan = plan_campaign(bound)
     result = reconstruct(

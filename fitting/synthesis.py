@@ -92,7 +92,7 @@ reference = {damping[1]!r}
 scale = 100.0
 
 [derived]
-outputs = ["lambda", "f1", "f2", "D11", "D22"]
+outputs = ["lambda", "f1", "f2", "width_plus", "width_minus", "Q_plus", "Q_minus"]
 
 [alternatives]
 reflection = [false, true]         # both forms of the orthogonal matrix

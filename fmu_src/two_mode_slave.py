@@ -168,6 +168,10 @@ DERIVED = (
         "D22", "1/s", "hybridised damping matrix T D T^T, 2 pi times the line width of mode 2", 1e3
     ),
     steady("D12", "1/s", "hybridised damping matrix T D T^T, damping coupling of the modes", 1e3),
+    steady("width_plus", "Hz", "line width of mode 1, full width of |q~1|^2: D11/(2 pi)", 100.0),
+    steady("width_minus", "Hz", "line width of mode 2, full width of |q~2|^2: D22/(2 pi)", 100.0),
+    steady("Q_plus", None, "quality factor eta_plus/width_plus; NaN without damping", 1e5),
+    steady("Q_minus", None, "quality factor eta_minus/width_minus; NaN without damping", 1e5),
     Variable(
         STATUS_MESSAGE,
         "String",
@@ -240,7 +244,7 @@ class TwoModeSlave(ModelSlave, Generic[S]):
         return q1, q2, *physical(solver.p, q1, q2)
 
     def steady_outputs(self) -> Sequence[float]:
-        """Return coupling, uncoupled eigenfrequencies and damping matrix.
+        """Return coupling, uncoupled eigenfrequencies, damping matrix, line widths and Qs.
 
         Why lambda may be NaN is told here, to those who read it: a fit initialises a thousand times
         without reading it, and each message costs time and, in pythonfmu's binary, 290 bytes.
@@ -252,7 +256,13 @@ class TwoModeSlave(ModelSlave, Generic[S]):
                 f"lambda is not a real number at theta = {p.theta!r} rad (sin 2 theta > 0 with "
                 f"eta_plus = {p.eta_plus!r} Hz, eta_minus = {p.eta_minus!r} Hz): it is NaN"
             )
-        return *uncoupled, *(TWO_PI * w for w in damping(p))
+        matrix = damping(p)
+        widths = matrix[0], matrix[1]
+        factors = (
+            eta / width if width > 0.0 else math.nan
+            for eta, width in zip((p.eta_plus, p.eta_minus), widths)
+        )
+        return *uncoupled, *(TWO_PI * w for w in matrix), *widths, *factors
 
     def motion(self) -> dict[str, Any]:
         """Return the solver's state."""

@@ -33,13 +33,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from fitting.driving import FmuResponse, plan_campaign
+from fitting.driving import FmuResponse
 from fitting.fmu import FmuWorkers, Run
 from fitting.fmu_job import provide_fmu
 from fitting.job import measured_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.objective import Objective, evaluate_many, make_objective, stencil
 from fitting.parameters import starts, to_search
+from fitting.planning import plan_campaign
 
 DENSE_POINTS = 41
 PER_PERIOD = 16

@@ -49,6 +49,10 @@ def test_the_outputs_are_the_matrices(instance: Instance, theta: float, reflecti
     # one number stands off the diagonal in either form, and the published sign has lambda real
     assert -(coupling**2) == pytest.approx(stiffness[0, 1], rel=1e-9)
     assert [d11, d22, d12] == pytest.approx([*np.diag(damping), damping[0, 1]], rel=1e-12)
+    widths = np.diag(damping) / (2 * math.pi)
+    assert instance.get("width_plus", "width_minus") == pytest.approx(widths, rel=1e-12)
+    etas = np.array([ETA["eta_plus"], ETA["eta_minus"]])
+    assert instance.get("Q_plus", "Q_minus") == pytest.approx(etas / widths, rel=1e-12)
 
 
 def test_the_start_time_is_part_of_the_drive_phase(instance: Instance) -> None:

@@ -41,7 +41,7 @@ DIMENSIONS = {
     "m/s2": {"m": "1", "s": "-2"},
 }
 #: The Reals without a dimension: the gains of the drive.
-DIMENSIONLESS = {"g1", "g2"}
+DIMENSIONLESS = {"g1", "g2", "Q_plus", "Q_minus"}
 
 
 # --- the modelDescription ------------------------------------------------------------------------
@@ -89,7 +89,8 @@ def test_every_variable_explains_itself(oscillator: Unpacked) -> None:
     assert [v.name for v in variables if len(v.description or "") < 10] == []
     wanted = (
         "theta reflection d1 d2 eta_plus eta_minus u1 u2 A1 A2 phase1 phase2 g1 g2 periodic_start "
-        "solver b q1_hybrid q2_hybrid q1 q2 lambda f1 f2 D11 D22 D12 status_message"
+        "solver b q1_hybrid q2_hybrid q1 q2 lambda f1 f2 D11 D22 D12 "
+        "width_plus width_minus Q_plus Q_minus status_message"
     )
     assert set(wanted.split()) <= {v.name for v in variables}
 

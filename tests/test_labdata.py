@@ -43,6 +43,8 @@ def oscillator() -> dict[str, Variable]:
     table += [Variable(n, causality="output") for n in ("q1_hybrid", "q2_hybrid")]
     table += [Variable(n, unit="Hz", causality="output") for n in ("lambda", "f1", "f2")]
     table += [Variable(n, unit="1/s", causality="output") for n in ("D11", "D22", "D12")]
+    table += [Variable(n, unit="Hz", causality="output") for n in ("width_plus", "width_minus")]
+    table += [Variable(n, causality="output") for n in ("Q_plus", "Q_minus")]
     table += [Variable("b", causality="input")]
     return {v.name: v for v in table}
 
@@ -384,8 +386,8 @@ BINDING = [
         "[observe] output: the FMU has no variable 'q1_hybird'; did you mean 'q1_hybrid'?",
     ),
     ('output = "q1_hybrid"', 'output = "theta"', "causality parameter, which cannot be observed"),
-    ('"D22"]', '"D33"]', "[derived] outputs: the FMU has no variable 'D33'"),
-    ('"D22"]', '"d1"]', "causality parameter, which cannot be reported"),
+    ('"Q_minus"]', '"Q_mines"]', "[derived] outputs: the FMU has no variable 'Q_mines'"),
+    ('"Q_minus"]', '"d1"]', "causality parameter, which cannot be reported"),
     ("periodic_start = true ", "periodic_start = 2 ", "[fmu.start] periodic_start: found 2, but"),
     (
         "periodic_start = true ",

@@ -19,7 +19,8 @@ LADDER = (
     "campaign_data fmu.reuse fmu.simulation linear_program uncertainty",
     "campaign_binding fmu.worker interior_point",
     "continuation fmu.process labdata",
-    "assembly checkpoint fmu.workers job plots_campaign plots_deviation plots_history sweep_line",
+    "assembly checkpoint fmu.workers job planning plots_campaign plots_deviation plots_history "
+    "sweep_line",
     "fmu plots_reconstruction reconstruction report_tables",
     "drive driving report_sections",
     "fmu_job plots_drive report",
