@@ -28,7 +28,8 @@ class Drive:
 
     kind "tones": ``frequencies`` and ``amplitudes`` are FMU parameters, ``frequency_unit`` theirs;
     kind "input": the tool applies tones of amplitude ``level`` to the FMU's ``input``, held
-    ``samples_per_period`` times per period. ``level`` belongs to every active tone.
+    ``samples_per_period`` times per period. ``level`` belongs to every active tone; combinations of
+    tones up to ``order`` may be in the response.
     """
 
     kind: str
@@ -38,6 +39,7 @@ class Drive:
     level: float
     samples_per_period: int
     frequency_unit: str = "Hz"
+    order: int = 1
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Experiment:
     """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
 
     ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
-    :class:`fitting.campaign_data.MeasuredExperiment`.
+    :class:`fitting.campaign_data.MeasuredExperiment`; ``lines_hz`` are those of the peaks, empty
+    where they are the tones.
     """
 
     label: str
@@ -55,6 +58,12 @@ class Experiment:
     sigmas_v: FloatArray
     floor_v: float
     spectrum: Spectrum | None
+    lines_hz: tuple[float, ...] = ()
+
+    @property
+    def read_hz(self) -> tuple[float, ...]:
+        """Frequencies of the peaks, Hz."""
+        return self.lines_hz or self.tones_hz
 
 
 @dataclass(frozen=True)
@@ -270,7 +279,7 @@ def _bind_drive(campaign: Campaign, binder: _Binder) -> Drive:
         raise BadInput(f"{choice.level.where}: found {level:.6g}, wanted a positive amplitude")
     return Drive(
         choice.kind, choice.frequencies, choice.amplitudes, choice.input, level,
-        choice.samples_per_period, units[0],
+        choice.samples_per_period, units[0], choice.order,
     )  # fmt: skip
 
 
@@ -295,7 +304,7 @@ def _bind_experiments(
         bound.append(
             Experiment(
                 measured.label, settings, measured.tones_hz, measured.peaks_v, measured.sigmas_v,
-                measured.floor_v, measured.spectrum,
+                measured.floor_v, measured.spectrum, measured.lines_hz,
             )
         )  # fmt: skip
     return tuple(bound)

@@ -42,14 +42,16 @@ class Spectrum:
 class MeasuredExperiment:
     """One experiment as measured.
 
-    ``settings`` are the file's columns as written; ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) per
-    tone: drive frequency, peak amplitude with the noise floor removed, its standard deviation (nan
-    where ready peaks come without one); ``floor_v`` mean noise magnitude.
+    ``settings`` are the file's columns as written, ``tones_hz`` the drive frequencies;
+    ``lines_hz``, ``peaks_v``, ``sigmas_v`` (n,) per line read: frequency, peak amplitude with the
+    noise floor removed, its standard deviation (nan where ready peaks come without one);
+    ``floor_v`` mean noise magnitude.
     """
 
     label: str
     settings: Mapping[str, Written]
     tones_hz: tuple[float, ...]
+    lines_hz: tuple[float, ...]
     peaks_v: FloatArray
     sigmas_v: FloatArray
     floor_v: float
@@ -244,18 +246,29 @@ def _experiment(
     tones_hz: tuple[float, ...],
 ) -> MeasuredExperiment:  # fmt: skip
     settings = _settings(file, choice, table, index)
+    lines_hz = _lines(file, tones_hz, f"{table.path}: row {table.lines[index]}")
     if choice.spectra is None:
         peaks, sigmas = _ready_peaks(choice, table, index)
-        return MeasuredExperiment(label, settings, tones_hz, peaks, sigmas, 0.0, None)
+        return MeasuredExperiment(label, settings, tones_hz, lines_hz, peaks, sigmas, 0.0, None)
     path = file.path.parent / choice.spectra.replace("{experiment}", label)
     raw = read_trace(path, choice.format.layout, choice.format.selection)
     frequency_hz, amplitude_v = _calibrated(raw, choice.format)
-    reading = read_peaks(frequency_hz, amplitude_v, tones_hz, choice.noise_floor, source=str(path))
+    reading = read_peaks(frequency_hz, amplitude_v, lines_hz, choice.noise_floor, source=str(path))
     floor = NoiseFloor(0.0, 0.0) if choice.noise_floor == "none" else reading.floor
     spectrum = Spectrum(frequency_hz, amplitude_v, path, choice.format.amplitude.unit)
     return MeasuredExperiment(
-        label, settings, tones_hz, reading.peaks_v, reading.sigmas_v, floor.level_v, spectrum
-    )
+        label, settings, tones_hz, lines_hz, reading.peaks_v, reading.sigmas_v, floor.level_v,
+        spectrum,
+    )  # fmt: skip
+
+
+def _lines(file: CampaignFile, tones_hz: tuple[float, ...], where: str) -> tuple[float, ...]:
+    """Frequencies of the lines that are read."""
+    lines_hz = tuple(line.frequency_hz(tones_hz) for line in file.drive.read)
+    for line, f in zip(file.drive.read, lines_hz, strict=True):
+        if f <= 0.0:
+            raise BadInput(f"{where}: {line.text} is at {hertz(f)}, wanted a positive frequency")
+    return lines_hz
 
 
 def _settings(

@@ -9,6 +9,7 @@ from typing import Any
 
 from fitting.amplitudes import Amplitude, declared_amplitude
 from fitting.campaign_section import Section, Written, as_written
+from fitting.combinations import Combination, lines_to_read
 from fitting.errors import BadInput
 from fitting.instruments import LAYOUTS, Selection
 from fitting.peaks import BACKGROUNDS, FLOOR_KINDS
@@ -44,7 +45,11 @@ class Observation:
 
 @dataclass(frozen=True)
 class DriveChoice:
-    """How the FMU is driven; ``level`` of an active tone as written, ``input`` for kind input."""
+    """How the FMU is driven; ``level`` of an active tone as written, ``input`` for kind input.
+
+    ``read`` are the lines whose peaks are compared, ``order`` the highest order of combinations of
+    the tones that the response may hold beside them.
+    """
 
     kind: str
     frequencies: tuple[str, ...]
@@ -52,6 +57,8 @@ class DriveChoice:
     input: str | None
     level: Written
     samples_per_period: int
+    read: tuple[Combination, ...]
+    order: int
 
 
 @dataclass(frozen=True)
@@ -146,7 +153,7 @@ def read_campaign_file(path: Path) -> CampaignFile:
         fmu=_fmu(top),
         observe=_observe(top),
         drive=drive,
-        experiments=_experiments(top, len(drive.frequencies)) if "experiments" in top else None,
+        experiments=_experiments(top, len(drive.read)) if "experiments" in top else None,
         drift=_drift(top),
         sweep=_sweep(top) if "sweep" in top else None,
         parameters=_parameters(top),
@@ -201,7 +208,8 @@ def _observe(top: Section) -> Observation:
 
 
 def _drive(top: Section) -> DriveChoice:
-    allowed = ("kind", "frequencies", "amplitudes", "input", "level", "samples_per_period")
+    allowed = ("kind", "frequencies", "amplitudes", "input", "level", "samples_per_period", "read",
+               "order")  # fmt: skip
     section = Section(top.path, "drive", top.required("drive"), allowed)
     kind = section.choice("kind", ("tones", "input"))
     frequencies = section.texts("frequencies")
@@ -216,6 +224,12 @@ def _drive(top: Section) -> DriveChoice:
             f"{section.where('amplitudes')}: {len(amplitudes)} names, "
             f"wanted {len(frequencies)}, one per frequency"
         )
+    read, order = lines_to_read(
+        section.texts("read", frequencies),
+        section.integer("order", 0, least=1) if "order" in section else None,
+        frequencies,
+        section.where("read"),
+    )
     return DriveChoice(
         kind=kind,
         frequencies=frequencies,
@@ -224,6 +238,8 @@ def _drive(top: Section) -> DriveChoice:
         level=section.written("level") if "level" in section
         else as_written(1.0, section.where("level")),
         samples_per_period=section.integer("samples_per_period", 200, least=4),
+        read=read,
+        order=order,
     )  # fmt: skip
 
 
@@ -253,7 +269,7 @@ def _trace_format(section: Section, *, ready: bool = False) -> TraceFormat:
     return TraceFormat(layout, amplitude, selection)
 
 
-def _experiments(top: Section, tones: int) -> ExperimentsChoice:
+def _experiments(top: Section, lines: int) -> ExperimentsChoice:
     allowed = ("file", "spectra", "peaks", "peak_sigmas", "noise_floor", *TRACE_KEYS)
     section = Section(top.path, "experiments", top.required("experiments"), allowed)
     if ("spectra" in section) == ("peaks" in section):
@@ -265,9 +281,9 @@ def _experiments(top: Section, tones: int) -> ExperimentsChoice:
         )
     peaks, sigmas = section.texts("peaks", ()), section.texts("peak_sigmas", ())
     for key, columns in (("peaks", peaks), ("peak_sigmas", sigmas)):
-        if key in section and len(columns) != tones:
+        if key in section and len(columns) != lines:
             raise BadInput(
-                f"{section.where(key)}: {len(columns)} columns, wanted {tones}, one per tone"
+                f"{section.where(key)}: {len(columns)} columns, wanted {lines}, one per tone"
             )
     if sigmas and not peaks:
         raise BadInput(f"{section.where('peak_sigmas')}: wanted only beside 'peaks'")

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from fitting.combinations import mixed_hz
 from fitting.fmu import InputSignal, Run
 from fitting.labdata import BoundCampaign
 from fitting.plan import Window, plan_window, tone_amplitudes, tone_misfit
@@ -38,9 +39,11 @@ class Workers(Protocol):
 
 
 @lru_cache(maxsize=4096)
-def _single_tone(tone_hz: float, settle_s: float, held: int) -> Window:
+def _single_tone(tone_hz: float, settle_s: float, held: int, order: int) -> Window:
     """Window of one sweep point, planned once: the same points come back in every evaluation."""
-    return plan_window((tone_hz,), settle_s, samples_per_period=held)
+    return plan_window(
+        (tone_hz,), settle_s, samples_per_period=held, beside_hz=mixed_hz((tone_hz,), order)
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -129,7 +132,7 @@ class FmuResponse:
 
     def _runs(self, p: FloatArray, sweep_windows: Sequence[Window]) -> list[Run]:
         pairs = zip(self.bound.experiments, self.plan.experiments, strict=True)
-        runs = [self._run(self._values(p, e.settings), w, w.tones_hz) for e, w in pairs]
+        runs = [self._run(self._values(p, e.settings), w, e.tones_hz) for e, w in pairs]
         return runs + [self._sweep_run(p, window) for window in sweep_windows]
 
     def _sweep_run(self, p: FloatArray, window: Window) -> Run:
@@ -165,7 +168,7 @@ class FmuResponse:
     def _sweep_window(self, tone_hz: float) -> Window:
         drive = self.bound.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
-        return _single_tone(tone_hz, self.plan.settle_s, held)
+        return _single_tone(tone_hz, self.plan.settle_s, held, drive.order)
 
     def _read(
         self, answers: Sequence[FloatArray], sweep_windows: Sequence[Window]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -36,7 +36,8 @@ class Window:
     """When to sample one run: t_j = settle + j step, j < samples; how many held steps a step has.
 
     `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
-    makes itself. `reason` is a sentence for the report.
+    makes itself. `reason` is a sentence for the report; `beside` are Fourier bins of lines that the
+    response may hold beside the tones.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -49,6 +50,7 @@ class Window:
     coherent: bool
     held_steps: int
     reason: str
+    beside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if self.samples < 2 * len(self.tones_hz) + 1:
@@ -97,35 +99,53 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
     return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
 
 
-def coherent_samples(tones_hz: Sequence[float], period_s: Fraction, least: int) -> int | None:
+def coherent_samples(
+    tones_hz: Sequence[float], period_s: Fraction, least: int, beside_hz: Sequence[float] = ()
+) -> int | None:
     """Least number of samples over a common period at which no tone folds onto another.
 
     With k = f T whole, tone k is seen at k mod N: these must differ from each other, from each
-    other's negatives, from 0 and from N/2. All in whole numbers.
+    other's negatives, from 0 and from N/2; nor may a line ``beside_hz`` be seen there, which a
+    nonlinear response has at mixtures of the tones. All in whole numbers.
     """
     bins = [int(exact(tone) * period_s) for tone in tones_hz]
+    others = {int(exact(line) * period_s) for line in beside_hz} - set(bins)
     for samples in range(least, least + 1000):
         seen = [b % samples for b in bins]
-        mirrored = [samples - s for s in seen]
-        if len({*seen, *mirrored}) == 2 * len(bins) and 0 not in seen:
+        taken = {*seen, *(samples - s for s in seen)}
+        apart = len(taken) == 2 * len(bins) and 0 not in seen
+        if apart and not any(line % samples in taken for line in others):
             return samples
     return None
 
 
 def plan_window(
-    tones_hz: Sequence[float], settle_s: float, *, samples_per_period: int = 0
+    tones_hz: Sequence[float],
+    settle_s: float,
+    *,
+    samples_per_period: int = 0,
+    beside_hz: Sequence[float] = (),
 ) -> Window:
     """Window for known tones: coherent where they have a common period, else for a tone fit.
 
     `samples_per_period` > 0 is for a drive that is held over steps: the steps divide the window.
+    No line of `beside_hz`, of which the response may hold any amount, is seen as one of the tones.
 
     Raises:
-        BadInput: no window keeps the tones apart (two equal tones, for one).
+        BadInput: no window keeps the tones apart (two equal tones, for one), or clear of the lines
+            beside them.
     """
     tones = tuple(float(tone) for tone in tones_hz)
     least = 2 * len(tones) + 1 + SPARE_SAMPLES
     common = common_period(tones)
-    samples = coherent_samples(tones, common, least) if common <= LONGEST_WINDOW_S else None
+    samples = None
+    if common <= LONGEST_WINDOW_S:
+        samples = coherent_samples(tones, common, least, beside_hz)
+    if samples is None and beside_hz:
+        raise BadInput(
+            f"drive frequencies {hertz(*tones)}: their mixtures in a nonlinear response cannot be "
+            f"told apart; wanted frequencies with a common period up to {LONGEST_WINDOW_S:g} s"
+        )
     if samples is None:
         return _incoherent(tones, settle_s, least + 4, samples_per_period)
     period = float(common)
@@ -133,10 +153,14 @@ def plan_window(
         f"{hertz(*tones)}: {period:.6g} s hold whole periods; {samples} samples keep the tones "
         "apart and off 0 and half the rate, so that a fit of the tones is the Fourier bin"
     )
+    if beside_hz:
+        reason += f", clear of the {len(beside_hz)} mixtures that a nonlinear response may have"
     held = 0
     if samples_per_period:
         held = math.ceil(period * max(tones) * samples_per_period / samples)
-    return _aligned(tones, settle_s, period / samples, samples, True, held, reason)
+    window = _aligned(tones, settle_s, period / samples, samples, True, held, reason)
+    mixed = [int(exact(line) * common) % samples for line in beside_hz]
+    return replace(window, beside=tuple(sorted({k for m in mixed for k in (m, -m % samples)})))
 
 
 def _incoherent(
@@ -145,7 +169,7 @@ def _incoherent(
     gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
     if gaps and min(gaps) <= 0.0:
         raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
-    span = 1.0 / min(*gaps, *tones)  # the mean is a tone of 0 Hz: keep off it as well
+    span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
     best, best_step = math.inf, 0.0
     for stretch in np.linspace(0.8, 2.5, 800):
         step = float(stretch) * span / samples
@@ -192,8 +216,14 @@ def tone_amplitudes(window: Window, samples: FloatArray) -> FloatArray:
 def tone_misfit(window: Window, samples: FloatArray) -> float:
     """Largest deviation of samples from mean plus tones, relative to the largest amplitude.
 
-    Harmonics, a transient that is left, or noise of the solver: what a plan should keep small.
+    Lines that are expected beside the tones are no part of it; harmonics otherwise, a transient
+    that is left, or noise of the solver: what a plan should keep small.
     """
     coefficients = window.projector @ samples
     largest = max(float(np.max(tone_amplitudes(window, samples))), np.finfo(float).tiny)
-    return float(np.max(np.abs(samples - window.design @ coefficients))) / largest
+    rest = samples - window.design @ coefficients
+    if window.beside:
+        lines = np.fft.fft(rest)
+        lines[list(window.beside)] = 0.0
+        rest = np.fft.ifft(lines).real
+    return float(np.max(np.abs(rest))) / largest

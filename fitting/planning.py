@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fitting.combinations import mixed_hz
 from fitting.errors import BadInput
 from fitting.labdata import BoundCampaign
 from fitting.notation import hertz
@@ -37,8 +38,12 @@ def plan_campaign(bound: BoundCampaign) -> Plan:
     """
     settle, why = _settling(bound)
     held = bound.drive.samples_per_period if bound.drive.kind == "input" else 0
+    order = bound.drive.order
     windows = tuple(
-        plan_window(e.tones_hz, settle, samples_per_period=held) for e in bound.experiments
+        plan_window(
+            e.read_hz, settle, samples_per_period=held, beside_hz=mixed_hz(e.tones_hz, order)
+        )
+        for e in bound.experiments
     )
     sentences = [why]
     sentences += [

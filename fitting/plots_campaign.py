@@ -149,7 +149,7 @@ def draw_spectra(result: Result, bound: BoundCampaign) -> Drawing:
         title, bound.title, synthetic=bound.synthetic, height=1.3 + 4.3 * blocks,
         width=max(7.2, 2.05 * columns),
     )  # fmt: skip
-    tones = [tone for e in shown for tone in e.tones_hz]
+    tones = [tone for e in shown for tone in e.read_hz]
     along = scaling_for(tones, "Hz")
     peaks = _peaks_by_experiment(result)
     top = _highest(shown, peaks, bound)
@@ -211,7 +211,7 @@ def _spectrum_panel(
 ) -> None:
     """One experiment: trace, simulated stems, the difference at each peak as a black bar."""
     along, up = scales
-    for tone in experiment.tones_hz:
+    for tone in experiment.read_hz:
         axes.axvline(along(tone), color=PALE, linewidth=0.8, zorder=0)
     if experiment.spectrum is not None:
         trace = experiment.spectrum

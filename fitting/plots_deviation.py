@@ -198,7 +198,7 @@ def residuals_in_sigmas(result: Result) -> list[float]:
 def _columns(result: Result, bound: BoundCampaign) -> list[float]:
     """x of every peak: the experiment's column, its tones spread within."""
     places, seen = _places(bound), dict.fromkeys(_labels(bound), 0)
-    counts = {e.label: len(e.tones_hz) for e in bound.experiments}
+    counts = {e.label: len(e.read_hz) for e in bound.experiments}
     x = []
     for peak in result.peaks:
         count = counts[peak.experiment]

@@ -202,7 +202,7 @@ def _finish(
         parameters=parameters,
         derived=derived,
         alternative=dict(bound.alternatives[reported]),
-        deviations=assembly.deviations(solution, [len(e.tones_hz) for e in bound.experiments]),
+        deviations=assembly.deviations(solution, [len(e.read_hz) for e in bound.experiments]),
         j_fit=solution.final.j_fit,
         j_reg=last.j_reg if last is not None else float("nan"),
         optimality=last.optimality if last is not None else float("nan"),
@@ -287,7 +287,7 @@ def _peaks(bound: BoundCampaign, solution: assembly.Solution) -> tuple[Peak, ...
     rows = []
     k = 0
     for experiment in bound.experiments:
-        for i, tone in enumerate(experiment.tones_hz):
+        for i, tone in enumerate(experiment.read_hz):
             rows.append(
                 Peak(
                     experiment.label, float(tone), float(experiment.peaks_v[i]),

@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[1]
 LADDER = (
     "errors fmu.log laboratory leastsq notation progress scaling structure variables",
     "files fmu.description fmu.records parameters peaks response spectrum tables units",
-    "amplitudes campaign_section fmu.orders fmu.signal instruments objective options plan records",
+    "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
+    "options plan records",
     "campaign_schema evaluator fmu.interface plots_style result synthesis",
     "campaign_data fmu.reuse fmu.simulation linear_program uncertainty",
     "campaign_binding fmu.worker interior_point",
