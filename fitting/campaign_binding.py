@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitting.campaign_binder import Binder
 from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
 from fitting.campaign_schema import ContinuationSettings, ParameterChoice
 from fitting.campaign_section import Scalar, Written, in_unit
 from fitting.errors import BadInput
 from fitting.parameters import Parameter
-from fitting.tables import did_you_mean
 from fitting.units import base_unit, convert
 from fitting.variables import READABLE, SETTABLE, VariableLike
 
@@ -48,7 +48,8 @@ class Experiment:
 
     ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
     :class:`fitting.campaign_data.MeasuredExperiment`; ``lines_hz`` are those of the peaks, empty
-    where they are the tones.
+    where they are the tones. ``output`` is the FMU output that is observed (the campaign's, where
+    empty).
     """
 
     label: str
@@ -59,6 +60,7 @@ class Experiment:
     floor_v: float
     spectrum: Spectrum | None
     lines_hz: tuple[float, ...] = ()
+    output: str = ""
 
     @property
     def read_hz(self) -> tuple[float, ...]:
@@ -113,87 +115,6 @@ class BoundCampaign:
     files: tuple[Path, ...]
 
 
-class _Binder:
-    """The FMU's variables, and the notes that converting to their units leaves."""
-
-    def __init__(self, variables: Mapping[str, VariableLike]) -> None:
-        self.variables = variables
-        self.notes: list[str] = []
-
-    def variable(
-        self, name: str, where: str, causalities: Sequence[str], role: str
-    ) -> VariableLike:
-        """The variable of that name, if it may play the role."""
-        if name not in self.variables:
-            hint = did_you_mean(name, sorted(self.variables))
-            raise BadInput(f"{where}: the FMU has no variable '{name}'{hint}")
-        variable = self.variables[name]
-        exact = getattr(variable, "initial", None) == "exact" and role == "set"
-        if variable.causality not in causalities and not exact:
-            raise BadInput(
-                f"{where}: '{name}' is a variable of causality {variable.causality}, which cannot "
-                f"be {role}; wanted {' or '.join(causalities[:2])}"
-            )
-        return variable
-
-    def real(self, name: str, where: str, causalities: Sequence[str], role: str) -> VariableLike:
-        """As :meth:`variable`, and a Real one."""
-        variable = self.variable(name, where, causalities, role)
-        if not _is_real(variable):
-            raise BadInput(
-                f"{where}: '{name}' is a {variable.kind} variable of the FMU, wanted a Real one"
-            )
-        return variable
-
-    def value(self, variable: VariableLike, written: Written) -> Scalar:
-        """A written value as the FMU takes it."""
-        raw = written.value
-        if _is_real(variable):
-            return self.number(variable, written)
-        if variable.kind == "Boolean" and (isinstance(raw, bool) or raw in (0, 1)):
-            return bool(raw)
-        if variable.kind == "String" and isinstance(raw, str):
-            return raw
-        whole = isinstance(raw, int) and not isinstance(raw, bool)
-        if variable.kind == "Integer" and whole:
-            return raw
-        raise BadInput(
-            f"{written.where}: found {raw!r}, but '{variable.name}' is a {variable.kind} variable"
-        )
-
-    def number(self, variable: VariableLike, written: Written) -> float:
-        """A written number in the variable's unit, within its min and max."""
-        where = written.where
-        has_unit = isinstance(written.value, str) or written.unit is not None
-        if has_unit and variable.unit is None:
-            self.note_missing_unit(variable)
-        value = in_unit(written, variable.unit)
-        low, high = variable.min, variable.max
-        if (low is not None and value < low) or (high is not None and value > high):
-            raise BadInput(
-                f"{where}: {value:.10g} {variable.unit or ''} is outside the range "
-                f"[{low}, {high}] that the FMU declares for '{variable.name}'"
-            )
-        return value
-
-    def note_missing_unit(self, variable: VariableLike) -> None:
-        """Note, once, what is done where the FMU declares no unit."""
-        note = (
-            f"The FMU declares no unit for '{variable.name}': values written with a unit "
-            "were taken in SI base units."
-        )
-        if note not in self.notes:
-            self.notes.append(note)
-
-    def setting(self, name: str, written: Written) -> Scalar:
-        """Check that a variable may be set, and convert the value."""
-        return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
-
-
-def _is_real(variable: VariableLike) -> bool:
-    return variable.kind == "Real"
-
-
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
     """Check a campaign against the variables of its FMU and convert it to their units.
 
@@ -204,7 +125,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
             not match, a value outside the FMU's range, a variable set in two ways.
     """
-    file, binder = campaign.file, _Binder(variables)
+    file, binder = campaign.file, Binder(variables)
     top = str(campaign.path)
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)
@@ -222,7 +143,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         steady_start=file.observe.steady_start,
         line_width_hz=file.observe.line_width_hz,
         drive=drive,
-        experiments=_bind_experiments(campaign, binder, drive, drifting),
+        experiments=_bind_experiments(campaign, binder, drive, drifting, output),
         sweep=_bind_sweep(campaign, binder),
         parameters=tuple(_bind_parameter(choice, binder) for choice in file.parameters),
         derived=file.derived,
@@ -238,7 +159,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     return bound
 
 
-def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: _Binder) -> Campaign:
+def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
     """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
     if campaign.is_scaled:
         return campaign
@@ -262,7 +183,7 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: _Binder
     return in_other_unit(campaign, factor, unit)
 
 
-def _bind_drive(campaign: Campaign, binder: _Binder) -> Drive:
+def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     choice, where = campaign.file.drive, f"{campaign.path}: [drive]"
     if choice.kind == "input":
         target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
@@ -283,14 +204,15 @@ def _bind_drive(campaign: Campaign, binder: _Binder) -> Drive:
     )  # fmt: skip
 
 
-def _drift_ends(binder: _Binder, name: str, ends: tuple[Written, Written]) -> tuple[float, float]:
+def _drift_ends(binder: Binder, name: str, ends: tuple[Written, Written]) -> tuple[float, float]:
     variable = binder.real(name, ends[0].where, SETTABLE, "set")
     return binder.number(variable, ends[0]), binder.number(variable, ends[1])
 
 
 def _bind_experiments(
-    campaign: Campaign, binder: _Binder, drive: Drive, drifting: Mapping[str, tuple[float, float]]
-) -> tuple[Experiment, ...]:
+    campaign: Campaign, binder: Binder, drive: Drive,
+    drifting: Mapping[str, tuple[float, float]], output: VariableLike,
+) -> tuple[Experiment, ...]:  # fmt: skip
     count = len(campaign.experiments)
     bound = []
     for index, measured in enumerate(campaign.experiments):
@@ -305,13 +227,28 @@ def _bind_experiments(
             Experiment(
                 measured.label, settings, measured.tones_hz, measured.peaks_v, measured.sigmas_v,
                 measured.floor_v, measured.spectrum, measured.lines_hz,
+                _observed(measured, binder, output),
             )
         )  # fmt: skip
     return tuple(bound)
 
 
+def _observed(measured: MeasuredExperiment, binder: Binder, output: VariableLike) -> str:
+    """The output that an experiment observes; all share a unit, because they share a scale."""
+    if measured.output is None:
+        return output.name
+    name, where = str(measured.output.value), measured.output.where
+    other = binder.real(name, where, READABLE, "observed")
+    if other.unit != output.unit:
+        raise BadInput(
+            f"{where}: '{name}' is in {other.unit or 'no unit'}, [observe] output in "
+            f"{output.unit or 'no unit'}; wanted one unit, because they share the scale"
+        )
+    return name
+
+
 def _experiment_settings(
-    measured: MeasuredExperiment, binder: _Binder, drive: Drive
+    measured: MeasuredExperiment, binder: Binder, drive: Drive
 ) -> dict[str, Scalar]:
     settings = {name: binder.setting(name, w) for name, w in measured.settings.items()}
     if drive.kind == "tones":
@@ -322,7 +259,7 @@ def _experiment_settings(
     return settings
 
 
-def _bind_sweep(campaign: Campaign, binder: _Binder) -> Sweep | None:
+def _bind_sweep(campaign: Campaign, binder: Binder) -> Sweep | None:
     choice, measured = campaign.file.sweep, campaign.sweep
     if choice is None or measured is None:
         return None
@@ -340,7 +277,7 @@ def _bind_sweep(campaign: Campaign, binder: _Binder) -> Sweep | None:
     )
 
 
-def _bind_parameter(choice: ParameterChoice, binder: _Binder) -> Parameter:
+def _bind_parameter(choice: ParameterChoice, binder: Binder) -> Parameter:
     variable = binder.real(choice.name, choice.where, ("parameter",), "fitted")
     numbers = {}
     for key, written in choice.numbers.items():
@@ -365,7 +302,7 @@ def _bind_parameter(choice: ParameterChoice, binder: _Binder) -> Parameter:
         raise BadInput(f"{choice.where}: {error}") from error
 
 
-def _bind_alternatives(campaign: Campaign, binder: _Binder) -> tuple[Mapping[str, Scalar], ...]:
+def _bind_alternatives(campaign: Campaign, binder: Binder) -> tuple[Mapping[str, Scalar], ...]:
     tried = {
         name: [binder.setting(name, w) for w in values]
         for name, values in campaign.file.alternatives.items()

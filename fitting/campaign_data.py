@@ -27,6 +27,9 @@ from fitting.units import convert
 
 FloatArray = NDArray[np.float64]
 
+#: Column of the experiments file that names the FMU output an experiment observes.
+OUTPUT_COLUMN = "output"
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -45,7 +48,8 @@ class MeasuredExperiment:
     ``settings`` are the file's columns as written, ``tones_hz`` the drive frequencies;
     ``lines_hz``, ``peaks_v``, ``sigmas_v`` (n,) per line read: frequency, peak amplitude with the
     noise floor removed, its standard deviation (nan where ready peaks come without one);
-    ``floor_v`` mean noise magnitude.
+    ``floor_v`` mean noise magnitude; ``output`` the FMU output that this experiment observes, as
+    written in that column of the file, None for the campaign's.
     """
 
     label: str
@@ -56,6 +60,7 @@ class MeasuredExperiment:
     sigmas_v: FloatArray
     floor_v: float
     spectrum: Spectrum | None
+    output: Written | None = None
 
 
 @dataclass(frozen=True)
@@ -247,9 +252,12 @@ def _experiment(
 ) -> MeasuredExperiment:  # fmt: skip
     settings = _settings(file, choice, table, index)
     lines_hz = _lines(file, tones_hz, f"{table.path}: row {table.lines[index]}")
+    output = settings.pop(OUTPUT_COLUMN, None)
     if choice.spectra is None:
         peaks, sigmas = _ready_peaks(choice, table, index)
-        return MeasuredExperiment(label, settings, tones_hz, lines_hz, peaks, sigmas, 0.0, None)
+        return MeasuredExperiment(
+            label, settings, tones_hz, lines_hz, peaks, sigmas, 0.0, None, output
+        )
     path = file.path.parent / choice.spectra.replace("{experiment}", label)
     raw = read_trace(path, choice.format.layout, choice.format.selection)
     frequency_hz, amplitude_v = _calibrated(raw, choice.format)
@@ -258,7 +266,7 @@ def _experiment(
     spectrum = Spectrum(frequency_hz, amplitude_v, path, choice.format.amplitude.unit)
     return MeasuredExperiment(
         label, settings, tones_hz, lines_hz, reading.peaks_v, reading.sigmas_v, floor.level_v,
-        spectrum,
+        spectrum, output,
     )  # fmt: skip
 
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from fitting.batch import Batch, IntArray, Workers, alike
 from fitting.combinations import mixed_hz
 from fitting.fmu import InputSignal, Run
 from fitting.labdata import BoundCampaign
-from fitting.plan import Window, plan_window, tone_amplitudes, tone_misfit
+from fitting.plan import Window, plan_window, tone_misfit
 from fitting.planning import Plan
 from fitting.response import Evaluation
 from fitting.scaling import Maximum, nodes_around, refine_maximum
@@ -28,14 +28,6 @@ Scalar = float | int | bool | str
 
 #: Batches of further sweep points, at most, to bracket a maximum or to lower its bias.
 SEARCH_ROUNDS = 12
-
-
-class Workers(Protocol):
-    """What is needed of `fitting.fmu.FmuWorkers`."""
-
-    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        """Outputs of each run, shape (samples, outputs)."""
-        ...
 
 
 @lru_cache(maxsize=4096)
@@ -53,7 +45,11 @@ def _in_unit(tone_hz: float, unit: str) -> float:
 
 @dataclass(frozen=True)
 class FmuResponse:
-    """`fitting.response.Response` of a bound campaign through FMU workers, for one alternative."""
+    """`fitting.response.Response` of a bound campaign through FMU workers, for one alternative.
+
+    Of one batch equal runs are simulated once: a parameter of one experiment costs a run, not a
+    series, and two outputs under the same drive share one.
+    """
 
     bound: BoundCampaign
     workers: Workers
@@ -61,27 +57,36 @@ class FmuResponse:
     alternative: Mapping[str, Scalar]
 
     def evaluate_many(self, ps: Sequence[FloatArray]) -> list[Evaluation]:
-        """Peaks, sweep and sweep maximum of every parameter vector, in one batch."""
-        nodes = self._nodes()
-        whole = self._whole_sweep()
-        tones = [*nodes, *whole]
-        windows = [self._sweep_window(tone) for tone in tones]
-        runs = [run for p in ps for run in self._runs(p, windows)]
-        answers = self.workers.run(runs)
-        per_p = len(self.plan.experiments) + len(windows)
-        first: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        for k in range(len(ps)):
-            peaks, sweep = self._read(answers[k * per_p : (k + 1) * per_p], windows)
-            first.append((peaks, sweep[: len(nodes)], sweep[len(nodes) :]))
-        maxima = self._maxima(ps, nodes, [f[1] for f in first])
+        """Peaks, sweep and sweep maximum of every parameter vector, in one batch.
+
+        A run that several vectors share counts for the first of them.
+        """
+        table = np.array([np.asarray(p, dtype=float) for p in ps])
+        batch = Batch()
+        asked = self._ask_experiments(batch, table)
+        nodes, whole = self._nodes(), self._whole_sweep()
+        first, group = alike(table[:, self._columns(None)])
+        windows = [self._sweep_window(float(tone)) for tone in (*nodes, *whole)]
+        swept = [[self._ask_sweep(batch, table[k], w, int(k)) for w in windows] for k in first]
+        batch.simulate(self.workers)
+        peaks = self._peaks(batch, asked, len(table))
+        sweeps = np.array([self._read_sweep(batch, ks, windows) for ks in swept])
+        sweeps = sweeps.reshape(len(first), -1)
+        maxima = self._maxima(list(table[first]), nodes, list(sweeps[:, : len(nodes)]))
+        runs = batch.count(len(table))
+        for k, found in zip(first, maxima, strict=True):
+            runs[k] += found[1]
         return [
-            Evaluation(peaks, swept, found[0], per_p + found[1])
-            for (peaks, _, swept), found in zip(first, maxima, strict=True)
+            Evaluation(peaks[k], sweeps[g, len(nodes) :], maxima[g][0], int(runs[k]))
+            for k, g in enumerate(group)
         ]
 
     def peaks(self, p: FloatArray) -> FloatArray:
         """Amplitudes at the tones of all experiments, shape (n_peaks,), in the FMU's unit."""
-        return self._read(self.workers.run(self._runs(p, [])), [])[0]
+        batch, table = Batch(), np.atleast_2d(np.asarray(p, dtype=float))
+        asked = self._ask_experiments(batch, table)
+        batch.simulate(self.workers)
+        return np.asarray(self._peaks(batch, asked, 1)[0])
 
     def sweep(self, p: FloatArray) -> FloatArray:
         """Amplitudes at the laboratory's sweep frequencies, shape (n_sweep,), FMU's unit."""
@@ -91,96 +96,148 @@ class FmuResponse:
 
     def amplitudes_at(self, p: FloatArray, frequency_hz: FloatArray) -> FloatArray:
         """Steady amplitudes at single tones with the settings of the sweep, shape (n,)."""
-        windows = [self._sweep_window(float(tone)) for tone in frequency_hz]
-        answers = self.workers.run([self._sweep_run(p, window) for window in windows])
-        return self._amplitudes(windows, answers)
+        return self._swept_many([p], [frequency_hz])[0]
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         """Derived outputs after initialisation, per experiment (the sweep, if there is none)."""
         names = self.bound.derived
-        places: list[Mapping[str, Scalar]] = [e.settings for e in self.bound.experiments]
+        places = [(e.label, e.settings) for e in self.bound.experiments]
         if not places and self.bound.sweep is not None:
-            places = [self.bound.sweep.settings]
+            places = [("", self.bound.sweep.settings)]
         if not names:
             return [{} for _ in ps]
+        table = np.array([np.asarray(p, dtype=float) for p in ps])
+        groups = [alike(table[:, self._columns(label)]) for label, _ in places]
         runs = [
-            Run(self._values(p, place), 0.0, 1.0, 1, names, allow_nan=True)
-            for p in ps
-            for place in places
+            Run(self._values(table[k], label, place), 0.0, 1.0, 1, names, allow_nan=True)
+            for (label, place), (first, _) in zip(places, groups, strict=True)
+            for k in first
         ]
-        answers = self.workers.run(runs)
-        table = np.array([answer[0] for answer in answers]).reshape(len(ps), len(places), -1)
-        return [{name: table[k, :, i] for i, name in enumerate(names)} for k in range(len(ps))]
+        answers = iter(self.workers.run(runs))
+        columns = [
+            np.array([next(answers)[0] for _ in first])[group] for first, group in groups
+        ]  # (p, outputs) per place
+        values = np.stack(columns, axis=1)
+        return [{name: values[k, :, i] for i, name in enumerate(names)} for k in range(len(table))]
 
     def misfit(self, p: FloatArray) -> float:
         """Largest relative deviation of any sampled run from mean plus tones (see `plan`)."""
-        sweep = self.bound.sweep
-        windows = [] if sweep is None else [self._sweep_window(float(sweep.frequency_hz[0]))]
-        answers = self.workers.run(self._runs(p, windows))
-        everything = [*self.plan.experiments, *windows]
-        misfits = [tone_misfit(w, a[:, 0]) for w, a in zip(everything, answers, strict=True)]
-        return max(misfits, default=0.0)
+        batch, table = Batch(), np.atleast_2d(np.asarray(p, dtype=float))
+        asked = self._ask_experiments(batch, table)
+        read = [(w, o, ks[0]) for (w, o), (ks, _) in zip(self._observed(), asked, strict=True)]
+        if self.bound.sweep is not None:
+            window = self._sweep_window(float(self.bound.sweep.frequency_hz[0]))
+            read.append((window, self.bound.output, self._ask_sweep(batch, table[0], window, 0)))
+        batch.simulate(self.workers)
+        return max((tone_misfit(w, batch.samples(k, o)) for w, o, k in read), default=0.0)
 
     def _nodes(self) -> FloatArray:
         return np.array(self.plan.nodes_hz)
 
     def _whole_sweep(self) -> FloatArray:
         sweep = self.bound.sweep
-        if sweep is None or (sweep.use != "fit" and sweep.scale != "fit"):
+        if sweep is None or (sweep.use != "fit" and sweep.scale in ("maximum", "none")):
             return np.empty(0)
         return sweep.frequency_hz
 
-    def _runs(self, p: FloatArray, sweep_windows: Sequence[Window]) -> list[Run]:
-        pairs = zip(self.bound.experiments, self.plan.experiments, strict=True)
-        runs = [self._run(self._values(p, e.settings), w, e.tones_hz) for e, w in pairs]
-        return runs + [self._sweep_run(p, window) for window in sweep_windows]
+    def _observed(self) -> list[tuple[Window, str]]:
+        """Window and output of every experiment."""
+        outputs = (e.output or self.bound.output for e in self.bound.experiments)
+        return list(zip(self.plan.experiments, outputs, strict=True))
 
-    def _sweep_run(self, p: FloatArray, window: Window) -> Run:
+    @cached_property
+    def _acting(self) -> dict[str | None, list[int]]:
+        """Positions of the FMU's parameters that act in an experiment, by its label; None: all."""
+        model = [(i, q) for i, q in enumerate(self.bound.parameters) if q.role == "model"]
+        everywhere = [i for i, q in model if not q.experiments]
+        acting: dict[str | None, list[int]] = {None: everywhere}
+        for i, parameter in model:
+            for label in parameter.experiments:
+                acting.setdefault(label, list(everywhere)).append(i)
+        return acting
+
+    def _columns(self, label: str | None) -> list[int]:
+        """Positions in p of what acts in an experiment; None: in the sweep."""
+        return self._acting.get(label, self._acting[None])
+
+    def _ask_experiments(self, batch: Batch, table: FloatArray) -> list[tuple[list[int], IntArray]]:
+        """Per experiment the runs that answer it, and which of them belongs to each row."""
+        asked = []
+        for e, (window, output) in zip(self.bound.experiments, self._observed(), strict=True):
+            first, group = alike(table[:, self._columns(e.label)])
+            signal = self._signal(window, e.tones_hz)
+            runs = [
+                batch.ask(self._values(table[k], e.label, e.settings), window, signal, output, k)
+                for k in map(int, first)
+            ]
+            asked.append((runs, group))
+        return asked
+
+    def _peaks(
+        self, batch: Batch, asked: Sequence[tuple[list[int], IntArray]], rows: int
+    ) -> FloatArray:
+        """Amplitudes of all experiments for every row, shape (rows, n_peaks)."""
+        columns = [
+            np.array([batch.amplitudes(k, window, output) for k in ks])[group]
+            for (window, output), (ks, group) in zip(self._observed(), asked, strict=True)
+        ]
+        return np.concatenate(columns, axis=1) if columns else np.empty((rows, 0))
+
+    def _ask_sweep(self, batch: Batch, p: FloatArray, window: Window, owner: int) -> int:
         drive, sweep = self.bound.drive, self.bound.sweep
-        values = self._values(p, sweep.settings if sweep is not None else {})
+        values = self._values(p, None, sweep.settings if sweep is not None else {})
         if drive.kind == "tones":
             unit = drive.frequency_unit
             values[drive.frequencies[0]] = _in_unit(window.tones_hz[0], unit)
             values.update(dict.fromkeys(drive.amplitudes[1:], 0.0))
-        return self._run(values, window, window.tones_hz)
+        return batch.ask(
+            values, window, self._signal(window, window.tones_hz), self.bound.output, owner
+        )
 
-    def _run(self, values: dict[str, Scalar], window: Window, tones: Sequence[float]) -> Run:
+    def _read_sweep(self, batch: Batch, ks: Sequence[int], windows: Sequence[Window]) -> FloatArray:
+        found = [
+            batch.amplitudes(k, w, self.bound.output) for k, w in zip(ks, windows, strict=True)
+        ]
+        return np.concatenate(found) if found else np.empty(0)
+
+    def _swept_many(
+        self, ps: Sequence[FloatArray], frequencies: Sequence[FloatArray]
+    ) -> list[FloatArray]:
+        """Single-tone amplitudes of several p, each at its own frequencies, in one batch."""
+        batch = Batch()
+        windows = [[self._sweep_window(float(tone)) for tone in f] for f in frequencies]
+        asked = [
+            [self._ask_sweep(batch, p, w, 0) for w in ws] for p, ws in zip(ps, windows, strict=True)
+        ]
+        batch.simulate(self.workers)
+        return [self._read_sweep(batch, ks, ws) for ks, ws in zip(asked, windows, strict=True)]
+
+    def _signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
         drive = self.bound.drive
-        signal = None
-        if drive.kind == "input" and drive.input is not None:
-            rows = tuple((tone, drive.level, 0.0) for tone in tones)
-            signal = InputSignal(drive.input, rows, window.input_step_s)
-        return Run(
-            values, window.settle_s, window.step_s, window.samples, (self.bound.output,),
-            input_signal=signal,
-        )  # fmt: skip
+        if drive.kind != "input" or drive.input is None:
+            return None
+        rows = tuple((tone, drive.level, 0.0) for tone in tones_hz)
+        return InputSignal(drive.input, rows, window.input_step_s)
 
-    def _values(self, p: FloatArray, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
+    def _values(
+        self, p: FloatArray, label: str | None, settings: Mapping[str, Scalar]
+    ) -> dict[str, Scalar]:
         """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones."""
         values: dict[str, Scalar] = {**self.bound.start_values, **self.plan.settings}
         values.update(dict.fromkeys(self.bound.drive.amplitudes, self.bound.drive.level))
         values.update(self.alternative)
         values.update(settings)
-        fitted = zip(self.bound.parameters, p, strict=True)
-        values.update({parameter.name: float(value) for parameter, value in fitted})
+        acting = [(self.bound.parameters[i], float(p[i])) for i in self._columns(label)]
+        values.update({q.target: value for q, value in acting if not q.adds_to})
+        for parameter, value in acting:
+            for name in parameter.adds_to:
+                values[name] = float(values[name]) + value
         return values
 
     def _sweep_window(self, tone_hz: float) -> Window:
         drive = self.bound.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
         return _single_tone(tone_hz, self.plan.settle_s, held, drive.order)
-
-    def _read(
-        self, answers: Sequence[FloatArray], sweep_windows: Sequence[Window]
-    ) -> tuple[FloatArray, FloatArray]:
-        count = len(self.plan.experiments)
-        peaks = self._amplitudes(self.plan.experiments, answers[:count])
-        return peaks, self._amplitudes(sweep_windows, answers[count:])
-
-    @staticmethod
-    def _amplitudes(windows: Sequence[Window], answers: Sequence[FloatArray]) -> FloatArray:
-        found = [tone_amplitudes(w, a[:, 0]) for w, a in zip(windows, answers, strict=True)]
-        return np.concatenate(found) if found else np.empty(0)
 
     def _maxima(
         self, ps: Sequence[FloatArray], nodes: FloatArray, amplitudes: Sequence[FloatArray]
@@ -193,12 +250,8 @@ class FmuResponse:
             more = [s.wanted(self.bound.accuracy) for s in searches]
             if not any(m.size for m in more):
                 break
-            windows = [[self._sweep_window(float(tone)) for tone in m] for m in more]
-            runs = [self._sweep_run(p, w) for p, ws in zip(ps, windows, strict=True) for w in ws]
-            answers = iter(self.workers.run(runs))
-            for k, ws in enumerate(windows):
-                found = self._amplitudes(ws, [next(answers) for _ in ws])
-                searches[k] = searches[k].with_points(more[k], found)
+            found = self._swept_many(ps, more)
+            searches = [s.with_points(f, a) for s, f, a in zip(searches, more, found, strict=True)]
         return [(s.maximum, s.added) for s in searches]
 
 

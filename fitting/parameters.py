@@ -20,10 +20,18 @@ class Parameter:
 
     ``lower <= start <= upper``; ``reference`` is where the Tikhonov term pulls to; ``scale`` is the
     change that counts as one in the search vector; ``period`` makes values that differ by it
-    the same system, reported in ``[0, period)``. One value holds for the whole campaign.
+    the same system, reported in ``[0, period)``.
+
+    One value holds for the whole campaign, its sweep included, unless ``experiment`` names the one
+    experiment that it belongs to (``further``: and others that share it). It is the value of the
+    FMU's ``variable`` (the name, where empty), or, with ``adds_to``, is added to those variables.
+    ``prior_sigma`` is the standard deviation of a Gaussian prior about ``reference``; without it
+    only box and Tikhonov term hold the value. ``role`` "scale" is no variable of the FMU but the
+    logarithm of a factor on the scale.
 
     Raises:
-        BadInput: bounds reversed, start outside, a number not finite, scale or period not positive.
+        BadInput: bounds reversed, start outside, a number not finite, scale, period or prior_sigma
+            not positive.
     """
 
     name: str
@@ -34,10 +42,16 @@ class Parameter:
     reference: float
     scale: float
     period: float | None = None
+    experiment: str | None = None
+    adds_to: tuple[str, ...] = ()
+    prior_sigma: float | None = None
+    variable: str = ""
+    further: tuple[str, ...] = ()
+    role: str = "model"
 
     def __post_init__(self) -> None:
         who = f"parameter '{self.name}'"
-        for field in ("lower", "upper", "start", "reference", "scale", "period"):
+        for field in ("lower", "upper", "start", "reference", "scale", "period", "prior_sigma"):
             value = getattr(self, field)
             if value is not None and not math.isfinite(value):
                 raise BadInput(f"{who}: {field} is {value!r}; wanted a finite number")
@@ -55,6 +69,18 @@ class Parameter:
             raise BadInput(f"{who}: scale = {self.scale!r}; wanted a positive number")
         if self.period is not None and self.period <= 0.0:
             raise BadInput(f"{who}: period = {self.period!r}; wanted a positive number")
+        if self.prior_sigma is not None and self.prior_sigma <= 0.0:
+            raise BadInput(f"{who}: prior = {self.prior_sigma!r}; wanted a positive number")
+
+    @property
+    def target(self) -> str:
+        """The FMU variable that holds the value (without ``adds_to``)."""
+        return self.variable or self.name
+
+    @property
+    def experiments(self) -> tuple[str, ...]:
+        """Labels of the experiments that it acts in; empty: everywhere, in the sweep too."""
+        return () if self.experiment is None else (self.experiment, *self.further)
 
 
 def names(parameters: Sequence[Parameter]) -> tuple[str, ...]:

@@ -16,14 +16,15 @@ LADDER = (
     "files fmu.description fmu.records parameters peaks response spectrum tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
-    "campaign_schema evaluator fmu.interface plots_style result synthesis",
+    "campaign_binder campaign_schema evaluator fmu.interface plots_style result synthesis",
     "campaign_data fmu.reuse fmu.simulation linear_program uncertainty",
     "campaign_binding fmu.worker interior_point",
     "continuation fmu.process labdata",
     "assembly checkpoint fmu.workers job planning plots_campaign plots_deviation plots_history "
     "sweep_line",
     "fmu plots_reconstruction reconstruction report_tables",
-    "drive driving report_sections",
+    "batch drive report_sections",
+    "driving",
     "fmu_job plots_drive report",
     "commands.check commands.reconstruct commands.simulate commands.synthesize",
     "cli",
