@@ -12,14 +12,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from fitting.errors import BadInput
 from fitting.notation import hertz
-from fitting.spectrum import common_period, exact
+from fitting.spectrum import common_period, cycle_fraction, exact
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -29,6 +29,9 @@ LONGEST_WINDOW_S = 100.0
 SPARE_SAMPLES = 2
 #: Largest condition number of a tone fit without a coherent window.
 LARGEST_CONDITION = 3.0
+#: Bits of a binary grain within the length of a run: times on it, and their differences, are
+#: doubles without rounding, so that an FMU is asked for the very times that the fit assumes.
+GRAIN_BITS = 50
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class Window:
 def _design(tones_hz: Sequence[float], times_s: FloatArray) -> FloatArray:
     columns = [np.ones(times_s.size)]
     for tone in tones_hz:
-        phase = 2.0 * np.pi * np.mod(tone * times_s, 1.0)
+        phase = 2.0 * np.pi * cycle_fraction(tone, times_s)
         columns += [np.cos(phase), np.sin(phase)]
     return np.stack(columns, axis=1)
 
@@ -125,26 +128,29 @@ def plan_window(
     *,
     samples_per_period: int = 0,
     beside_hz: Sequence[float] = (),
+    spare: int = SPARE_SAMPLES,
+    longest_s: float = LONGEST_WINDOW_S,
 ) -> Window:
     """Window for known tones: coherent where they have a common period, else for a tone fit.
 
     `samples_per_period` > 0 is for a drive that is held over steps: the steps divide the window.
     No line of `beside_hz`, of which the response may hold any amount, is seen as one of the tones.
+    `spare` samples are taken beyond the unknowns; a common period beyond `longest_s` is given up.
 
     Raises:
         BadInput: no window keeps the tones apart (two equal tones, for one), or clear of the lines
             beside them.
     """
     tones = tuple(float(tone) for tone in tones_hz)
-    least = 2 * len(tones) + 1 + SPARE_SAMPLES
+    least = 2 * len(tones) + 1 + spare
     common = common_period(tones)
     samples = None
-    if common <= LONGEST_WINDOW_S:
+    if common <= longest_s or len(tones) == 1:
         samples = coherent_samples(tones, common, least, beside_hz)
     if samples is None and beside_hz:
         raise BadInput(
             f"drive frequencies {hertz(*tones)}: their mixtures in a nonlinear response cannot be "
-            f"told apart; wanted frequencies with a common period up to {LONGEST_WINDOW_S:g} s"
+            f"told apart; wanted frequencies with a common period up to {longest_s:g} s"
         )
     if samples is None:
         return _incoherent(tones, settle_s, least + 4, samples_per_period)
@@ -170,12 +176,7 @@ def _incoherent(
     if gaps and min(gaps) <= 0.0:
         raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
     span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
-    best, best_step = math.inf, 0.0
-    for stretch in np.linspace(0.8, 2.5, 800):
-        step = float(stretch) * span / samples
-        condition = float(np.linalg.cond(_design(tones, np.arange(samples, dtype=float) * step)))
-        if condition < best:
-            best, best_step = condition, step
+    best, best_step = _best_step(tones, samples, span)
     if best > LARGEST_CONDITION:
         raise BadInput(
             f"drive frequencies {tones} Hz: no sampling tells them apart (condition {best:.3g}); "
@@ -189,15 +190,28 @@ def _incoherent(
     return _aligned(tones, settle_s, best_step, samples, False, held, reason)
 
 
+@lru_cache(maxsize=1024)
+def _best_step(tones: tuple[float, ...], samples: int, span_s: float) -> tuple[float, float]:
+    """Least condition number of a tone fit over windows of about a span, and its sampling step."""
+    steps = np.linspace(0.8, 2.5, 400) * span_s / samples
+    designs = np.stack([_design(tones, np.arange(samples, dtype=float) * step) for step in steps])
+    conditions = np.linalg.cond(designs)
+    k = int(np.argmin(conditions))
+    return float(conditions[k]), float(steps[k])
+
+
 def _aligned(
     tones: tuple[float, ...], settle_s: float, step_s: float, samples: int, coherent: bool,
     held: int, reason: str,
 ) -> Window:  # fmt: skip
-    """Settling in whole held steps, where the drive is held."""
+    """Settling in whole held steps, where the drive is held; else times on a binary grain."""
     if held:
         grain = step_s / held
         settle_s = math.ceil(settle_s / grain - 1e-9) * grain
         reason += f"; the drive is held over steps of {grain:.6g} s"
+        return Window(tones, settle_s, step_s, samples, coherent, held, reason)
+    grain = 2.0 ** (math.frexp(settle_s + samples * step_s)[1] - GRAIN_BITS)
+    step_s, settle_s = round(step_s / grain) * grain, math.ceil(settle_s / grain) * grain
     return Window(tones, settle_s, step_s, samples, coherent, held, reason)
 
 

@@ -26,7 +26,8 @@ from fitting.fmu import (
     read_description,
     validation_problems,
 )
-from fitting.fmu.signal import cycle_fraction, held_values
+from fitting.fmu.signal import held_values
+from fitting.spectrum import cycle_fraction
 from tests.cfmu_build import build_c_fmu
 
 MASS, DAMPING, STIFFNESS = 1.25e-3, 2.5e-2, 4.1e3

@@ -13,11 +13,12 @@ ROOT = Path(__file__).parents[1]
 #: A module imports only from rows above its own; a new module takes its place in the table.
 LADDER = (
     "errors fmu.log laboratory leastsq notation progress scaling structure variables",
-    "files fmu.description fmu.records parameters peaks response spectrum tables units",
+    "budget files fmu.description fmu.records parameters peaks response spectrum tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
-    "campaign_binder campaign_schema evaluator fmu.interface plots_style result synthesis",
-    "campaign_data fmu.reuse fmu.simulation linear_program uncertainty",
+    "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style "
+    "result synthesis",
+    "campaign_data fmu.reuse fmu.simulation linear_program plan_search uncertainty",
     "campaign_binding fmu.worker interior_point",
     "continuation fmu.process labdata",
     "assembly checkpoint fmu.workers job planning plots_campaign plots_deviation plots_history "
@@ -25,7 +26,7 @@ LADDER = (
     "fmu plots_reconstruction reconstruction report_tables",
     "batch drive report_sections",
     "driving",
-    "fmu_job plots_drive report",
+    "drive_plan fmu_job plots_drive report",
     "commands.check commands.reconstruct commands.simulate commands.synthesize",
     "cli",
     "__main__",

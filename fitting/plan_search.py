@@ -1,0 +1,366 @@
+"""Measured decisions: settling, solver, samples and what may be left out of a model.
+
+Nothing is assumed of the FMU. Each error is the change that a better setting makes, times a safety
+factor that its sentence names, so the promise holds as far as a change tells of what is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from fitting.budget import SHARES, Budget, Decision, Hints, Reduction, Scalar
+from fitting.errors import FmuFailure
+from fitting.notation import number, prefixed
+from fitting.plan_probe import Probe, Reading, apart, off
+from fitting.variables import VariableLike
+
+#: Doublings of the time to settle, at most, and how far beyond the end one more look is taken.
+DOUBLINGS, FAR = 48, 16.0
+#: Changes that fall by less than this are not yet those of a transient that dies away.
+DYING = 0.6
+#: Factor on a measured change, for what it does not tell.
+SAFETY = 2.0
+#: Combinations of the tones that do not fold onto a tone, tried in this order.
+ORDERS = (1, 5, 11, 21, 41)
+#: A reduction is taken if it makes a run take less than this part of the time.
+CHEAPER = 0.8
+#: A refinement stops when its bound lies within its share and above this part of it.
+WASTED = 0.02
+ROUNDS = 10
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Time to settle, the error that is left, and what was seen at the end."""
+
+    settle_s: float
+    bound: float
+    last: tuple[Reading, ...]
+    seconds: float
+    steady: bool
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search came to: start values for the FMU, time to settle, order of the samples.
+
+    `readings` are those of the plan, one per shot; `run_s` seconds of one of its runs.
+    """
+
+    budget: Budget
+    settings: Mapping[str, Scalar]
+    settle_s: float
+    order: int
+    longest_s: float
+    readings: tuple[Reading, ...]
+    run_s: float
+
+
+class Search:
+    """Decides for some shots what keeps an accuracy at the least cost that was seen."""
+
+    def __init__(
+        self, probe: Probe, accuracy: float, hints: Hints,
+        variables: Mapping[str, VariableLike], limit_s: float,
+    ) -> None:  # fmt: skip
+        self.probe, self.accuracy, self.hints = probe, accuracy, hints
+        self.variables, self.limit_s = variables, limit_s
+        self.budget = Budget(accuracy)
+        self._settled: dict[object, Settled] = {}
+
+    def found(self) -> Found:
+        """All decisions, one after the other."""
+        settings = dict(self.hints.full)
+        settings = self._reductions(settings)
+        self.probe.settle_on_windows(settings)
+        settled = self._settle(settings)
+        self._add(_settling(settled))
+        settings = self._solver(settings, settled.settle_s)
+        order, readings, seconds = self._samples(settings, settled.settle_s)
+        rounding = max(reading.rounding for reading in readings)
+        self._add(
+            Decision("rounding", "double precision", rounding,
+                     "samples of the weakest tone beside the strongest value")
+        )  # fmt: skip
+        return Found(
+            self.budget, settings, settled.settle_s, order, self.probe.longest_s,
+            tuple(readings), seconds,
+        )  # fmt: skip
+
+    def _add(self, decision: Decision) -> None:
+        self.budget = self.budget.with_decision(decision)
+
+    def _share(self, kind: str) -> float:
+        return self.accuracy * SHARES[kind]
+
+    # -- settling -------------------------------------------------------------------------------
+
+    def _settle(self, settings: Mapping[str, Scalar]) -> Settled:
+        key = tuple(sorted(settings.items()))
+        if key not in self._settled:
+            self._settled[key] = self._watch({**settings, **self._fine(settings)})
+        return self._settled[key]
+
+    def _fine(self, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """A solver fine enough that its own noise is not taken for a transient."""
+        name = self.hints.tolerance
+        if name is None or name in settings:
+            return {}
+        low, high = self._range(name)
+        return {name: min(max(0.1 * self._share("settling"), low), high)}
+
+    def _watch(self, settings: Mapping[str, Scalar]) -> Settled:
+        """Double the time until amplitudes stand still: twice in a row, and dying away."""
+        wanted = self._share("settling")
+        tones = [shot.tones_hz for shot in self.probe.shots]
+        step = min(10.0 / max(t) for t in tones)
+        step = max(step, *(self.probe.length_s(shot) / 16.0 for shot in self.probe.shots))
+        times, seen, changes = [0.0], [], []
+        here, seconds = self.probe.read(settings, 0.0)
+        seen.append(here)
+        for k in range(DOUBLINGS):
+            time_s = step * 2.0**k
+            if seconds > self.limit_s / 2.0:
+                break
+            here, seconds = self.probe.read(settings, time_s)
+            changes.append(apart(here, seen[-1]))
+            times.append(time_s)
+            seen.append(here)
+            if self._stands(changes, wanted) and self._far(settings, time_s, here, seconds, wanted):
+                return self._earliest(settings, times, seen, changes[-1], wanted)
+        bound = min(1.0, SAFETY * changes[-1]) if changes else 1.0
+        return Settled(times[-1], bound, tuple(seen[-1]), seconds, False)
+
+    @staticmethod
+    def _stands(changes: list[float], wanted: float) -> bool:
+        if len(changes) < 2 or max(changes[-2:]) > 0.25 * wanted:
+            return False
+        return changes[-1] <= max(DYING * changes[-2], 0.05 * wanted)
+
+    def _far(
+        self, settings: Mapping[str, Scalar], time_s: float, here: list[Reading],
+        seconds: float, wanted: float,
+    ) -> bool:  # fmt: skip
+        """Whether a look much later shows no slow transient, where it is cheap to take."""
+        if FAR * seconds > 0.2 * self.limit_s:
+            return True
+        return apart(self.probe.read(settings, FAR * time_s)[0], here) <= 0.5 * wanted
+
+    def _earliest(
+        self, settings: Mapping[str, Scalar], times: list[float], seen: list[list[Reading]],
+        change: float, wanted: float,
+    ) -> Settled:  # fmt: skip
+        """The shortest of the times tried that does, and one between it and the one before."""
+        last, left = seen[-1], SAFETY * change
+        errors = [apart(last, reading) for reading in seen]
+        k = next(i for i, e in enumerate(errors) if max(errors[i:]) <= 0.5 * wanted)
+        if k > 0 and times[k] > 0.0 and 0.0 < errors[k] < errors[k - 1]:
+            aim = 0.3 * wanted
+            part = math.log(max(errors[k - 1] / aim, 1.0)) / math.log(errors[k - 1] / errors[k])
+            time_s = times[k - 1] + min(part, 1.0) * (times[k] - times[k - 1])
+            if time_s < 0.95 * times[k]:
+                between, seconds = self.probe.read(settings, time_s)
+                error = apart(last, between)
+                if error <= 0.5 * wanted:
+                    return Settled(time_s, SAFETY * error + left, tuple(last), seconds, True)
+        seconds = self.probe.read(settings, times[k])[1]
+        return Settled(times[k], SAFETY * errors[k] + left, tuple(last), seconds, True)
+
+    # -- the solver's own accuracy --------------------------------------------------------------
+
+    def _solver(self, settings: dict[str, Scalar], settle_s: float) -> dict[str, Scalar]:
+        for name, first in self._knobs(settings):
+            settings = self._refine(settings, settle_s, name, first)
+        return settings
+
+    def _knobs(self, settings: Mapping[str, Scalar]) -> list[tuple[str, float]]:
+        """Parameters that set the solver's accuracy, with a first value for each."""
+        found: list[tuple[str, float]] = []
+        if self.hints.tolerance is not None:
+            found.append((self.hints.tolerance, self._share("solver")))
+        if self.hints.substep is not None:
+            fastest = max(max(shot.tones_hz) for shot in self.probe.shots)
+            found.append((self.hints.substep, 1.0 / (40.0 * fastest)))
+        return [(name, value) for name, value in found if name not in settings]
+
+    def _range(self, name: str) -> tuple[float, float]:
+        variable = self.variables.get(name)
+        low = variable.min if variable is not None else None
+        high = variable.max if variable is not None else None
+        return max(low or 0.0, 1e-300), math.inf if high is None else high
+
+    def _error_at(
+        self, settings: dict[str, Scalar], settle_s: float, name: str, value: float, finer: float
+    ) -> float:
+        """Change of the amplitudes by a finer value; infinite where the coarse one fails."""
+        try:
+            here = self.probe.read({**settings, name: value}, settle_s)[0]
+            better = self.probe.read({**settings, name: finer}, settle_s)[0]
+        except FmuFailure:
+            return math.inf
+        if all((a.tones == b.tones).all() for a, b in zip(here, better, strict=True)):
+            return -1.0  # it is not this parameter that sets the accuracy
+        return max(SAFETY * off(here, better), apart(better, here))
+
+    def _refine(
+        self, settings: dict[str, Scalar], settle_s: float, name: str, value: float
+    ) -> dict[str, Scalar]:
+        """The coarsest value whose measured error fits into the share."""
+        low, high = self._range(name)
+        by = 100.0 if name == self.hints.tolerance else 2.0
+        share, best = self._share("solver"), (math.inf, value)
+        value = min(max(value, low), high)
+        for _ in range(ROUNDS):
+            bound = self._error_at(settings, settle_s, name, value, max(value / by, low))
+            if bound < 0.0:
+                return settings
+            if _better(bound, value, best, share):
+                best = bound, value
+            if WASTED * share <= bound <= share:
+                break
+            # an order of four is the guess for substeps, of one for a tolerance
+            power = 0.25 if by == 2.0 else 1.0
+            factor = min(max((0.3 * share / max(bound, 1e-300)) ** power, 0.05), 10.0)
+            there = min(max(value * factor, low), high)
+            if there == value or self._too_slow({**settings, name: value}, settle_s, factor):
+                break
+            value = there
+        bound, value = best
+        finer = "a hundredth" if by == 100.0 else "half"
+        self._add(
+            Decision(
+                "solver", f"{name} = {value:.3g}", min(bound, 1.0),
+                f"{SAFETY:g} times the change of the amplitudes at {finer} of it",
+            )
+        )  # fmt: skip
+        return {**settings, name: value}
+
+    def _too_slow(self, settings: dict[str, Scalar], settle_s: float, factor: float) -> bool:
+        """Whether a value finer by a factor would make a run longer than allowed."""
+        try:
+            return self.probe.read(settings, settle_s)[1] > self.limit_s * min(factor, 1.0)
+        except FmuFailure:
+            return False
+
+    # -- samples --------------------------------------------------------------------------------
+
+    def _samples(
+        self, settings: Mapping[str, Scalar], settle_s: float
+    ) -> tuple[int, list[Reading], float]:
+        """The least order of combinations kept off the tones at which more change nothing."""
+        share = self._share("samples")
+        for order, finer in pairwise(ORDERS):
+            here, seconds = self.probe.read(settings, settle_s, order)
+            bound = SAFETY * off(here, self.probe.read(settings, settle_s, finer)[0])
+            if bound <= share:
+                break
+        windows = [s.window(settle_s, order, self.probe.longest_s) for s in self.probe.shots]
+        counts = sorted({w.samples for w in windows})
+        how = f"{' to '.join(str(n) for n in {counts[0]: 0, counts[-1]: 0})} per run"
+        if order > 1:
+            how += f", no combination of tones up to order {order} folded onto a tone"
+        self._add(
+            Decision("samples", how, bound,
+                     f"{SAFETY:g} times the change with combinations up to order {finer} kept off")
+        )  # fmt: skip
+        return order, here, seconds
+
+    # -- reductions of the model ----------------------------------------------------------------
+
+    def _reductions(self, settings: dict[str, Scalar]) -> dict[str, Scalar]:
+        spent = 0.0
+        for reduction in self.hints.reductions:
+            decision = self._reduction(settings, reduction, self._share("model") - spent)
+            self._add(decision)
+            if decision.taken:
+                settings = {**settings, **reduction.set}
+                spent += decision.bound
+        return settings
+
+    def _reduction(
+        self, settings: dict[str, Scalar], reduction: Reduction, left: float
+    ) -> Decision:
+        """Whether a reduction is taken: it fits into what is left and makes runs cheaper."""
+        name = reduction.name
+        choice = ", ".join(f"{key} = {_word(value)}" for key, value in reduction.set.items())
+        if name in self.hints.forbid:
+            return Decision(name, choice, math.nan, "not taken: forbidden", True, False)
+        forced = name in self.hints.force
+        try:
+            bound, how, part = self._effect(settings, reduction)
+        except FmuFailure as error:
+            if forced:
+                raise
+            why = f"not taken: the FMU refuses ({error.message})"
+            return Decision(name, choice, math.nan, why, False, False)
+        saved = f"a run takes {number(part, 2)} of the time"
+        if forced:
+            beyond = "" if bound <= left else f", beyond the {left:.1e} that is left for it"
+            return Decision(name, choice, min(bound, 1.0), f"{how}{beyond}; {saved}", True)
+        if part > CHEAPER:
+            return Decision(name, choice, bound, f"not taken: no cheaper ({saved})", False, False)
+        if bound <= left:
+            return Decision(name, choice, bound, f"{how}; {saved}")
+        if part < 1.0 and self._cost_s(settings) > self.limit_s:
+            why = f"{how}, more than is left for it, but a run without it would take too long"
+            return Decision(name, choice, min(bound, 1.0), why)
+        why = f"not taken: {how}, and {left:.1e} is left for it"
+        return Decision(name, choice, bound, why, False, False)
+
+    def _effect(
+        self, settings: dict[str, Scalar], reduction: Reduction
+    ) -> tuple[float, str, float]:
+        """Bound of a reduction, where it is from, and the part of the time that a run takes."""
+        reduced = {**settings, **reduction.set}
+        self.probe.settle_on_windows(reduced)
+        after = self._settle(reduced)
+        if reduction.bound is not None:
+            fine = {**reduced, **self._fine(reduced)}
+            bound = self.probe.largest(fine, after.settle_s, reduction.bound)
+            how = f"the FMU's {reduction.bound} is {bound:.1e}"
+        elif self._cost_s(settings) > self.limit_s:
+            bound, how = 1.0, "its error cannot be measured, a run without it would take too long"
+        else:
+            whole = self._settle(settings)
+            bound = SAFETY * off(after.last, whole.last) + whole.bound
+            how = f"{SAFETY:g} times the measured change is {bound:.1e}"
+        return bound, how, self._cost_s(reduced) / self._cost_s(settings)
+
+    def _cost_s(self, settings: Mapping[str, Scalar]) -> float:
+        """Seconds of a settled run; by the time that another setting needs, where none is known."""
+        key = tuple(sorted(settings.items()))
+        if key in self._settled:
+            return self.probe.cost_s(settings, self._settled[key].settle_s)
+        others = [settled.settle_s for settled in self._settled.values()]
+        return self.probe.cost_s(settings, max(others, default=0.0))
+
+
+def _word(value: Scalar) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _better(bound: float, value: float, best: tuple[float, float], share: float) -> bool:
+    """A value that keeps the share beats a finer one that does; else the smaller error."""
+    if bound <= share:
+        return best[0] > share or value > best[1]
+    return bound < best[0]
+
+
+def _settling(settled: Settled) -> Decision:
+    factor, unit = prefixed(settled.settle_s, "s")
+    if settled.settle_s == 0.0:
+        return Decision(
+            "settling", "none", settled.bound,
+            "the response is steady from the start: amplitudes do not change with time",
+        )  # fmt: skip
+    shown = f"{number(settled.settle_s / factor, 3)} {unit}"
+    if not settled.steady:
+        why = "amplitudes still change by half as much when the time is doubled"
+        return Decision("settling", shown, settled.bound, why)
+    return Decision(
+        "settling", shown, settled.bound,
+        f"transient below {settled.bound:.1e}, by watching the amplitudes while the time doubled",
+    )  # fmt: skip
