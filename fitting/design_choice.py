@@ -1,0 +1,176 @@
+"""Which measurements to choose: greedy and exchange on sums of information matrices, pure algebra.
+
+    F(S) = F_0 + sum of F_c over the chosen c in S,      C = F^-1 without the nuisances
+
+at each of several points, since the point is not known. A criterion is the logarithm of a standard
+deviation, averaged over the points, so that differences read as ratios of errors:
+
+    D: ln det C/(2 n)      A: ln(tr C/n)/2      target: ln(g^T C g)/2, g the gradient of the target
+
+D is submodular; A and target are not: two measurements may be worth something only together. Every
+candidate is therefore weighed anew in every step (one batch of small inverses), where a lazy greedy
+search would trust gains from before; and exchanges follow the greedy choice.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+CRITERIA = ("target", "D", "A")
+#: How much of the best criterion (a ratio of errors) may be given up for cheaper measurements.
+AS_GOOD = 0.02
+#: An exchange has to gain at least this much; so many are made at most.
+LEAST_GAIN, MOST_EXCHANGES = 1e-6, 200
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Information matrices in variables whose prior is of unit variance, at k points.
+
+    `base` (k, n, n) of prior and data so far, positive definite; `gains` (k, c, n, n) of the
+    candidates; `gradients` (k, n) of the target, NaN at a point where it has none; `shown` the
+    number of leading variables that count for D and A (the rest are nuisances); `costs` (c,).
+    """
+
+    base: FloatArray
+    gains: FloatArray
+    gradients: FloatArray
+    shown: int
+    costs: FloatArray
+
+    @property
+    def candidates(self) -> int:
+        """Number of candidates."""
+        return int(self.gains.shape[1])
+
+    def information(self, chosen: Sequence[int]) -> FloatArray:
+        """F of prior, data and the chosen, (k, n, n)."""
+        return np.asarray(self.base + self.gains[:, list(chosen)].sum(axis=1))
+
+
+def losses(problem: Problem, information: FloatArray, criterion: str) -> FloatArray:
+    """The criterion of matrices (..., k, n, n), averaged over the points, shape (...).
+
+    Points where the target has no gradient are left out of "target".
+
+    Raises:
+        ValueError: an unknown criterion, or no point where the target has a gradient.
+    """
+    if criterion == "target":
+        return np.asarray(np.nanmean(_finite(np.log(target_sigmas(problem, information))), axis=-1))
+    inner = np.linalg.inv(information)[..., : problem.shown, : problem.shown]
+    if criterion == "D":
+        return np.asarray(np.mean(np.linalg.slogdet(inner)[1], axis=-1) / (2.0 * problem.shown))
+    if criterion == "A":
+        traces = np.trace(inner, axis1=-2, axis2=-1) / problem.shown
+        return np.asarray(np.mean(0.5 * np.log(traces), axis=-1))
+    raise ValueError(f"criterion {criterion!r} is none of {', '.join(CRITERIA)}")
+
+
+def target_sigmas(problem: Problem, information: FloatArray) -> FloatArray:
+    """Standard deviation of the target at every point, sqrt(g^T F^-1 g), shape (..., k)."""
+    g = problem.gradients
+    known = np.all(np.isfinite(g), axis=-1)
+    safe = np.where(known[:, np.newaxis], g, 0.0)
+    solved = np.linalg.solve(information, np.broadcast_to(safe, information.shape[:-1])[..., None])
+    return np.where(known, np.sqrt(np.einsum("ki,...ki->...k", safe, solved[..., 0])), np.nan)
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    if not np.any(np.isfinite(values)):
+        raise ValueError("the target has no gradient at any point")
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def greedy(problem: Problem, number: int, criterion: str) -> list[int]:
+    """`number` candidates, one after the other, each the best beside those before it.
+
+    A candidate may be chosen again: then it is measured again.
+    """
+    chosen: list[int] = []
+    for _ in range(number):
+        found = _each_beside(problem, chosen, criterion, range(problem.candidates))
+        chosen.append(int(np.argmin(found)))
+    return chosen
+
+
+def _each_beside(
+    problem: Problem, chosen: Sequence[int], criterion: str, tried: Sequence[int]
+) -> FloatArray:
+    """The criterion with each of the tried beside the chosen, shape (tried,)."""
+    gains = problem.gains[:, list(tried)]
+    return losses(problem, problem.information(chosen) + np.swapaxes(gains, 0, 1), criterion)
+
+
+def exchange(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
+    """Swap a chosen candidate for another as long as that betters the criterion, best swap first.
+
+    Source: V. Fedorov, Theory of Optimal Experiments (1972), on a finite set with repetition.
+    """
+    current = list(chosen)
+    value = float(losses(problem, problem.information(current), criterion))
+    everything = range(problem.candidates)
+    for _ in range(MOST_EXCHANGES):
+        best, swap = value - LEAST_GAIN, None
+        for place in range(len(current)):
+            rest = current[:place] + current[place + 1 :]
+            found = _each_beside(problem, rest, criterion, everything)
+            if float(found.min()) < best:
+                best, swap = float(found.min()), (rest, int(np.argmin(found)))
+        if swap is None:
+            break
+        current, value = [*swap[0], swap[1]], best
+    return current
+
+
+def economise(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
+    """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them."""
+    current = list(chosen)
+    bound = float(losses(problem, problem.information(current), criterion)) + AS_GOOD
+    for place in range(len(current)):
+        rest = current[:place] + current[place + 1 :]
+        found = _each_beside(problem, rest, criterion, range(problem.candidates))
+        allowed = np.flatnonzero((found <= bound) & (problem.costs < problem.costs[current[place]]))
+        if allowed.size:
+            costs = problem.costs[allowed]
+            cheapest = allowed[costs <= costs.min()]
+            current[place] = int(cheapest[np.argmin(found[cheapest])])
+    return current
+
+
+def choose(problem: Problem, number: int, criterion: str) -> list[int]:
+    """Greedy choice bettered by exchanges, made cheaper, in the order in which each adds the most.
+
+    Exchanges start from the greedy choice of the criterion and from that of D, which also gathers
+    what is of use only together; the better end counts.
+    """
+    starts = [greedy(problem, number, criterion)]
+    if criterion != "D":
+        starts.append(greedy(problem, number, "D"))
+    ends = [exchange(problem, start, criterion) for start in starts]
+    values = [float(losses(problem, problem.information(end), criterion)) for end in ends]
+    best = ends[int(np.argmin(values))]
+    return ordered(problem, economise(problem, best, criterion), criterion)
+
+
+def ordered(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
+    """The same candidates, each the best of what is left beside those before it."""
+    left, order = list(chosen), list[int]()
+    while left:
+        found = _each_beside(problem, order, criterion, left)
+        order.append(left.pop(int(np.argmin(found))))
+    return order
+
+
+def exhaustive(problem: Problem, number: int, criterion: str) -> list[int]:
+    """The best of all choices of `number` candidates with repetition; for small cases."""
+    every = list(itertools.combinations_with_replacement(range(problem.candidates), number))
+    sums = problem.base + np.stack([problem.gains[:, list(s)].sum(axis=1) for s in every])
+    return list(every[int(np.argmin(losses(problem, sums, criterion)))])
