@@ -54,19 +54,42 @@ def write_report(
 
 def render(result: Result, bound: BoundCampaign, figures: Sequence[FigureFile]) -> str:
     """The report as HTML text."""
+    return page(
+        result.title,
+        "reconstruction",
+        sections_of(result, bound, figures),
+        synthetic=result.synthetic,
+        good=result.status == STATUSES[0],
+        status=(result.status, result.message),
+        warnings=result.warnings,
+    )
+
+
+def page(
+    title: str,
+    kind: str,
+    sections: Sequence[Section],
+    *,
+    synthetic: bool,
+    good: bool,
+    status: tuple[str, str],
+    warnings: Sequence[str] = (),
+) -> str:
+    """Any report of this program as HTML text: sections under a status and its message."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
     environment.filters["exact"] = repr
     return environment.get_template("report.html.j2").render(
-        title=result.title,
-        synthetic=result.synthetic,
-        converged=result.status == STATUSES[0],
-        status=result.status,
-        message=result.message,
-        warnings=result.warnings,
-        sections=_numbered(sections_of(result, bound, figures)),
+        title=title,
+        kind=kind,
+        synthetic=synthetic,
+        converged=good,
+        status=status[0],
+        message=status[1],
+        warnings=warnings,
+        sections=_numbered(sections),
         version=fitting.__version__,
     )
 

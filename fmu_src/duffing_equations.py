@@ -124,6 +124,12 @@ def solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> tuple[li
     return x, sign
 
 
+#: A root is found where Newton's step is this small beside the unknowns, ...
+SETTLED = 1e-12
+#: ... or where it is below this and no longer a tenth of the one before: that is rounding.
+ROUNDED = 1e-8
+
+
 def find_root(
     function: Callable[[list[float]], list[float]], start: Sequence[float], scales: Sequence[float]
 ) -> list[float] | None:
@@ -132,9 +138,10 @@ def find_root(
     Unknowns are of the size ``scales``; the Jacobian is by central differences. A zero with a
     negative determinant of the Jacobian counts as none: with an even number of unknowns, a
     stable orbit (all eigenvalues of one sign or in conjugate pairs) has a positive one, and the
-    saddle between two stable orbits a negative one.
+    saddle between two stable orbits a negative one. At a high quality factor rounding keeps the
+    steps from shrinking to nothing: small ones that shrink no more are the end as well.
     """
-    x, size = list(start), len(start)
+    x, size, before = list(start), len(start), math.inf
     for _ in range(30):
         here = function(x)
         columns = []
@@ -151,6 +158,7 @@ def find_root(
         size_of_change = max(abs(b) / s for b, s in zip(change, scales))
         if not size_of_change < 1e3:
             return None
-        if size_of_change < 1e-12:
+        if size_of_change < SETTLED or 0.1 * before < size_of_change < ROUNDED:
             return x if sign > 0.0 else None
+        before = size_of_change
     return None

@@ -13,25 +13,28 @@ ROOT = Path(__file__).parents[1]
 #: A module imports only from rows above its own; a new module takes its place in the table.
 LADDER = (
     "errors fmu.log laboratory leastsq notation progress scaling structure variables",
-    "budget files fmu.description fmu.records parameters peaks response spectrum tables units",
+    "budget exact_modes files fmu.description fmu.records parameters peaks response spectrum "
+    "tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
-    "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style "
-    "result synthesis",
-    "campaign_data fmu.reuse fmu.simulation linear_program plan_search uncertainty",
-    "campaign_binding fmu.worker interior_point",
+    "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
+    "synthesis tradeoff_records",
+    "campaign_data fmu.reuse fmu.simulation linear_program plan_search tradeoff_front "
+    "tradeoff_memory tradeoff_reading uncertainty",
+    "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
     "continuation fmu.process labdata",
     "assembly checkpoint fmu.workers job planning plots_campaign plots_deviation plots_history "
-    "sweep_line",
+    "sweep_line tradeoff_scenes",
     "fmu plots_reconstruction reconstruction report_tables",
-    "batch drive report_sections",
-    "driving",
-    "drive_plan fmu_job plots_drive report",
-    "design_candidates design_choice design_information design_result",
-    "design_limits design_points",
+    "batch drive report_sections tradeoff_bench",
+    "driving tradeoff_grid tradeoff_quantities",
+    "drive_plan fmu_job plots_drive report tradeoff_plan tradeoff_reference",
+    "design_candidates design_choice design_information design_result report_tradeoff "
+    "tradeoff_extrapolation",
+    "design_limits design_points tradeoff_study",
     "design",
     "design_proposal",
-    "commands.check commands.reconstruct commands.simulate commands.synthesize",
+    "commands.check commands.reconstruct commands.simulate commands.synthesize commands.tradeoff",
     "cli",
     "__main__",
 )
@@ -42,6 +45,7 @@ DOORS = {
     "fmpy": r"fitting\.fmu\..*",
     "jinja2": r"fitting\.report.*",
     "matplotlib": r"fitting\.plots.*",
+    "mpmath": r"fitting\.exact_modes",
     "pint": r"fitting\.units",
     "scipy.optimize": r"fitting\.(interior_point|linear_program|leastsq|continuation)",
     "tqdm": r"fitting\.progress",

@@ -1,0 +1,179 @@
+"""The study itself: every setting of the grid run, timed and held against the reference."""
+
+from __future__ import annotations
+
+import math
+import random
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from fitting.errors import BadInput, FmuFailure
+from fitting.fmu import FmuWorkers
+from fitting.tradeoff_bench import Bench, Cost, Patience
+from fitting.tradeoff_extrapolation import Extrapolation
+from fitting.tradeoff_grid import settings_of
+from fitting.tradeoff_memory import Memory
+from fitting.tradeoff_plan import planned_setting
+from fitting.tradeoff_quantities import RATIOS, error_of, values_of
+from fitting.tradeoff_records import (
+    AMPLITUDES,
+    QUANTITIES,
+    WIDTH_PEAKS,
+    Measurement,
+    Reference,
+    Setting,
+    Study,
+)
+from fitting.tradeoff_reference import references_of
+from fitting.tradeoff_scenes import Scene
+
+#: Rounds in which the cheapest settings and the plan's are timed again, in turns; how many for each
+#: accuracy; and the longest of them, s.
+DUEL_ROUNDS, FINALISTS, DUEL_S = 9, 3, 1.0
+QUICK_PATIENCE = Patience(3, 0.02, 0.3)
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked: accuracies, seed of the order of settings, longest run of a setting in s.
+
+    `quantities` that are measured.
+    """
+
+    accuracies: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-6, 1e-9)
+    seed: int = 1
+    quick: bool = False
+    longest_s: float = 20.0
+    quantities: tuple[str, ...] = QUANTITIES
+
+
+def run_study(
+    scene: Scene,
+    workers: FmuWorkers,
+    order: Order,
+    memory: Memory,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Study:
+    """Measure the grid of a scene and the plan's choices; what is finished is not run again.
+
+    Settings are taken in an order drawn from the seed, so that a machine that slows down does not
+    spoil one kind of them, and an interrupted study has some of each. Ctrl-C ends it as
+    "interrupted" with all that is finished.
+
+    Raises:
+        FmuFailure: the FMU failed for the reference.
+        BadInput: names or values that do not fit the FMU.
+        KeyboardInterrupt: interrupted before there was a reference.
+    """
+    bench = Bench(scene, workers, QUICK_PATIENCE if order.quick else Patience())
+    if not memory.references:
+        tell("reference")
+        memory.keep_references(tuple(references_of(bench, quick=order.quick)))
+    ruler = _Ruler(bench, memory.references, order.longest_s)
+    wanted: list[tuple[Setting, float | None]] = [
+        (setting, None)
+        for setting in settings_of(scene, quick=order.quick)
+        if setting.quantity in order.quantities
+    ]
+    random.Random(order.seed).shuffle(wanted)  # noqa: S311  (an order, no secret)
+    for accuracy in order.accuracies:
+        planned = planned_setting(scene, accuracy)
+        if planned is not None:
+            wanted.append((planned, accuracy))
+    found: list[Measurement] = []
+    status, message = "finished", f"{len(wanted)} settings."
+    try:
+        for number, (setting, planned_for) in enumerate(wanted, 1):
+            tell(f"{number}/{len(wanted)} {setting.quantity}, {setting.solver}")
+            measured = memory.recall(setting.key, planned_for)
+            if measured is None:
+                measured = ruler.measure(setting)
+                if measured is None:
+                    continue
+                measured = replace(measured, planned_for=planned_for)
+                memory.record(measured)
+            found.append(measured)
+        tell("the cheapest once more")
+        found = again(bench, found, order.accuracies, 3 if order.quick else DUEL_ROUNDS)
+    except KeyboardInterrupt:
+        memory.write()
+        status = "interrupted"
+        message = f"{len(found)} of {len(wanted)} settings; --resume goes on."
+    return Study(
+        scene.name, scene.title, scene.synthetic, scene.description, memory.references,
+        tuple(found), order.accuracies, status, message,
+    )  # fmt: skip
+
+
+def again(
+    bench: Bench, found: Sequence[Measurement], accuracies: Sequence[float], rounds: int
+) -> list[Measurement]:
+    """The measurements, those of the cheapest settings and of the plan's timed again in turns.
+
+    The cheapest of hundreds of timings is a lucky one; and what is compared with each other should
+    have met the same machine. Equal settings of grid and plan get one cost.
+    """
+    peaks = [m for m in found if m.setting.quantity == AMPLITUDES and not m.extrapolated]
+    chosen = {m.setting.key: m.setting for m in peaks if m.planned_for is not None}
+    for accuracy in accuracies:
+        good = sorted((m for m in peaks if m.error <= accuracy), key=lambda m: m.cost_s)
+        chosen.update({m.setting.key: m.setting for m in good[:FINALISTS]})
+    short = {m.setting.key for m in peaks if 0.0 < m.seconds < DUEL_S}
+    chosen = {key: setting for key, setting in chosen.items() if key in short}
+    costs: dict[str, list[Cost]] = {key: [] for key in chosen}
+    for _ in range(rounds):
+        for key, setting in chosen.items():
+            bench.warm(dict(setting.values))
+            _, cost = bench.timed(lambda setting=setting: float(values_of(bench, setting, None)[0]))  # type: ignore[misc]
+            costs[key].append(cost)
+    return [_retimed(m, costs.get(m.setting.key, [])) for m in found]
+
+
+def _retimed(measured: Measurement, costs: Sequence[Cost]) -> Measurement:
+    if not costs:
+        return measured
+    return replace(
+        measured, seconds=statistics.median(c.seconds for c in costs),
+        cpu_s=statistics.median(c.cpu_s for c in costs), repeats=sum(c.repeats for c in costs),
+    )  # fmt: skip
+
+
+class _Ruler:
+    """Measures settings on a bench against the references."""
+
+    def __init__(self, bench: Bench, references: Sequence[Reference], longest_s: float) -> None:
+        self._bench, self._longest_s = bench, longest_s
+        self._references = {r.quantity: r for r in references}
+        self._extrapolation = Extrapolation(bench)
+
+    def measure(self, setting: Setting) -> Measurement | None:
+        """The row of a setting; None for one that takes too long and cannot be extrapolated."""
+        reference = self._references[setting.quantity]
+        if self._extrapolation.expected_s(setting) > self._longest_s:
+            return self._extrapolation.measurement(setting, reference)
+        data = self._data(setting)
+        try:
+            self._bench.warm(dict(setting.values))
+            error, cost = self._bench.timed(
+                lambda: error_of(values_of(self._bench, setting, data), reference)
+            )
+        except (FmuFailure, BadInput, ValueError, ArithmeticError) as failure:
+            note = " ".join(str(failure).split())
+            return Measurement(setting, math.inf, False, 0.0, 0.0, 0, 0, 0, 0, note=note)
+        if not math.isfinite(error):
+            return Measurement(
+                setting, math.inf, False, cost.seconds, cost.cpu_s, cost.repeats, cost.runs,
+                cost.steps, cost.reads, note="no number came out",
+            )  # fmt: skip
+        return Measurement(
+            setting, max(error, reference.error), error <= reference.error, cost.seconds,
+            cost.cpu_s, cost.repeats, cost.runs, cost.steps, cost.reads,
+            cost.solver_steps if setting.resolution_kind != "tolerance" else None,
+        )  # fmt: skip
+
+    def _data(self, setting: Setting) -> Reference | None:
+        """Amplitudes that a fit of the width is made to."""
+        if setting.quantity != WIDTH_PEAKS:
+            return None
+        return self._references[RATIOS if setting.sweep_points else AMPLITUDES]
