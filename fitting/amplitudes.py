@@ -62,15 +62,17 @@ def to_peak(
     peak = sqrt(2) rms; for dBm peak = sqrt(2 R 1 mW 10^(x/10)).
 
     Raises:
-        BadInput: a unit that contradicts the declaration, or a negative amplitude.
+        BadInput: a unit that contradicts the declaration, a negative amplitude, or amplitudes that
+            no double holds with all its digits.
     """
     where = f"{source}: column '{column}'"
     if (unit == "dBm") != (amplitude.kind == "dBm"):
         declared = "dBm" if amplitude.kind == "dBm" else f"{amplitude.unit} {amplitude.kind}"
         raise BadInput(f"{where}: is in {unit}, but the campaign declares {declared}")
     if amplitude.impedance_ohm is not None:
-        watts = 1e-3 * 10.0 ** (values / 10.0)
-        return np.asarray(np.sqrt(2.0 * amplitude.impedance_ohm * watts))
+        with np.errstate(over="ignore"):
+            watts = 1e-3 * 10.0 ** (values / 10.0)
+        return _in_range(np.sqrt(2.0 * amplitude.impedance_ohm * watts), where)
     for i in np.flatnonzero(values < 0.0)[:1]:
         raise BadInput(
             f"{source}: {places[i]}, column '{column}': negative amplitude {values[i]:.6g} {unit}; "
@@ -78,4 +80,17 @@ def to_peak(
         )
     # multiplied, not converted one by one: one rounding, the same for every point
     factor = convert(1.0, unit, amplitude.unit, where=where)
-    return values * (factor * (math.sqrt(2.0) if amplitude.kind == "rms" else 1.0))
+    with np.errstate(over="ignore"):
+        peaks = values * (factor * (math.sqrt(2.0) if amplitude.kind == "rms" else 1.0))
+    return _in_range(peaks, where)
+
+
+def _in_range(peaks: FloatArray, where: str) -> FloatArray:
+    """The peaks, if doubles hold the largest of them with all digits."""
+    largest = float(np.max(peaks, initial=0.0))
+    if not (largest == 0.0 or np.finfo(float).tiny <= largest <= np.finfo(float).max):
+        raise BadInput(
+            f"{where}: amplitudes up to {largest:.3g} are beyond the range of numbers; wanted "
+            "another unit"
+        )
+    return peaks

@@ -131,6 +131,25 @@ class FmuResponse:
         batch.simulate(self.workers)
         return max((tone_misfit(w, batch.samples(k, o)) for w, o, k in read), default=0.0)
 
+    def undriven(self, p: FloatArray) -> float:
+        """Range of the output without any tone of the campaign, over the range with them."""
+        if not self.plan.experiments:
+            return 0.0
+        silent, driven = (self._range(p, level) for level in (0.0, self.bound.drive.level))
+        return silent / driven if driven > 0.0 else 0.0
+
+    def _range(self, p: FloatArray, level: float) -> float:
+        """Range of the first experiment's samples with the drive at that level."""
+        drive = replace(self.bound.drive, level=level)
+        bound = replace(self.bound, drive=drive, experiments=self.bound.experiments[:1])
+        one = replace(
+            self, bound=bound, plan=replace(self.plan, experiments=self.plan.experiments[:1])
+        )
+        batch = Batch()
+        ((ks, _),) = one._ask_experiments(batch, np.atleast_2d(p))
+        batch.simulate(self.workers)
+        return float(np.ptp(batch.samples(ks[0], one._observed()[0][1])))
+
     def _nodes(self) -> FloatArray:
         return np.array(self.plan.nodes_hz)
 

@@ -12,6 +12,10 @@ class BadInput(Exception):
     """One line that names the file, row, column or key, what was found and what is wanted."""
 
 
+class NoScale(BadInput, ValueError):
+    """Simulated and measured amplitudes that have no finite ratio; says which."""
+
+
 class FmuFailure(Exception):
     """An FMU failed; says so in the FMU's own words.
 

@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 import fitting
 from fitting.driving import FmuResponse
-from fitting.errors import BadInput
+from fitting.errors import BadInput, FmuFailure
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.job import Identity, Options
 from fitting.labdata import BoundCampaign, FmuChoice
+from fitting.parameters import starts
 from fitting.planning import plan_campaign
 from fitting.reconstruction import Hooks, reconstruct
 from fitting.result import Result
@@ -81,6 +82,7 @@ def reconstruct_through(
         BadInput: the campaign cannot be planned (see `planning.plan_campaign`).
     """
     plan = plan_campaign(bound)
+    _refuse_other_drives(FmuResponse(bound, workers, plan, bound.alternatives[0]))
     result = reconstruct(
         bound,
         lambda alternative: FmuResponse(bound, workers, plan, alternative),
@@ -105,6 +107,25 @@ def reconstruct_through(
         notes=_said_elsewhere(workers.warnings, here),
     )
     return replace(result, warnings=tuple(warnings), provenance=provenance)
+
+
+def _refuse_other_drives(response: FmuResponse) -> None:
+    """A tone that the campaign does not know of falls onto those that it reads.
+
+    Raises:
+        BadInput: the output moves with every amplitude of the campaign at zero.
+    """
+    bound = response.bound
+    try:
+        share = response.undriven(starts(bound.parameters))
+    except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
+        return
+    if share > max(100.0 * bound.accuracy, 1e-4):
+        raise BadInput(
+            f"{bound.path}: [drive]: '{bound.output}' moves by {share:.1e} of its response where "
+            "every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
+            "[fmu.start]"
+        )
 
 
 def _said_at(p: FloatArray, response: FmuResponse, workers: FmuWorkers) -> dict[str, list[str]]:

@@ -20,6 +20,10 @@ from fitting.scaling import chi_of_maxima, chi_of_sweep, laboratory_maximum
 FloatArray = npt.NDArray[np.float64]
 
 SCALES = ("maximum", "fit", "none")
+#: Share of the data that may be left where a point still counts as following them.
+PLATEAU = 0.5
+#: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
+SMALLEST_MISFIT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -144,6 +148,25 @@ def evaluate_many(objective: Objective, xs: Sequence[FloatArray]) -> list[Point]
     ps = [to_model(objective.parameters, x) for x in xs]
     answers = objective.response.evaluate_many(ps)
     return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
+
+
+def unexplained(measured: Measured, point: Point) -> str:
+    """What says that a point does not follow the data at all; empty where it does.
+
+    A fit that ends far from any solution may sit on a plateau: flat, and so stationary. Peaks that
+    are half their size off on average, or a fitted sweep of whose variance less than half is
+    explained, are no description of the data, whatever the optimiser says.
+    """
+    count = measured.peaks_v.size
+    peaks, sweep = point.residuals[:count], point.residuals[count:]
+    if count and float(np.mean(np.abs(peaks))) > PLATEAU:
+        return f"the peaks are {100.0 * float(np.mean(np.abs(peaks))):.0f} % off on average"
+    if sweep.size:
+        shape = measured.sweep_v / measured.maximum_v
+        spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(sweep @ sweep)
+        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * sweep.size:
+            return "the simulated sweep does not follow the measured one"
+    return ""
 
 
 def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:

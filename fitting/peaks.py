@@ -154,7 +154,7 @@ def read_peaks(
     if kind == "mean":
         peaks = raw - floor.level_v
     elif kind == "robust":
-        peaks = np.sqrt(raw**2 - floor.sigma_v**2)
+        peaks = raw * np.sqrt(1.0 - (floor.sigma_v / raw) ** 2)  # no square of a volt: any scale
     else:
         peaks = raw
     return PeakReading(peaks, np.full(raw.shape, floor.sigma_v), raw, floor)

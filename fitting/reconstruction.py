@@ -14,10 +14,11 @@ import numpy as np
 
 from fitting import assembly
 from fitting.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
+from fitting.data_warnings import data_warnings
 from fitting.evaluator import Counts, Evaluator
 from fitting.job import Identity, Options, measured_of, provenance_of
 from fitting.labdata import BoundCampaign
-from fitting.objective import Measured, Objective, make_objective
+from fitting.objective import Measured, Objective, make_objective, unexplained
 from fitting.response import Response
 from fitting.result import (
     STATUSES,
@@ -188,8 +189,9 @@ def _finish(
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
     alternatives = assembly.alternative_results(objectives, outcomes, bound.alternatives, reported)
     warnings = assembly.warning_sentences(solution, outcome, parameters, derived)
+    said = data_warnings(bound, maximum, solution.final.scale_bias)
     line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
-    warnings = [*_data_warnings(bound, solution, maximum), *warnings, *_ties(alternatives)]
+    warnings = [*said, *warnings, *_ties(alternatives)]
     if line is not None:
         warnings += line_warnings(line, fitted=objective.measured.fit_sweep)
     status, message = _status(solution, outcomes)
@@ -245,6 +247,12 @@ def _status(solution: assembly.Solution, outcomes: list[Outcome]) -> tuple[str, 
     if last is None:
         return STATUSES[1], "No level of nu was done."
     where = f"J_fit = {last.j_fit:.6g}, J_reg = {last.j_reg:.3g} at nu = {last.nu:.1e}"
+    missed = unexplained(solution.objective.measured, solution.final)
+    if missed:
+        return STATUSES[1], (
+            f"The fit does not describe the data: {missed}; {where}. Wanted a start nearer to the "
+            "solution, a wider box, or data above the noise."
+        )
     if last.status == "optimal":
         promise = f"a linearised step promises no more than {last.optimality:.1e}"
         return STATUSES[0], f"{solution.chain.ended.capitalize()}; {where}; {promise}."
@@ -265,8 +273,8 @@ def _scale_sigma(measured: Measured, maximum: LaboratoryMaximum | None) -> float
     if maximum is None or measured.scale == "none":
         return 0.0
     if measured.scale == "maximum":
-        return maximum.scatter
-    return maximum.scatter * measured.maximum_v / float(np.linalg.norm(measured.sweep_v))
+        return maximum.sigma
+    return maximum.scatter / float(np.linalg.norm(measured.sweep_v / measured.maximum_v))
 
 
 def _scale(
@@ -322,27 +330,6 @@ def _cost(outcomes: list[Outcome], rest: Counts) -> Cost:
             for step in chain.steps:
                 counts += step.counts
     return Cost(counts.evaluations, counts.jacobians, counts.runs)
-
-
-def _data_warnings(
-    bound: BoundCampaign, solution: assembly.Solution, maximum: LaboratoryMaximum | None
-) -> list[str]:
-    said = []
-    if maximum is None:
-        said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
-    elif solution.objective.measured.scale == "maximum":
-        bias, std = maximum.bias, maximum.bias_std
-        if abs(bias) > max(2.0 * std, 1e-3):
-            said.append(
-                f"The largest point of the sweep is {100 * bias:+.2f} % from the fitted top of it: "
-                'noise or a coarse grid biases the scale by as much (scale = "fit" avoids it).'
-            )
-    if solution.final.scale_bias > bound.accuracy:
-        said.append(
-            f"The simulated maximum is known to {solution.final.scale_bias:.1e} only, wanted "
-            f"{bound.accuracy:.1e}."
-        )
-    return said
 
 
 def _ties(alternatives: tuple[AlternativeResult, ...]) -> list[str]:

@@ -191,8 +191,12 @@ def _scale_sentence(result: Result) -> str:
     if scale.kind == "maximum":
         said += (
             " The grid of the simulated sweep biases it by no more than "
-            f"{number(scale.grid_bias, 2)}, relatively; the largest measured point lies "
-            f"{number(100.0 * scale.maximum_bias, 2)} % "
+            f"{number(scale.grid_bias, 2)}, relatively; "
+        )
+        said += (
+            "no top could be fitted to the measured sweep."
+            if math.isnan(scale.maximum_bias)
+            else f"the largest measured point lies {number(100.0 * scale.maximum_bias, 2)} % "
             f"(± {number(100.0 * scale.maximum_bias_std, 2)} %) off the fitted top of the measured "
             "sweep."
         )

@@ -70,6 +70,8 @@ class DerivedResult:
         """Value for people; never a value with a small error where the data do not give one."""
         if self.identifiable == IDENTIFIABLE[2]:
             low, high = self.box
+            if low != low:
+                return "has no value at any parameters tried"
             return f"not determined by these data (anything from {low:.6g} to {high:.6g})"
         return f"{self.value:.9g} ± {self.std:.2g}"
 
@@ -328,5 +330,6 @@ def history_csv(result: Result) -> str:
         numbers += [row.derived.get(name, float("nan")) for name in outputs]
         numbers += [row.j_fit, row.j_reg, row.change, row.optimality]
         tail = [row.status, row.iterations, row.evaluations, f"{row.seconds:.3f}", row.message]
-        writer.writerow([*(repr(value) for value in numbers), *tail])
+        cells = ("" if value != value else repr(value) for value in numbers)  # none is no number
+        writer.writerow([*cells, *tail])
     return text.getvalue()

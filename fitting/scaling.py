@@ -12,13 +12,22 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from fitting.errors import NoScale
+
 FloatArray = npt.NDArray[np.float64]
 
 #: Points used by the fine interpolation (degree four) and by the coarse one (degree two).
 FINE_POINTS = 5
 COARSE_POINTS = 3
+#: Two orders may agree by chance: the cubics through four of the five points have a say as well,
+#: and as close as they are to the quartic they count this many times.
+CHANCE = 5.0
 #: Points above this share of the largest one count as the top of a measured resonance.
 TOP_SHARE = 0.7
+#: Smallest double with all its digits.
+TINY = float(np.finfo(float).tiny)
+#: A bias of the largest point counts from this share on, and from two standard errors.
+LEAST_BIAS = 1e-3
 
 
 @dataclass(frozen=True)
@@ -42,7 +51,9 @@ class LaboratoryMaximum:
     `value_v` is the largest point (Algorithm 1 as written); `fitted_v` the top of a parabola
     through 1/A^2 of the points above 70 % of it; `scatter` the relative standard deviation of
     those points about the parabola; `bias` = value/fitted - 1, what noise (positive) and grid
-    (negative) did to the largest point; `bias_std` the statistical error of `bias`.
+    (negative) did to the largest point; `bias_std` the statistical error of `bias`. Where no top
+    can be fitted `fitted_v` and `bias` are NaN. `fall` is the drop to the lower neighbour, as a
+    share; `on_edge`: the largest point is the first or the last one.
     """
 
     value_v: float
@@ -51,6 +62,20 @@ class LaboratoryMaximum:
     scatter: float
     bias: float
     bias_std: float
+    fall: float = 0.0
+    on_edge: bool = False
+
+    @property
+    def is_biased(self) -> bool:
+        """Whether the largest point is further from the fitted top than noise explains."""
+        return bool(abs(self.bias) > max(2.0 * self.bias_std, LEAST_BIAS))
+
+    @property
+    def sigma(self) -> float:
+        """Relative error of the largest point as a maximum: noise, and a bias beyond it."""
+        if np.isnan(self.bias):
+            return self.fall
+        return float(np.hypot(self.scatter, self.bias if self.is_biased else 0.0))
 
 
 def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
@@ -58,15 +83,17 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
 
     With t = (f - f_k)/h about the largest point k, y(t) = 1/A^2 is interpolated by the polynomial
     of degree four through the five points nearest to k; the minimum of y gives the maximum of A.
-    The bias bound is the distance to the same from degree two through three points; with fewer
-    than five points in all, at least the fall to the lower neighbour.
+    The bias bound is the distance to the same from degree two through three points, and at least
+    five times that from either cubic through four of them; with fewer than five points in all, at
+    least the fall to the lower neighbour.
 
     Args:
         frequency_hz: increasing, shape (n,), n >= 3.
         amplitude: positive, shape (n,), any unit.
 
     Raises:
-        ValueError: fewer than three points, or an amplitude that is not positive and finite.
+        ValueError: fewer than three points.
+        NoScale: an amplitude that is not positive and finite, or too small for all its digits.
 
     Source: the paper's Algorithm 1, line 6, with the maximum freed from its grid.
     """
@@ -74,8 +101,12 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
     a = np.asarray(amplitude, dtype=float)
     if f.size < COARSE_POINTS or f.shape != a.shape:
         raise ValueError(f"a maximum needs {COARSE_POINTS} points or more, got {f.size}")
-    if not (np.all(np.isfinite(a)) and np.all(a > 0)):
-        raise ValueError("the sweep holds an amplitude that is not positive and finite")
+    good = np.isfinite(a) & (a >= TINY)
+    if not np.all(good):
+        raise NoScale(
+            f"the simulated sweep has an amplitude of {a[~good][0]:.3g} at {f[~good][0]:.9g} Hz, "
+            "wanted positive and finite ones (does the drive reach the observed output?)"
+        )
     k = int(np.argmax(a))
     if k in (0, f.size - 1):
         return Maximum(float(a[k]), float(f[k]), float("inf"), bracketed=False)
@@ -83,14 +114,26 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
     t_fine, y_fine = _lowest(f, a, k, min(FINE_POINTS, f.size), t_coarse)
     h = 0.5 * (f[k + 1] - f[k - 1])
     bias = abs(float(np.sqrt(y_fine / y_coarse)) - 1.0)
+    for y in _cubics(f, a, k, t_coarse):
+        bias = max(bias, CHANCE * abs(float(np.sqrt(y_fine / y)) - 1.0))
     if f.size < FINE_POINTS:  # two fits through so few points can agree by symmetry alone
         bias = max(bias, float(a[k] / min(a[k - 1], a[k + 1])) - 1.0)
     return Maximum(float(a[k] / np.sqrt(y_fine)), float(f[k] + h * t_fine), bias, bracketed=True)
 
 
-def _lowest(f: FloatArray, a: FloatArray, k: int, points: int, guess: float) -> tuple[float, float]:
-    """Minimum (t, y) of the polynomial through (a_k/a)^2 at `points` points about k."""
-    low = min(max(k - points // 2, 0), f.size - points)
+def _cubics(f: FloatArray, a: FloatArray, k: int, guess: float) -> list[float]:
+    """Minima y of the two cubics about k that leave out an end of the five points."""
+    if f.size < FINE_POINTS:
+        return []
+    low = min(max(k - FINE_POINTS // 2, 0), f.size - FINE_POINTS)
+    return [_lowest(f, a, k, FINE_POINTS - 1, guess, low + shift)[1] for shift in (0, 1)]
+
+
+def _lowest(
+    f: FloatArray, a: FloatArray, k: int, points: int, guess: float, first: int | None = None
+) -> tuple[float, float]:
+    """Minimum (t, y) of the polynomial through (a_k/a)^2 at points about k, or from `first` on."""
+    low = min(max(k - points // 2, 0), f.size - points) if first is None else first
     window = slice(low, low + points)
     t = (f[window] - f[k]) / (0.5 * (f[k + 1] - f[k - 1]))
     matrix = np.vander(t, increasing=True)
@@ -121,8 +164,8 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     """Largest point of a measured sweep, with what noise and grid did to it.
 
     A parabola in (f - f_k) is fitted to 1/A^2 of the points above 70 % of the largest, weighted by
-    A^3 (equal errors of A); needs four such points, else value and fit are the same and the
-    scatter is zero.
+    A^3 (equal errors of A). Where these are fewer than four, it goes through the three nearest,
+    which tell a bias but no scatter.
 
     Args:
         frequency_hz: shape (n,).
@@ -138,11 +181,16 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     if f.size == 0:
         raise ValueError("the sweep has no points")
     k = int(np.argmax(a))
+    on_edge = k in (0, f.size - 1)
+    fall = 1.0 - float(np.min(a[max(0, k - 1) : k + 2]) / a[k]) if a[k] > 0.0 else 0.0
+    nan = float("nan")
+    plain = LaboratoryMaximum(float(a[k]), float(f[k]), nan, 0.0, nan, 0.0, fall, on_edge)
     top = a >= TOP_SHARE * a[k]
-    plain = LaboratoryMaximum(float(a[k]), float(f[k]), float(a[k]), 0.0, 0.0, 0.0)
     if np.count_nonzero(top) < 4:
+        top = np.abs(np.arange(f.size) - min(max(k, 1), f.size - 2)) <= 1
+    if np.count_nonzero(top) < 3 or not np.all(a[top] > 0.0):
         return plain
-    t = (f[top] - f[k]) / max(float(np.ptp(f[top])), np.finfo(float).tiny)
+    t = (f[top] - f[k]) / max(float(np.ptp(f[top])), TINY)
     relative = a[top] / a[k]
     polynomial = np.polynomial.Polynomial.fit(t, relative**-2.0, 2, w=relative**3)
     curve = np.asarray(polynomial(t))
@@ -151,12 +199,12 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     if lowest <= 0.0 or np.any(curve <= 0.0):
         return plain
     residuals = relative - curve**-0.5
-    scatter = float(np.sqrt(np.sum(residuals**2) / (relative.size - 3)))
+    scatter = float(np.sqrt(np.sum(residuals**2) / max(relative.size - 3, 1)))
     fitted = float(a[k] / np.sqrt(lowest))
     # a parabola through n points knows its top to about 1.5 scatter/sqrt(n)
     error = 1.5 * scatter / float(np.sqrt(relative.size))
     return LaboratoryMaximum(
-        float(a[k]), float(f[k]), fitted, scatter, float(a[k]) / fitted - 1.0, error
+        float(a[k]), float(f[k]), fitted, scatter, float(a[k]) / fitted - 1.0, error, fall, on_edge
     )
 
 
@@ -164,29 +212,45 @@ def chi_of_maxima(laboratory_v: float, simulated: float) -> float:
     """Algorithm 1: chi = max(laboratory FRF)/max(simulated FRF), V per unit of the simulation.
 
     Raises:
-        ValueError: a maximum that is not positive and finite.
+        NoScale: maxima without a ratio that is positive and finite.
 
     Source: the paper's Algorithm 1, line 6.
     """
-    if not (np.isfinite(simulated) and simulated > 0 and np.isfinite(laboratory_v)):
-        raise ValueError(f"maxima {laboratory_v:g} (laboratory) and {simulated:g} give no scale")
-    return laboratory_v / simulated
+    return _ratio(laboratory_v, simulated)
+
+
+def _ratio(laboratory_v: float, simulated: float) -> float:
+    """Their ratio, if a double can hold it with all digits."""
+    with np.errstate(all="ignore"):
+        chi = float(np.divide(laboratory_v, simulated))
+    if not (np.isfinite(chi) and chi >= TINY):
+        raise NoScale(
+            f"maxima {laboratory_v:g} (laboratory) and {simulated:g} (simulated) give no scale, "
+            "wanted a ratio within the range of numbers (is a level or a unit wrong?)"
+        )
+    return chi
 
 
 def chi_of_sweep(laboratory_v: FloatArray, simulated: FloatArray) -> float:
     """Scale chi = sum(L S)/sum(S^2), the least-squares scale of a whole sweep, both of shape (n,).
 
     Not biased by the noise of the largest point; wants the simulation at the measured frequencies.
+    Each sweep counts relative to its largest point, so that no square leaves the range of numbers.
 
     Raises:
-        ValueError: shapes that differ, or a simulation that is zero everywhere.
+        ValueError: shapes that differ.
+        NoScale: a simulation that is zero everywhere, or a scale that no double holds.
     """
     if laboratory_v.shape != simulated.shape:
         raise ValueError(f"sweeps of {laboratory_v.size} and {simulated.size} points")
-    norm = float(np.dot(simulated, simulated))
-    if not norm > 0.0:
-        raise ValueError("the simulated sweep is zero everywhere and gives no scale")
-    return float(np.dot(laboratory_v, simulated)) / norm
+    largest, height = float(np.max(laboratory_v)), float(np.max(simulated))
+    if not height >= TINY:
+        raise NoScale(
+            "the simulated sweep is zero everywhere and gives no scale, wanted a drive that "
+            "reaches the observed output"
+        )
+    measured, shape = laboratory_v / largest, simulated / height
+    return _ratio(largest, height) * float(np.dot(measured, shape) / np.dot(shape, shape))
 
 
 def nodes_around(frequency_hz: float, spacing_hz: float, points: int = FINE_POINTS) -> FloatArray:

@@ -65,6 +65,8 @@ def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure
     coefficients = autoregression(residuals, _lags(m))
     left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
     basis = left[:, singular > singular[0] * np.finfo(float).eps * m]
+    if basis.shape[1] == 0:  # no column sees anything
+        return Structure(p_value, 0, float(m), 1.0)
     effect = basis.T @ matmul_toeplitz(autocorrelation(coefficients, m), basis)
     worst = float(np.linalg.eigvalsh(effect)[-1])
     freedom = max(m - float(np.trace(effect)), 1.0)

@@ -86,7 +86,10 @@ def background_p(amplitude_v: FloatArray, plain: Resonance | str, full: Resonanc
         return math.nan
     if plain.residual_rms < SMALLEST_RESIDUAL:
         return math.nan
-    without, left = (float(np.sum((fit.curve - amplitude_v) ** 2)) for fit in (plain, full))
+    largest = float(np.max(amplitude_v))  # shares of it: squares of any unit stay numbers
+    without, left = (
+        float(np.sum(((fit.curve - amplitude_v) / largest) ** 2)) for fit in (plain, full)
+    )
     if not left > 0.0:
         return 0.0
     freedom = (amplitude_v.size - 5) / full.structure.widening**2

@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[1]
 
 #: A module imports only from rows above its own; a new module takes its place in the table.
 LADDER = (
-    "errors fmu.log laboratory leastsq notation progress scaling structure variables",
+    "errors",
+    "fmu.log laboratory leastsq notation progress scaling structure variables",
     "budget exact_modes files fmu.description fmu.records parameters peaks response spectrum "
     "tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
@@ -23,7 +24,8 @@ LADDER = (
     "tradeoff_memory tradeoff_reading uncertainty",
     "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
     "continuation fmu.process labdata",
-    "assembly checkpoint fmu.workers job planning plots_campaign plots_deviation plots_history "
+    "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "
+    "plots_history "
     "sweep_line tradeoff_scenes",
     "fmu plots_reconstruction reconstruction report_tables",
     "batch drive report_sections tradeoff_bench",

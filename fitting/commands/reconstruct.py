@@ -141,8 +141,13 @@ class _Line:
             sys.stderr.flush()
 
 
+def _shown(value: float, form: str) -> str:
+    """A number in that form, a dash where there is none."""
+    return "-" if math.isnan(value) else f"{value:{form}}"
+
+
 def _error(std: float) -> str:
-    return "-" if math.isnan(std) else f"{std:.2g}"
+    return _shown(std, ".2g")
 
 
 def table(result: Result) -> list[str]:
@@ -156,11 +161,13 @@ def table(result: Result) -> list[str]:
             f"{p.identifiable} ({p.shrinkage:.2f})"
         )
     for name, d in result.derived.items():
-        value = f"{d.value:14.9g} {d.unit:5} {_error(d.std):>9} {d.reference:12.6g}"
+        value, reference = _shown(d.value, ".9g"), _shown(d.reference, ".6g")
         note = f"{d.identifiable} ({d.shrinkage:.2f})"
-        if d.identifiable == IDENTIFIABLE[2]:
+        if math.isnan(d.box[0]):
+            note = "has no value at any parameters tried"
+        elif d.identifiable == IDENTIFIABLE[2]:
             note += f": {d.box[0]:.6g} to {d.box[1]:.6g}"
-        lines.append(f"{name:12} {value}  {note}")
+        lines.append(f"{name:12} {value:>14} {d.unit:5} {_error(d.std):>9} {reference:>12}  {note}")
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
     for other in result.alternatives:
