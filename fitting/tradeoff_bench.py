@@ -82,6 +82,11 @@ class Bench:
         self._solver_steps += sum(substeps(setting, scene, s) for s in plans)
         return [s.amplitudes(a[:, 0]) for s, a in zip(plans, answers, strict=True)]
 
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Outputs of runs that were made elsewhere, counted like any other."""
+        self._reads += sum(run.samples for run in runs)
+        return self.workers.run(runs)
+
     def timed(self, work: Callable[[], float]) -> tuple[float, Cost]:
         """Result of some work, and its cost."""
         walls: list[float] = []

@@ -32,12 +32,12 @@ class Memory:
         self.job = job
         self.references = saved.references if saved else ()
         found = saved.measurements if saved else ()
-        self._found = {(m.setting.key, m.planned_for): m for m in found}
+        self._found = {m.setting.key: m for m in found}
         self._written_s = 0.0
 
-    def recall(self, key: str, planned_for: float | None = None) -> Measurement | None:
+    def recall(self, key: str) -> Measurement | None:
         """The finished measurement of a setting, None if there is none."""
-        return self._found.get((key, planned_for))
+        return self._found.get(key)
 
     def keep_references(self, references: tuple[Reference, ...]) -> None:
         """Keep the references and write the file."""
@@ -46,7 +46,7 @@ class Memory:
 
     def record(self, measurement: Measurement) -> None:
         """Add a measurement; the file follows within seconds."""
-        self._found[measurement.setting.key, measurement.planned_for] = measurement
+        self._found[measurement.setting.key] = measurement
         if time.monotonic() - self._written_s > EVERY_S:
             self.write()
 

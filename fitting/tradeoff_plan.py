@@ -2,19 +2,127 @@
 
 from __future__ import annotations
 
-from fitting.tradeoff_bench import setting_values
-from fitting.tradeoff_grid import period_s
-from fitting.tradeoff_records import AMPLITUDES, COHERENT, Setting
-from fitting.tradeoff_scenes import Scene
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.budget import Hints, Reduction
+from fitting.drive import Drive
+from fitting.drive_plan import DrivePlan, plan_drive
+from fitting.fmu import FmuDescription
+from fitting.tradeoff_bench import SUBSTEPS, Bench, setting_values
+from fitting.tradeoff_records import AMPLITUDES, Scalar, Setting
+from fitting.tradeoff_scenes import Scene, Solver
+
+FloatArray = npt.NDArray[np.float64]
+
+#: The output by which an FMU bounds the error of its averaging, where it has one.
+BOUND = "envelope_error"
 
 
-def planned_setting(scene: Scene, accuracy: float) -> Setting | None:
-    """The plan's setting for the amplitudes of a scene, None where it makes no promise."""
+@dataclass(frozen=True)
+class Planned:
+    """The plan's choice for an accuracy: one plan per drive of the scene."""
+
+    accuracy: float
+    plans: tuple[DrivePlan, ...]
+
+    @property
+    def promised(self) -> float:
+        """The largest error that the plans admit."""
+        return max(plan.promised for plan in self.plans)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the plans promise what was wanted."""
+        return all(plan.budget.kept for plan in self.plans)
+
+    def amplitudes(self, bench: Bench) -> FloatArray:
+        """Amplitudes at the tones of all drives by the runs that were planned."""
+        answers = bench.run([plan.run for plan in self.plans])
+        pairs = zip(self.plans, answers, strict=True)
+        return np.concatenate([plan.read(values)[:, 0] for plan, values in pairs])
+
+    def setting(self, scene: Scene) -> Setting:
+        """The choice in the words of the grid, for tables: that of the first drive."""
+        plan = self.plans[0]
+        values = plan.run.start_values
+        solver = _solver_of(scene, values)
+        window = plan.window
+        return Setting(
+            AMPLITUDES, solver.name, dict(plan.settings), _resolution(scene, solver, values),
+            solver.kind, bool(scene.start) and bool(values.get(scene.start)), plan.settle_s,
+            window_s=window.step_s * window.samples, samples=window.samples,
+        )  # fmt: skip
+
+
+def plan_scene(bench: Bench, accuracy: float, limit_s: float) -> Planned:
+    """Plan every drive of a scene for an accuracy; no run of more than `limit_s` is planned.
+
+    Raises:
+        BadInput, FmuFailure: as `fitting.drive_plan.plan_drive`.
+    """
+    scene = bench.scene
+    description = bench.workers.description
+    # the names that every setting of the grid sets, so that all runs share one layout
+    every = setting_values(scene, scene.solvers[0], scene.solvers[0].resolutions[0])
+    plans = []
+    for driven in scene.drives:
+        start = {**scene.values, **driven.values, **every}
+        drive = Drive(
+            start, driven.tones_hz, (scene.output,), input=scene.input, level=scene.level,
+            steps_per_period=scene.held or 100,
+        )  # fmt: skip
+        plans.append(
+            plan_drive(
+                drive,
+                accuracy,
+                bench.workers,
+                description,
+                hints_of(scene, description),
+                limit_s=limit_s,
+            )
+        )
+    return Planned(accuracy, tuple(plans))
+
+
+def hints_of(scene: Scene, description: FmuDescription) -> Hints:
+    """What the plan is told of the scene's FMU: its solvers' parameters and what may be left out.
+
+    The last solver is taken for the full model where there are cubic terms, the first one else.
+    """
+    tolerance = next((s.variable for s in scene.solvers if s.kind == "tolerance"), None)
+    substep = next((s.variable for s in scene.solvers if s.kind == SUBSTEPS), None)
+    periodic = (Reduction("periodic start", {scene.start: True}),) if scene.start else ()
     if scene.modes is None:
-        return None
-    solver = scene.solvers[0]
-    resolution = 0.1 * accuracy if solver.kind == "tolerance" else 0.0
-    return Setting(
-        AMPLITUDES, solver.name, setting_values(scene, solver, resolution, True), resolution,
-        solver.kind, True, 0.0, COHERENT, period_s(scene), 7 if scene.linear else 64,
-    )  # fmt: skip
+        return Hints(tolerance or None, substep or None)
+    if scene.linear:
+        return Hints(full=_choice(scene, scene.solvers[0]), reductions=periodic)
+    bound = BOUND if BOUND in description.variables else None
+    envelope = Reduction("averaged envelope", _choice(scene, scene.solvers[0]), bound=bound)
+    return Hints(tolerance, substep, _choice(scene, scene.solvers[-1]), (envelope, *periodic))
+
+
+def _choice(scene: Scene, solver: Solver) -> dict[str, Scalar]:
+    """The start values by which solvers are told apart: those that all of them have."""
+    common = set.intersection(*(set(s.values) for s in scene.solvers))
+    return {name: value for name, value in solver.values.items() if name in common}
+
+
+def _solver_of(scene: Scene, values: Mapping[str, Scalar]) -> Solver:
+    for solver in scene.solvers:
+        chosen = _choice(scene, solver)
+        if all(values.get(name) == value for name, value in chosen.items()):
+            return solver
+    return replace(scene.solvers[0], kind="", variable="")
+
+
+def _resolution(scene: Scene, solver: Solver, values: Mapping[str, Scalar]) -> float:
+    if not solver.variable:
+        return 0.0
+    value = float(values[solver.variable])
+    if solver.kind != SUBSTEPS:
+        return value
+    return 1.0 / (value * scene.fastest_hz) if value > 0.0 else 40.0

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import random
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from fitting.errors import BadInput, FmuFailure
 from fitting.fmu import FmuWorkers
@@ -14,7 +15,7 @@ from fitting.tradeoff_bench import Bench, Cost, Patience
 from fitting.tradeoff_extrapolation import Extrapolation
 from fitting.tradeoff_grid import settings_of
 from fitting.tradeoff_memory import Memory
-from fitting.tradeoff_plan import planned_setting
+from fitting.tradeoff_plan import Planned, plan_scene
 from fitting.tradeoff_quantities import RATIOS, error_of, values_of
 from fitting.tradeoff_records import (
     AMPLITUDES,
@@ -71,63 +72,83 @@ def run_study(
         tell("reference")
         memory.keep_references(tuple(references_of(bench, quick=order.quick)))
     ruler = _Ruler(bench, memory.references, order.longest_s)
-    wanted: list[tuple[Setting, float | None]] = [
-        (setting, None)
-        for setting in settings_of(scene, quick=order.quick)
-        if setting.quantity in order.quantities
-    ]
+    wanted = [s for s in settings_of(scene, quick=order.quick) if s.quantity in order.quantities]
     random.Random(order.seed).shuffle(wanted)  # noqa: S311  (an order, no secret)
-    for accuracy in order.accuracies:
-        planned = planned_setting(scene, accuracy)
-        if planned is not None:
-            wanted.append((planned, accuracy))
     found: list[Measurement] = []
+    planned: dict[float, Planned] = {}
+    notes: list[str] = []
     status, message = "finished", f"{len(wanted)} settings."
     try:
-        for number, (setting, planned_for) in enumerate(wanted, 1):
+        for number, setting in enumerate(wanted, 1):
             tell(f"{number}/{len(wanted)} {setting.quantity}, {setting.solver}")
-            measured = memory.recall(setting.key, planned_for)
-            if measured is None:
-                measured = ruler.measure(setting)
-                if measured is None:
-                    continue
-                measured = replace(measured, planned_for=planned_for)
+            measured = memory.recall(setting.key) or ruler.measure(setting)
+            if measured is not None:
                 memory.record(measured)
-            found.append(measured)
+                found.append(measured)
+        if AMPLITUDES in order.quantities:
+            for accuracy in order.accuracies:
+                tell(f"plan for {accuracy:g}")
+                planned[accuracy] = plan_scene(bench, accuracy, order.longest_s)
+                notes += told_plan(planned[accuracy])
+                if planned[accuracy].kept:
+                    found.append(ruler.measure_planned(planned[accuracy]))
         tell("the cheapest once more")
-        found = again(bench, found, order.accuracies, 3 if order.quick else DUEL_ROUNDS)
+        rounds = 3 if order.quick else DUEL_ROUNDS
+        found = again(bench, found, planned, order.accuracies, rounds)
     except KeyboardInterrupt:
         memory.write()
         status = "interrupted"
         message = f"{len(found)} of {len(wanted)} settings; --resume goes on."
     return Study(
         scene.name, scene.title, scene.synthetic, scene.description, memory.references,
-        tuple(found), order.accuracies, status, message,
+        tuple(found), order.accuracies, status, message, tuple(notes),
     )  # fmt: skip
 
 
+def told_plan(planned: Planned) -> list[str]:
+    """The plan for an accuracy in sentences."""
+    if not planned.kept:
+        return [f"Accuracy {planned.accuracy:g}: no plan; it could promise {planned.promised:.1e}."]
+    return [f"Accuracy {planned.accuracy:g}: {line}" for line in planned.plans[0].sentences]
+
+
 def again(
-    bench: Bench, found: Sequence[Measurement], accuracies: Sequence[float], rounds: int
-) -> list[Measurement]:
+    bench: Bench, found: Sequence[Measurement], planned: Mapping[float, Planned],
+    accuracies: Sequence[float], rounds: int,
+) -> list[Measurement]:  # fmt: skip
     """The measurements, those of the cheapest settings and of the plan's timed again in turns.
 
     The cheapest of hundreds of timings is a lucky one; and what is compared with each other should
-    have met the same machine. Equal settings of grid and plan get one cost.
+    have met the same machine.
     """
     peaks = [m for m in found if m.setting.quantity == AMPLITUDES and not m.extrapolated]
-    chosen = {m.setting.key: m.setting for m in peaks if m.planned_for is not None}
+    chosen = {_place(m): m for m in peaks if m.planned_for in planned}
     for accuracy in accuracies:
         good = sorted((m for m in peaks if m.error <= accuracy), key=lambda m: m.cost_s)
-        chosen.update({m.setting.key: m.setting for m in good[:FINALISTS]})
-    short = {m.setting.key for m in peaks if 0.0 < m.seconds < DUEL_S}
-    chosen = {key: setting for key, setting in chosen.items() if key in short}
-    costs: dict[str, list[Cost]] = {key: [] for key in chosen}
+        chosen.update({_place(m): m for m in good[:FINALISTS]})
+    chosen = {place: m for place, m in chosen.items() if 0.0 < m.seconds < DUEL_S}
+    costs: dict[tuple[str, float | None], list[Cost]] = {place: [] for place in chosen}
     for _ in range(rounds):
-        for key, setting in chosen.items():
-            bench.warm(dict(setting.values))
-            _, cost = bench.timed(lambda setting=setting: float(values_of(bench, setting, None)[0]))  # type: ignore[misc]
-            costs[key].append(cost)
-    return [_retimed(m, costs.get(m.setting.key, [])) for m in found]
+        for place, m in chosen.items():
+            if m.planned_for is None:
+                bench.warm(dict(m.setting.values))
+                work = partial(_first, bench, m.setting)
+            else:
+                work = partial(_first_planned, bench, planned[m.planned_for])
+            costs[place].append(bench.timed(work)[1])
+    return [_retimed(m, costs.get(_place(m), [])) for m in found]
+
+
+def _place(measured: Measurement) -> tuple[str, float | None]:
+    return measured.setting.key, measured.planned_for
+
+
+def _first(bench: Bench, setting: Setting) -> float:
+    return float(values_of(bench, setting, None)[0])
+
+
+def _first_planned(bench: Bench, planned: Planned) -> float:
+    return float(planned.amplitudes(bench)[0])
 
 
 def _retimed(measured: Measurement, costs: Sequence[Cost]) -> Measurement:
@@ -170,6 +191,20 @@ class _Ruler:
             setting, max(error, reference.error), error <= reference.error, cost.seconds,
             cost.cpu_s, cost.repeats, cost.runs, cost.steps, cost.reads,
             cost.solver_steps if setting.resolution_kind != "tolerance" else None,
+        )  # fmt: skip
+
+    def measure_planned(self, planned: Planned) -> Measurement:
+        """The row of the plan's choice for an accuracy."""
+        reference = self._references[AMPLITUDES]
+        self._bench.warm(dict(planned.plans[0].settings))
+        error, cost = self._bench.timed(
+            lambda: error_of(planned.amplitudes(self._bench), reference)
+        )
+        return Measurement(
+            planned.setting(self._bench.scene), max(error, reference.error),
+            error <= reference.error, cost.seconds, cost.cpu_s, cost.repeats, cost.runs,
+            cost.steps, cost.reads, planned_for=planned.accuracy,
+            note=f"promised {planned.promised:.1e}",
         )  # fmt: skip
 
     def _data(self, setting: Setting) -> Reference | None:

@@ -25,14 +25,13 @@ LADDER = (
     "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
     "continuation fmu.process labdata",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "
-    "plots_history "
-    "sweep_line tradeoff_scenes",
+    "plots_history sweep_line tradeoff_scenes",
     "fmu plots_reconstruction reconstruction report_tables",
     "batch drive report_sections tradeoff_bench",
     "driving tradeoff_grid tradeoff_quantities",
-    "drive_plan fmu_job plots_drive report tradeoff_plan tradeoff_reference",
+    "drive_plan fmu_job plots_drive report tradeoff_reference",
     "design_candidates design_choice design_information design_result report_tradeoff "
-    "tradeoff_extrapolation",
+    "tradeoff_extrapolation tradeoff_plan",
     "design_limits design_points tradeoff_study",
     "design",
     "design_proposal",
