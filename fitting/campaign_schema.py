@@ -17,7 +17,7 @@ from fitting.tables import parse_toml
 
 TOP_KEYS = (
     "title", "synthetic", "fmu", "observe", "drive", "experiments", "drift", "sweep", "parameters",
-    "derived", "alternatives", "continuation", "accuracy",
+    "derived", "alternatives", "continuation", "accuracy", "design",
 )  # fmt: skip
 TRACE_KEYS = ("layout", "amplitude", "impedance", "columns", "trace", "chunk")
 MISFITS = ("slack", "absolute", "squares")

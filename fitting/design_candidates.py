@@ -102,7 +102,7 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
             f"{bound.path}: {count} setups lie within the limits, wanted at most {MOST_SETUPS}: a "
             "coarser frequency_step, or fewer levels, outputs or settings"
         )
-    base = _base_settings(bound)
+    base = base_settings(bound)
     return tuple(
         _setup(bound, base, centre, tones, output, level, chosen)
         for (centre, tones), output, level, chosen in itertools.product(
@@ -139,7 +139,15 @@ def _tones(bound: BoundCampaign, limits: Limits, centre_hz: float) -> list[tuple
     return [pair for pair in pairs if pair[0] > 0.0]
 
 
-def _base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
+def levels_and_more(
+    bound: BoundCampaign, level: float, chosen: Mapping[str, Scalar]
+) -> dict[str, Scalar]:
+    """What a setup sets beside its tones: drive amplitudes, and what was chosen of other values."""
+    names = bound.drive.amplitudes if bound.drive.kind == "tones" else ()
+    return {**dict.fromkeys(names, level * bound.drive.level), **chosen}
+
+
+def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
     """What stays as in the last experiment, with what drifts at its latest value."""
     base: dict[str, Scalar] = {}
     if bound.experiments:
@@ -155,13 +163,11 @@ def _setup(
     tones: tuple[float, ...], output: str, level: float, chosen: Mapping[str, Scalar],
 ) -> Setup:  # fmt: skip
     drive = bound.drive
-    settings = dict(base)
+    settings = {**base, **levels_and_more(bound, level, chosen)}
     if drive.kind == "tones":
         for name, tone in zip(drive.frequencies, tones, strict=True):
             where = f"{bound.path}: [drive] frequencies"
             settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
-        settings.update(dict.fromkeys(drive.amplitudes, level * drive.level))
-    settings.update(chosen)
     blank = np.full(len(tones), np.nan)
     experiment = Experiment("", settings, tones, blank, blank, 0.0, None, output=output)
     return Setup(tones, centre_hz, output, level, dict(chosen), experiment)

@@ -24,7 +24,7 @@ from fitting.variables import READABLE, SETTABLE, VariableLike
 KEYS = (
     "outputs", "centres", "frequency_step", "least_spacing", "farthest", "both_sides", "levels",
     "repeats", "noise_floor", "relative_noise", "largest", "settings", "setting_sigma", "number",
-    "target", "criterion",
+    "target", "criterion", "averaged",
 )  # fmt: skip
 #: Drive levels and numbers of averaged spectra that are tried where nothing is said.
 LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)

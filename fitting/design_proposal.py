@@ -55,7 +55,7 @@ def propose(
         valueless=int(np.count_nonzero(~known)),
         setups=len(weighed.setups),
         candidates=weighed.problem.candidates,
-        sentences=_sentences(bound, weighed, limits, question),
+        sentences=(*_sentences(weighed, limits, question), *_doubts(weighed, chosen, question)),
         limits=_limits(bound, limits),
         provenance=dict(provenance),
     )
@@ -122,9 +122,22 @@ def _places(
     return tuple(points)
 
 
-def _sentences(
-    bound: BoundCampaign, weighed: Weighed, limits: Limits, question: Question
-) -> tuple[str, ...]:
+def _doubts(weighed: Weighed, chosen: Sequence[int], question: Question) -> list[str]:
+    """Where the proposal does not help, or cannot be judged."""
+    before, after = weighed.sigmas([]), weighed.sigmas(chosen)
+    if not np.isfinite(before[0]):
+        return [f"{question.target} has no value, or none that can be differentiated, here."]
+    gain, usual = float(before[0] / after[0]), float(np.nanmedian(before / after))
+    if gain > 0.3 * usual:
+        return []
+    return [
+        f"At the given point itself the error of {question.target} falls by a factor of "
+        f"{gain:.2g} only, where {usual:.2g} is usual: if the truth lies there, these measurements "
+        "determine it as little."
+    ]
+
+
+def _sentences(weighed: Weighed, limits: Limits, question: Question) -> tuple[str, ...]:
     """What was assumed, and what a reader must know to judge the figures."""
     count, none = weighed.spread_values.size, int(np.sum(~np.isfinite(weighed.spread_values)))
     said = [
@@ -150,7 +163,8 @@ def _sentences(
         )
         said.append(
             f"Drive levels up to {max(limits.levels):g} times the campaign's are proposed; {how}. "
-            "Whether source and resonator bear it is for the laboratory to say: [design] levels."
+            "Whether source and resonator bear it, where an output that is not observed may be "
+            "resonant, is for the laboratory to say: [design] levels."
         )
     if limits.setting_sigmas:
         errors = listed(f"{name} by {s:.3g}" for name, s in limits.setting_sigmas.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -123,3 +124,29 @@ def write_design(design: Design, folder: Path) -> Path:
 def read_design(path: Path) -> Design:
     """Read it back; raises BadInput naming the key that is wrong."""
     return read_json(path, Design)
+
+
+def design_csv(design: Design) -> str:
+    """The proposals as CSV text, a row each, units in the header."""
+    tones = len(design.proposals[0].tones_hz) if design.proposals else 0
+    unit, volts = design.unit or "1", design.amplitude_unit
+    names = list(design.proposals[0].settings) if design.proposals else []
+    head = ["rank", *(f"tone {i + 1} (Hz)" for i in range(tones)), "resonance (Hz)", "output"]
+    head += ["level", *names, "spectra", *(f"peak {i + 1} ({volts})" for i in range(tones))]
+    head += [f"sigma {i + 1} ({volts})" for i in range(tones)]
+    head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
+    before = design.before
+    lines = [",".join(head)]
+    blank = [""] * (len(head) - 4)
+    lines.append(",".join(["0", *blank, *map(_number, (before.at, before.mean, before.worst))]))
+    for p in design.proposals:
+        e = p.expected
+        cells = [str(p.rank), *map(repr, p.tones_hz), repr(p.centre_hz), p.output, repr(p.level)]
+        cells += [str(value) for value in p.settings.values()] + [str(p.repeats)]
+        cells += [*map(repr, p.peaks_v), *map(repr, p.sigmas_v)]
+        lines.append(",".join([*cells, *map(_number, (e.at, e.mean, e.worst))]))
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else repr(value)

@@ -37,7 +37,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
         raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def write_all(folder: Path, texts: Mapping[str, str]) -> None:
+def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
     """Write several texts by relative file name below ``folder``."""
     for name, text in texts.items():
         write_whole(folder / name, text)

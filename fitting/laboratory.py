@@ -55,10 +55,12 @@ class TwoModes:
         return float(turned[0, 0]), float(turned[1, 1])
 
 
-def steady_state(modes: TwoModes, frequency_hz: FloatArray) -> ComplexArray:
-    """Complex amplitudes (n, 2) of both hybridised modes under b = cos(2 pi u t) on each.
+def steady_state(
+    modes: TwoModes, frequency_hz: FloatArray, gains: tuple[float, float] = (1.0, 1.0)
+) -> ComplexArray:
+    """Complex amplitudes (n, 2) of both hybridised modes under cos(2 pi u t), ``gains`` on each.
 
-    X(u) = A(u)^-1 (1, 1)^T with A(u) = C - (2 pi u)^2 I + 2 pi i u T D T^T, in s^2. Differences of
+    X(u) = A(u)^-1 g with A(u) = C - (2 pi u)^2 I + 2 pi i u T D T^T, in s^2. Differences of
     squares are factored, (2 pi)^2 (eta - u)(eta + u): at Q near 1e5 they cancel. Source: Bartsch et
     al., arXiv:2412.07301, the periodic solution of the coupled system.
     """
@@ -68,7 +70,7 @@ def steady_state(modes: TwoModes, frequency_hz: FloatArray) -> ComplexArray:
     matrix = 1j * TWO_PI * u[:, np.newaxis, np.newaxis] * damping
     for i, eta in enumerate((modes.eta_plus_hz, modes.eta_minus_hz)):
         matrix[:, i, i] += TWO_PI**2 * (eta - u) * (eta + u)
-    drive = np.ones((u.size, 2, 1), dtype=complex)
+    drive = np.broadcast_to(np.array(gains, dtype=complex)[:, np.newaxis], (u.size, 2, 1))
     return np.asarray(np.linalg.solve(matrix, drive)[:, :, 0])
 
 

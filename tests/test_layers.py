@@ -14,12 +14,14 @@ ROOT = Path(__file__).parents[1]
 LADDER = (
     "errors",
     "fmu.log laboratory leastsq notation progress scaling structure variables",
+    "laboratory_plan",
     "budget exact_modes files fmu.description fmu.records parameters peaks response spectrum "
     "tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_records",
+    "synthesis_plan",
     "campaign_data fmu.reuse fmu.simulation linear_program plan_search tradeoff_front "
     "tradeoff_memory tradeoff_reading uncertainty",
     "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
@@ -34,8 +36,9 @@ LADDER = (
     "tradeoff_extrapolation tradeoff_plan",
     "design_limits design_points tradeoff_study",
     "design",
-    "design_proposal",
-    "commands.check commands.reconstruct commands.simulate commands.synthesize commands.tradeoff",
+    "design_campaign design_proposal",
+    "commands.check commands.design commands.reconstruct commands.simulate commands.synthesize "
+    "commands.tradeoff",
     "cli",
     "__main__",
 )

@@ -13,6 +13,7 @@ from fitting.files import write_all
 from fitting.laboratory import SERIES_THETA, Bench, measure, string_bench
 from fitting.options import whole_number
 from fitting.synthesis import CAMPAIGN_NAME, TRUTH_NAME, campaign_files, read_bench
+from fitting.synthesis_plan import planned_files
 
 NAME = "synthesize"
 SUMMARY = "a virtual laboratory: a campaign with known truth, noise and drift"
@@ -48,6 +49,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CAMPAIGN.toml",
         help=f"a synthetic campaign; its {TRUTH_NAME} beside it is the truth again",
     )
+    kind.add_argument(
+        "--plan",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        help="a campaign that fmu-fit design proposed, to be measured; wants --truth",
+    )
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        metavar="TRUTH.toml",
+        help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
+    )
     parser.add_argument(
         "--seed", type=whole_number(0), default=1, help="seed of all noise (default 1)"
     )
@@ -73,7 +86,13 @@ def run(args: argparse.Namespace) -> int:
     _refuse_measured(folder)
     if args.seed < 0:
         raise BadInput(f"--seed: found {args.seed}, wanted zero or more")
+    if (args.plan is None) != (args.truth is None):
+        raise BadInput("synthesize: --plan and --truth are wanted together")
     bench = _bench(args)
+    if args.plan is not None:
+        write_all(folder, planned_files(args.plan, bench, args.seed, _command(args)))
+        print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, the plan {args.plan}")
+        return 0
     files = campaign_files(measure(bench, args.seed), _command(args))
     write_all(folder, files)
     print(
@@ -83,7 +102,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _bench(args: argparse.Namespace) -> Bench:
-    base = string_bench(args.series) if args.series else read_bench(args.like.parent / TRUTH_NAME)
+    if args.series:
+        base = string_bench(args.series)
+    else:
+        base = read_bench(args.truth or args.like.parent / TRUTH_NAME)
     try:
         modes = replace(base.modes, **_given(args, MODE_OPTIONS))
         if args.reflection is not None:
@@ -101,7 +123,10 @@ def _given(args: argparse.Namespace, options: dict[str, tuple[str, str]]) -> dic
 def _command(args: argparse.Namespace) -> str:
     """The command without --out: the same data made elsewhere are the same bytes."""
     words = ["fmu-fit", NAME]
-    words += ["--series", args.series] if args.series else ["--like", args.like.as_posix()]
+    for option in ("series", "like", "plan", "truth"):
+        value = getattr(args, option)
+        if value is not None:
+            words += [f"--{option}", value.as_posix() if isinstance(value, Path) else value]
     words += ["--seed", str(args.seed)]
     for option in (*BENCH_OPTIONS, *MODE_OPTIONS):
         value = getattr(args, option.replace("-", "_"))
