@@ -35,7 +35,7 @@ def weak_peaks(bound: BoundCampaign) -> list[str]:
         f"{experiment.label} at {hertz(tone)}"
         for experiment in bound.experiments
         for tone, peak, sigma in zip(
-            experiment.tones_hz, experiment.peaks_v, experiment.sigmas_v, strict=True
+            experiment.read_hz, experiment.peaks_v, experiment.sigmas_v, strict=True
         )
         if peak < DETECTION_SIGMA * sigma
     ]

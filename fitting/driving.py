@@ -141,7 +141,11 @@ class FmuResponse:
     def _range(self, p: FloatArray, level: float) -> float:
         """Range of the first experiment's samples with the drive at that level."""
         drive = replace(self.bound.drive, level=level)
-        bound = replace(self.bound, drive=drive, experiments=self.bound.experiments[:1])
+        experiment = self.bound.experiments[0]
+        if not level:  # also where the experiment has a level of its own
+            own = {n: 0.0 for n in drive.amplitudes if n in experiment.settings}
+            experiment = replace(experiment, settings={**experiment.settings, **own})
+        bound = replace(self.bound, drive=drive, experiments=(experiment,))
         one = replace(
             self, bound=bound, plan=replace(self.plan, experiments=self.plan.experiments[:1])
         )

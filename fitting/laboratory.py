@@ -7,6 +7,7 @@ code with the FMU, so that a fit through the FMU is tried against something else
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,19 +157,19 @@ def measure(bench: Bench, seed: int) -> Series:
     """
     rng = np.random.default_rng(seed)
     first, last = bench.at(0.0), bench.at(1.0)
-    sweep_hz = _sweep_grid(bench)
+    sweep_hz = sweep_grid(bench)
     sweep_wave = steady_state(first, sweep_hz)[:, bench.observed]
     crest_hz = _eta(first, bench.observed)
     gain = bench.crest_v / float(
         np.abs(steady_state(first, np.array([crest_hz]))[0, bench.observed])
     )
-    sweep = Trace(sweep_hz, np.abs(gain * sweep_wave + _noise(bench, rng, sweep_hz.size)))
+    sweep = Trace(sweep_hz, np.abs(gain * sweep_wave + noise(bench, rng, sweep_hz.size)))
     count = len(bench.pairs_hz)
     spectra, states, peaks = [], [], []
     for index, pair in enumerate(bench.pairs_hz):
         state = bench.at(0.5 if count == 1 else index / (count - 1))
         lines = gain * steady_state(state, np.array(pair))[:, bench.observed]
-        spectra.append(_spectrum(bench, rng, pair, lines))
+        spectra.append(spectrum(bench, rng, 0.5 * (pair[0] + pair[1]), pair, lines))
         states.append(state)
         peaks.append(np.abs(lines))
     error = bench.noise_scale * bench.eta_error_hz * rng.standard_normal(4)
@@ -189,29 +190,33 @@ def _eta(modes: TwoModes, observed: int) -> float:
     return (modes.eta_plus_hz, modes.eta_minus_hz)[observed]
 
 
-def _sweep_grid(bench: Bench) -> FloatArray:
+def sweep_grid(bench: Bench) -> FloatArray:
     """Points around the undrifted mode, as many on either side."""
     half = round(bench.sweep_span_hz / bench.sweep_step_hz / 2.0)
     steps = np.arange(-half, half + 1, dtype=np.float64)
     return np.asarray(_eta(bench.modes, bench.observed) + bench.sweep_step_hz * steps)
 
 
-def _spectrum(
-    bench: Bench, rng: np.random.Generator, pair: tuple[float, float], lines: ComplexArray
+def spectrum(
+    bench: Bench,
+    rng: np.random.Generator,
+    centre_hz: float,
+    tones_hz: Sequence[float] | FloatArray,
+    lines: ComplexArray,
 ) -> Trace:
-    """Magnitude of both lines through a Gaussian resolution filter, plus complex noise."""
+    """Magnitude of all lines through a Gaussian resolution filter, plus complex noise."""
     half = round(bench.spectrum_span_hz / bench.resolution_hz / 2.0)
     steps = np.arange(-half, half + 1, dtype=np.float64)
-    frequency: FloatArray = 0.5 * (pair[0] + pair[1]) + bench.resolution_hz * steps
+    frequency: FloatArray = centre_hz + bench.resolution_hz * steps
     wave = np.zeros(frequency.size, dtype=complex)
-    for tone, line in zip(pair, lines, strict=True):
+    for tone, line in zip(tones_hz, lines, strict=True):
         # amplitude 1/sqrt(2) half a bandwidth off the line: bandwidth between the 3 dB points
         offset = 2.0 * (frequency - tone) / bench.resolution_hz
         wave += line * np.exp(-0.5 * math.log(2.0) * offset**2)
-    return Trace(frequency, np.abs(wave + _noise(bench, rng, frequency.size)))
+    return Trace(frequency, np.abs(wave + noise(bench, rng, frequency.size)))
 
 
-def _noise(bench: Bench, rng: np.random.Generator, size: int) -> ComplexArray:
+def noise(bench: Bench, rng: np.random.Generator, size: int) -> ComplexArray:
     """Complex Gaussian noise whose magnitude averages to a level drawn from ``floor_v``."""
     level = bench.noise_scale * rng.uniform(*bench.floor_v)
     sigma = level / math.sqrt(math.pi / 2.0)

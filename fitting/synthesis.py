@@ -8,12 +8,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fitting.campaign_section import Section
 from fitting.errors import BadInput
 from fitting.laboratory import Bench, Series, Trace, TwoModes
 from fitting.peaks import fit_resonance
 from fitting.tables import parse_toml
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 CAMPAIGN_NAME = "campaign.toml"
 TRUTH_NAME = "truth.toml"
@@ -117,20 +121,24 @@ def campaign_files(series: Series, command: str) -> dict[str, str]:
     ``command`` is repeated in the head of every file, after the word "synthetic" and the seed. The
     numbers are written with 17 digits: reading them back loses nothing.
     """
-    mark = (
-        f"# synthetic data of a virtual laboratory, not measured; seed {series.seed}\n"
-        f"# made by: {command}"
-    )
+    mark = marked(series.seed, command)
     labels = [f"pair{m}" for m in range(1, len(series.spectra) + 1)]
     files = {
         CAMPAIGN_NAME: _campaign(series, mark),
         "experiments.csv": _experiments(series, labels, mark),
-        "sweep.csv": _trace(series.sweep, mark),
+        "sweep.csv": trace_csv(series.sweep, mark),
     }
     for label, spectrum in zip(labels, series.spectra, strict=True):
-        files[f"spectra/{label}.csv"] = _trace(spectrum, mark)
-    files[TRUTH_NAME] = _truth(series, labels, mark)
+        files[f"spectra/{label}.csv"] = trace_csv(spectrum, mark)
+    files[TRUTH_NAME] = truth_toml(series, labels, mark)
     return files
+
+
+def marked(seed: int, command: str) -> str:
+    """The head of every file."""
+    return (
+        f"# synthetic data of a virtual laboratory, not measured; seed {seed}\n# made by: {command}"
+    )
 
 
 def _campaign(series: Series, mark: str) -> str:
@@ -145,8 +153,8 @@ def _campaign(series: Series, mark: str) -> str:
         mark=mark,
         series=series.bench.series,
         output=OUTPUTS[observed],
-        before=[_mhz(f) for f in series.eta_before_hz],
-        after=[_mhz(f) for f in series.eta_after_hz],
+        before=[mhz(f) for f in series.eta_before_hz],
+        after=[mhz(f) for f in series.eta_after_hz],
         damping=damping,
         comment=comment,
     )
@@ -154,31 +162,35 @@ def _campaign(series: Series, mark: str) -> str:
 
 def _experiments(series: Series, labels: Sequence[str], mark: str) -> str:
     rows = [
-        f"{label},{_mhz(low)!r},{_mhz(high)!r}"
+        f"{label},{mhz(low)!r},{mhz(high)!r}"
         for label, (low, high) in zip(labels, series.bench.pairs_hz, strict=True)
     ]
     return "\n".join([mark, "experiment,u1 (MHz),u2 (MHz)", *rows]) + "\n"
 
 
-def _trace(trace: Trace, mark: str) -> str:
+def trace_csv(trace: Trace, mark: str) -> str:
+    """A measured curve as delimited text."""
     rows = [
-        f"{_mhz(f)!r},{float(a) * 1e6!r}"
+        f"{mhz(f)!r},{float(a) * 1e6!r}"
         for f, a in zip(trace.frequency_hz, trace.amplitude_v, strict=True)
     ]
     return "\n".join([mark, "frequency (MHz),amplitude (uV)", *rows]) + "\n"
 
 
-def _truth(series: Series, labels: Sequence[str], mark: str) -> str:
-    """Everything that was put in; :func:`read_bench` reads the first two tables back."""
+def truth_toml(series: Series, labels: Sequence[str], mark: str, more: Sequence[str] = ()) -> str:
+    """Everything that was put in; :func:`read_bench` reads the first two tables back.
+
+    ``more`` are lines of further tables.
+    """
     bench = series.bench
     widths = bench.modes.widths_hz()
     lines = [mark, "# The truth behind this campaign. No reader of a fit opens this file.", ""]
-    lines += ["[bench]", *_toml(bench, skip=("modes",)), ""]
+    lines += ["[bench]", *toml_lines(bench, skip=("modes",)), ""]
     lines += [
         "[modes]                            # at the middle of the series",
-        *_toml(bench.modes),
+        *toml_lines(bench.modes),
     ]
-    lines += ["", "[outcome]", f"seed = {series.seed}", f"gain_v = {series.gain!r}"]
+    lines += [*more, "", "[outcome]", f"seed = {series.seed}", f"gain_v = {series.gain!r}"]
     lines += [f"width_plus_hz = {widths[0]!r}", f"width_minus_hz = {widths[1]!r}"]
     for label, modes, peaks in zip(labels, series.true_modes, series.true_peaks_v, strict=True):
         lines += ["", "[[experiment]]", f'label = "{label}"']
@@ -187,7 +199,8 @@ def _truth(series: Series, labels: Sequence[str], mark: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _toml(record: Bench | TwoModes, skip: Sequence[str] = ()) -> list[str]:
+def toml_lines(record: DataclassInstance, skip: Sequence[str] = ()) -> list[str]:
+    """A record's fields as lines of a TOML table."""
     values = {f.name: getattr(record, f.name) for f in dataclasses.fields(record)}
     return [f"{name} = {_toml_value(v)}" for name, v in values.items() if name not in skip]
 
@@ -207,20 +220,24 @@ def read_bench(truth: Path) -> Bench:
         BadInput: no such file, or one that does not describe a bench.
     """
     top = Section(truth, "", parse_toml(truth))
-    bench, modes = top.sub("bench", _names(Bench)), top.sub("modes", _names(TwoModes))
-    values = {name: bench.required(name) for name in _names(Bench) if name != "modes"}
+    bench, modes = top.sub("bench", field_names(Bench)), top.sub("modes", field_names(TwoModes))
+    values = {name: bench.required(name) for name in field_names(Bench) if name != "modes"}
     try:
         values["pairs_hz"] = tuple((float(low), float(high)) for low, high in values["pairs_hz"])
         low, high = values["floor_v"]
         values["floor_v"] = (float(low), float(high))
-        return Bench(modes=TwoModes(**{n: modes.required(n) for n in _names(TwoModes)}), **values)
+        return Bench(
+            modes=TwoModes(**{n: modes.required(n) for n in field_names(TwoModes)}), **values
+        )
     except (TypeError, ValueError) as error:
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 
 
-def _names(record: type) -> tuple[str, ...]:
+def field_names(record: type[DataclassInstance]) -> tuple[str, ...]:
+    """Names of a record's fields."""
     return tuple(f.name for f in dataclasses.fields(record))
 
 
-def _mhz(frequency_hz: float) -> float:
+def mhz(frequency_hz: float) -> float:
+    """A frequency in MHz."""
     return float(frequency_hz) / 1e6

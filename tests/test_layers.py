@@ -15,15 +15,15 @@ LADDER = (
     "errors",
     "fmu.log laboratory leastsq notation progress scaling structure variables",
     "laboratory_plan",
-    "budget exact_modes files fmu.description fmu.records parameters peaks response spectrum "
-    "tables units",
+    "budget duffing_laboratory exact_modes files fmu.description fmu.records parameters peaks "
+    "response spectrum tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_records",
     "synthesis_plan",
-    "campaign_data fmu.reuse fmu.simulation linear_program plan_search tradeoff_front "
-    "tradeoff_memory tradeoff_reading uncertainty",
+    "campaign_data duffing_synthesis fmu.reuse fmu.simulation linear_program plan_search "
+    "tradeoff_front tradeoff_memory tradeoff_reading uncertainty",
     "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
     "continuation fmu.process labdata",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "

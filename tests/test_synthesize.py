@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import os
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from fitting.cli import main
 from fitting.commands import synthesize
+from fitting.duffing_laboratory import Cubic
+from fitting.duffing_synthesis import read_duffing_bench
 from fitting.errors import BadInput
 from fitting.files import write_whole
 from fitting.labdata import read_campaign
@@ -31,11 +34,14 @@ def contents(folder: Path) -> dict[str, bytes]:
     }
 
 
-@pytest.mark.parametrize(("series", "seed"), [("q1", 1), ("q2", 2)])
+@pytest.mark.parametrize(
+    ("folder", "series", "seed"),
+    [("string_q1", "q1", 1), ("string_q2", "q2", 2), ("duffing_string", "duffing", 3)],
+)
 def test_shipped_campaigns_are_what_their_headers_say(
-    tmp_path: Path, series: str, seed: int
+    tmp_path: Path, folder: str, series: str, seed: int
 ) -> None:
-    shipped = contents(DATA / f"string_{series}")
+    shipped = contents(DATA / folder)
     command = f"fmu-fit synthesize --series {series} --seed {seed}"
     assert f"# made by: {command}\n".encode() in shipped["campaign.toml"]
     assert call(*command.split()[2:], "--out", tmp_path / "again") == 0
@@ -77,6 +83,20 @@ def test_like_keeps_the_truth_and_draws_new_noise(tmp_path: Path) -> None:
     assert abs(peaks[0][0] - peaks[1][0]) > 1e-9
 
 
+def test_a_string_driven_hard_keeps_its_truth_too(tmp_path: Path) -> None:
+    call("--series", "duffing", "--alpha1", "2e31", "--kappa", "0", "--level", "0.3",
+         "--weak-level", "0.03", "--d1", "150", "--seed", "4", "--out", tmp_path / "a")  # fmt: skip
+    call("--like", tmp_path / "a" / "campaign.toml", "--alpha2", "1e31", "--out", tmp_path / "b")
+    first, second = (read_duffing_bench(tmp_path / n / "truth.toml") for n in "ab")
+    assert first.cubic == Cubic(2e31, 0.8e32, 0.0)
+    assert (max(first.levels), first.weak_level, first.bench.modes.d1_hz) == (0.3, 0.03, 150.0)
+    assert second == replace(first, cubic=Cubic(2e31, 1e31, 0.0))
+    experiments = [read_campaign(tmp_path / n / "campaign.toml").experiments[0] for n in "ab"]
+    assert len(experiments[0].peaks_v) == 4
+    assert experiments[0].peaks_v[0] != experiments[1].peaks_v[0]
+    assert experiments[0].settings["A1"].value == pytest.approx(0.3 * 0.25 / 0.35)
+
+
 def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
     call("--series", "q1", "--noise-scale", "0", "--drift", "0", "--curvature", "0",
          "--out", tmp_path)  # fmt: skip
@@ -94,6 +114,10 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "q1", "--d1", "-3"], "damping d1 = -3.0"),
         (["--series", "q1", "--eta-plus", "9e6"], "eta_plus = 9000000.0 Hz must lie"),
         (["--series", "q1", "--noise-scale", "-1"], "noise_scale must not be negative"),
+        (["--series", "q1", "--alpha1", "1e32"], "--alpha1: has no meaning here"),
+        (["--series", "duffing", "--level", "-1"], "must be positive"),
+        (["--series", "duffing", "--level", "3"], "wanted a weaker drive"),
+        (["--series", "duffing", "--d1", "-3"], "damping d1 = -3.0"),
         (["--like", DATA / "afm_sensor" / "campaign.toml"], "truth.toml: no such file"),
     ],
 )

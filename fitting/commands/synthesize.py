@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from fitting.duffing_laboratory import DuffingBench, duffing_bench, measure_duffing, with_level
+from fitting.duffing_synthesis import duffing_files, is_duffing, read_duffing_bench
 from fitting.errors import BadInput
 from fitting.files import write_all
 from fitting.laboratory import SERIES_THETA, Bench, measure, string_bench
@@ -18,6 +20,7 @@ from fitting.synthesis_plan import planned_files
 NAME = "synthesize"
 SUMMARY = "a virtual laboratory: a campaign with known truth, noise and drift"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
+DUFFING = "duffing"
 
 #: option -> (field of the bench, or of its modes, what it is)
 BENCH_OPTIONS = {
@@ -33,6 +36,17 @@ MODE_OPTIONS = {
     "eta-plus": ("eta_plus_hz", "lower eigenfrequency at the middle of the series, Hz"),
     "eta-minus": ("eta_minus_hz", "upper eigenfrequency at the middle of the series, Hz"),
 }
+#: option of the string driven hard -> (field of its cubic terms, what it is)
+CUBIC_OPTIONS = {
+    "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m^2 s^2)"),
+    "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m^2 s^2)"),
+    "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m^2 s^2)"),
+}
+#: further options of the string driven hard -> what they are
+LEVEL_OPTIONS = {
+    "level": "duffing: strongest drive of each tone, the others in proportion, m/s^2",
+    "weak-level": "duffing: drive of the sweep that sets the scale, m/s^2",
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument(
         "--series",
-        choices=sorted(SERIES_THETA),
-        help="one of the paper's two series",
+        choices=[*sorted(SERIES_THETA), DUFFING],
+        help="one of the paper's two series, or the q1 string driven until it is nonlinear",
     )
     kind.add_argument(
         "--like",
@@ -65,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed", type=whole_number(0), default=1, help="seed of all noise (default 1)"
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
-    for option, (_, text) in {**BENCH_OPTIONS, **MODE_OPTIONS}.items():
+    for option, text in _numbers().items():
         parser.add_argument(f"--{option}", type=float, metavar="X", help=text)
     parser.add_argument(
         "--reflection",
@@ -88,17 +102,45 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(f"--seed: found {args.seed}, wanted zero or more")
     if (args.plan is None) != (args.truth is None):
         raise BadInput("synthesize: --plan and --truth are wanted together")
-    bench = _bench(args)
-    if args.plan is not None:
-        write_all(folder, planned_files(args.plan, bench, args.seed, _command(args)))
-        print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, the plan {args.plan}")
-        return 0
-    files = campaign_files(measure(bench, args.seed), _command(args))
+    if _is_duffing(args):
+        hard = _duffing_bench(args)
+        try:
+            files = duffing_files(measure_duffing(hard, args.seed), _command(args))
+        except ValueError as error:
+            raise BadInput(f"synthesize: {error}") from error
+        pairs = len(hard.levels)
+    else:
+        bench = _bench(args)
+        if args.plan is not None:
+            write_all(folder, planned_files(args.plan, bench, args.seed, _command(args)))
+            print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, the plan {args.plan}")
+            return 0
+        files = campaign_files(measure(bench, args.seed), _command(args))
+        pairs = len(bench.pairs_hz)
     write_all(folder, files)
-    print(
-        f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, {len(bench.pairs_hz)} drive pairs"
-    )
+    print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, {pairs} drive pairs")
     return 0
+
+
+def _is_duffing(args: argparse.Namespace) -> bool:
+    """Whether the string is driven hard; options for that alone are refused otherwise."""
+    hard = args.series == DUFFING or (args.like and is_duffing(args.like.parent / TRUTH_NAME))
+    for option in () if hard else (*CUBIC_OPTIONS, *LEVEL_OPTIONS):
+        if getattr(args, option.replace("-", "_")) is not None:
+            raise BadInput(f"--{option}: has no meaning here, only with --series {DUFFING}")
+    return bool(hard)
+
+
+def _duffing_bench(args: argparse.Namespace) -> DuffingBench:
+    base = read_duffing_bench(args.like.parent / TRUTH_NAME) if args.like else duffing_bench()
+    bench = _changed(base.bench, args)
+    try:
+        lab = replace(base, bench=bench, cubic=replace(base.cubic, **_given(args, CUBIC_OPTIONS)))
+        if args.level is not None:
+            lab = with_level(lab, args.level)
+        return lab if args.weak_level is None else replace(lab, weak_level=args.weak_level)
+    except ValueError as error:
+        raise BadInput(f"synthesize: {error}") from error
 
 
 def _bench(args: argparse.Namespace) -> Bench:
@@ -106,6 +148,11 @@ def _bench(args: argparse.Namespace) -> Bench:
         base = string_bench(args.series)
     else:
         base = read_bench(args.truth or args.like.parent / TRUTH_NAME)
+    return _changed(base, args)
+
+
+def _changed(base: Bench, args: argparse.Namespace) -> Bench:
+    """The bench with what the options change."""
     try:
         modes = replace(base.modes, **_given(args, MODE_OPTIONS))
         if args.reflection is not None:
@@ -120,6 +167,12 @@ def _given(args: argparse.Namespace, options: dict[str, tuple[str, str]]) -> dic
     return {field: value for field, value in values.items() if value is not None}
 
 
+def _numbers() -> dict[str, str]:
+    """Options with a number -> what they are."""
+    fields = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS}
+    return {option: text for option, (_, text) in fields.items()} | LEVEL_OPTIONS
+
+
 def _command(args: argparse.Namespace) -> str:
     """The command without --out: the same data made elsewhere are the same bytes."""
     words = ["fmu-fit", NAME]
@@ -128,7 +181,7 @@ def _command(args: argparse.Namespace) -> str:
         if value is not None:
             words += [f"--{option}", value.as_posix() if isinstance(value, Path) else value]
     words += ["--seed", str(args.seed)]
-    for option in (*BENCH_OPTIONS, *MODE_OPTIONS):
+    for option in _numbers():
         value = getattr(args, option.replace("-", "_"))
         if value is not None:
             words += [f"--{option}", repr(value)]
