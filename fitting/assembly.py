@@ -11,8 +11,16 @@ import numpy.typing as npt
 from fitting.continuation import Chain, ContinuationStep, Outcome, Schedule, distance, equal_j
 from fitting.evaluator import Evaluator
 from fitting.notation import probability
-from fitting.objective import Measured, Objective, Point, j_reg
-from fitting.parameters import Parameter, canonical, search_bounds, starts, to_model, to_search
+from fitting.objective import Measured, Objective, Point, j_reg, weights
+from fitting.parameters import (
+    Parameter,
+    canonical,
+    prior_widths,
+    search_bounds,
+    starts,
+    to_model,
+    to_search,
+)
 from fitting.result import (
     IDENTIFIABLE,
     AlternativeResult,
@@ -41,7 +49,7 @@ class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
     `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there; `structure` that
-    of the sweep's residuals, None where the sweep is not fitted.
+    of the sweep's residuals, None where the sweep is not fitted; `held` the weights nu_i (n,).
     """
 
     objective: Objective
@@ -52,6 +60,7 @@ class Solution:
     matrix: FloatArray
     errors: Covariance
     structure: Structure | None
+    held: FloatArray
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -65,8 +74,9 @@ class Solution:
 
 
 def solution_of(
-    evaluator: Evaluator, chain: Chain, schedule: Schedule, scale_sigma: float
-) -> Solution:
+    evaluator: Evaluator, chain: Chain, schedule: Schedule, scale_sigma: float,
+    misfit: str = "slack",
+) -> Solution:  # fmt: skip
     """Evaluate start and end of a chain, with Jacobian and covariance at the end."""
     objective = evaluator.objective
     parameters = objective.parameters
@@ -74,14 +84,15 @@ def solution_of(
     x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
     nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
     final, matrix = evaluator.point(x), evaluator.jacobian(x)
-    lower, upper = search_bounds(parameters)
     structure = _sweep_structure(objective.measured, final, matrix)
     errors = covariance(
-        matrix, final.residuals, objective.measured.rows_sigma, upper - lower, nu, scale_sigma,
+        matrix, final.residuals, objective.measured.rows_sigma, prior_widths(parameters), nu,
+        scale_sigma,
         slice(objective.measured.peaks_v.size, None),
         structure.widening if structure is not None else 1.0,
     )  # fmt: skip
-    return Solution(objective, chain, nu, initial, final, matrix, errors, structure)
+    held = weights(objective, nu, misfit)
+    return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held)
 
 
 def _sweep_structure(measured: Measured, final: Point, matrix: FloatArray) -> Structure | None:
@@ -95,10 +106,12 @@ def _sweep_structure(measured: Measured, final: Point, matrix: FloatArray) -> St
 
 
 def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
-    """Value, error and provenance of every fitted parameter, by name."""
+    """Value, error and provenance of every parameter of the whole campaign, by name."""
     results = {}
     shown = canonical(solution.parameters, solution.final.parameters)
     for i, parameter in enumerate(solution.parameters):
+        if parameter.experiments:
+            continue
         gradient = np.zeros(len(solution.parameters))
         gradient[i] = parameter.scale
         std, shrinkage = solution.errors.of(gradient)
@@ -147,7 +160,10 @@ def derived_results(
             moved = x.copy()
             moved[i] = np.clip(x[i] + sign * step, lower[i], upper[i])
             nodes.append(moved)
-    samples = _box_points(lower, upper, seed)
+    own = [i for i, parameter in enumerate(parameters) if not parameter.experiments]
+    spread = _box_points(lower[own], upper[own], seed)
+    samples = np.tile(x, (len(spread), 1))
+    samples[:, own] = spread
     everything = [x, np.clip(np.zeros(n), lower, upper), *nodes, *samples]
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     results = {}
@@ -244,7 +260,7 @@ def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
             start = solution.initial
             rows.append(
                 HistoryRow(
-                    -1, float("nan"), named, means, start.j_fit, j_reg(begun, solution.nu),
+                    -1, float("nan"), named, means, start.j_fit, j_reg(begun, solution.held),
                     float("nan"), float("nan"), "start", "where the search began", 0, 0, 0.0,
                 )
             )  # fmt: skip

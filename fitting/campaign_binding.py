@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +14,11 @@ from fitting.campaign_binder import Binder
 from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
 from fitting.campaign_schema import ContinuationSettings, ParameterChoice
 from fitting.campaign_section import Scalar, Written, in_unit
+from fitting.drifting import Drifting, bind_drift
 from fitting.errors import BadInput
 from fitting.parameters import Parameter
 from fitting.units import base_unit, convert
-from fitting.variables import READABLE, SETTABLE, VariableLike
+from fitting.variables import READABLE, VariableLike
 
 FloatArray = NDArray[np.float64]
 
@@ -89,7 +90,8 @@ class BoundCampaign:
     """A campaign that fits one FMU: every name exists there, every number is in its unit.
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
-    ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after);
+    ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after),
+    ``drift_units`` to its unit;
     ``notes`` are sentences for the report; ``files`` all files read.
     """
 
@@ -113,13 +115,15 @@ class BoundCampaign:
     drifting: Mapping[str, tuple[float, float]]
     notes: tuple[str, ...]
     files: tuple[Path, ...]
+    drift_units: Mapping[str, str] = field(default_factory=dict)
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
     """Check a campaign against the variables of its FMU and convert it to their units.
 
     Bare numbers are in the FMU's unit already. Drifting variables are interpolated linearly over
-    the experiments m = 1..n, from before (m = 1) to after (m = n), as the paper does.
+    the experiments, as the paper does, see `fitting.drifting`; their offsets are parameters after
+    those of the file.
 
     Raises:
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
@@ -130,7 +134,8 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)
     drive = _bind_drive(campaign, binder)
-    drifting = {name: _drift_ends(binder, name, ends) for name, ends in file.drift.items()}
+    drift = bind_drift(campaign, binder)
+    experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived:
         binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
     bound = BoundCampaign(
@@ -143,17 +148,18 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         steady_start=file.observe.steady_start,
         line_width_hz=file.observe.line_width_hz,
         drive=drive,
-        experiments=_bind_experiments(campaign, binder, drive, drifting, output),
+        experiments=experiments,
         sweep=_bind_sweep(campaign, binder),
-        parameters=tuple(_bind_parameter(choice, binder) for choice in file.parameters),
+        parameters=(*_bind_parameters(campaign, binder), *drift.parameters),
         derived=file.derived,
         alternatives=_bind_alternatives(campaign, binder),
         continuation=file.continuation,
         accuracy=file.amplitude_accuracy,
         amplitude_unit=campaign.amplitude_unit,
-        drifting=drifting,
+        drifting=drift.ends,
         notes=tuple(binder.notes),
         files=campaign.files,
+        drift_units={name: variables[name].unit or "1" for name in drift.ends},
     )
     _check_conflicts(bound)
     return bound
@@ -204,21 +210,14 @@ def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     )  # fmt: skip
 
 
-def _drift_ends(binder: Binder, name: str, ends: tuple[Written, Written]) -> tuple[float, float]:
-    variable = binder.real(name, ends[0].where, SETTABLE, "set")
-    return binder.number(variable, ends[0]), binder.number(variable, ends[1])
-
-
 def _bind_experiments(
     campaign: Campaign, binder: Binder, drive: Drive,
-    drifting: Mapping[str, tuple[float, float]], output: VariableLike,
+    drift: Drifting, output: VariableLike,
 ) -> tuple[Experiment, ...]:  # fmt: skip
-    count = len(campaign.experiments)
     bound = []
-    for index, measured in enumerate(campaign.experiments):
-        position = 0.5 if count == 1 else index / (count - 1)
+    for measured, position in zip(campaign.experiments, drift.positions, strict=True):
         settings = _experiment_settings(measured, binder, drive)
-        for name, (before, after) in drifting.items():
+        for name, (before, after) in drift.ends.items():
             if name in settings:
                 where = measured.settings[name].where
                 raise BadInput(f"{where}: '{name}' is set here and by [drift]; wanted one of them")
@@ -277,6 +276,22 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> Sweep | None:
     )
 
 
+def _bind_parameters(campaign: Campaign, binder: Binder) -> list[Parameter]:
+    """The file's parameters; one of the scope "experiment" is as many as there are experiments."""
+    made = []
+    for choice in campaign.file.parameters:
+        parameter = _bind_parameter(choice, binder)
+        if choice.scope == "campaign":
+            made.append(parameter)
+            continue
+        made += [
+            replace(parameter, name=f"{choice.name}[{e.label}]", variable=choice.name,
+                    experiment=e.label)
+            for e in campaign.experiments
+        ]  # fmt: skip
+    return made
+
+
 def _bind_parameter(choice: ParameterChoice, binder: Binder) -> Parameter:
     variable = binder.real(choice.name, choice.where, ("parameter",), "fitted")
     numbers = {}
@@ -297,6 +312,7 @@ def _bind_parameter(choice: ParameterChoice, binder: Binder) -> Parameter:
             reference=numbers.get("reference", numbers["start"]),
             scale=numbers.get("scale", 0.5 * (numbers["upper"] - numbers["lower"])),
             period=numbers.get("period"),
+            prior_sigma=numbers.get("prior"),
         )
     except BadInput as error:
         raise BadInput(f"{choice.where}: {error}") from error
@@ -315,9 +331,10 @@ def _bind_alternatives(campaign: Campaign, binder: Binder) -> tuple[Mapping[str,
 
 def _check_conflicts(bound: BoundCampaign) -> None:
     """A fitted or alternated variable must not be set per experiment or sweep as well."""
-    fitted = [p.name for p in bound.parameters]
-    if len(set(fitted)) < len(fitted):
-        raise BadInput(f"{bound.path}: [[parameters]] {fitted} names one twice")
+    named = [p.name for p in bound.parameters]
+    if len(set(named)) < len(named):
+        raise BadInput(f"{bound.path}: [[parameters]] {named} names one twice")
+    fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
     places: list[tuple[str, Mapping[str, object]]] = [
         (f"experiment '{e.label}'", e.settings) for e in bound.experiments
     ]

@@ -49,7 +49,7 @@ class MeasuredExperiment:
     ``lines_hz``, ``peaks_v``, ``sigmas_v`` (n,) per line read: frequency, peak amplitude with the
     noise floor removed, its standard deviation (nan where ready peaks come without one);
     ``floor_v`` mean noise magnitude; ``output`` the FMU output that this experiment observes, as
-    written in that column of the file, None for the campaign's.
+    written in that column of the file, None for the campaign's; ``stamp`` its time, if drift asks.
     """
 
     label: str
@@ -61,6 +61,7 @@ class MeasuredExperiment:
     floor_v: float
     spectrum: Spectrum | None
     output: Written | None = None
+    stamp: Written | None = None
 
 
 @dataclass(frozen=True)
@@ -251,12 +252,13 @@ def _experiment(
     tones_hz: tuple[float, ...],
 ) -> MeasuredExperiment:  # fmt: skip
     settings = _settings(file, choice, table, index)
+    stamp = _stamp(file, table, index)
     lines_hz = _lines(file, tones_hz, f"{table.path}: row {table.lines[index]}")
     output = settings.pop(OUTPUT_COLUMN, None)
     if choice.spectra is None:
         peaks, sigmas = _ready_peaks(choice, table, index)
         return MeasuredExperiment(
-            label, settings, tones_hz, lines_hz, peaks, sigmas, 0.0, None, output
+            label, settings, tones_hz, lines_hz, peaks, sigmas, 0.0, None, output, stamp
         )
     path = file.path.parent / choice.spectra.replace("{experiment}", label)
     raw = read_trace(path, choice.format.layout, choice.format.selection)
@@ -266,8 +268,20 @@ def _experiment(
     spectrum = Spectrum(frequency_hz, amplitude_v, path, choice.format.amplitude.unit)
     return MeasuredExperiment(
         label, settings, tones_hz, lines_hz, reading.peaks_v, reading.sigmas_v, floor.level_v,
-        spectrum, output,
+        spectrum, output, stamp,
     )  # fmt: skip
+
+
+def _stamp(file: CampaignFile, table: Table, index: int) -> Written | None:
+    """The time stamp of one row: a number in the column's unit, or an ISO date."""
+    if not file.drift.time:
+        return None
+    column = table.column(file.drift.time)
+    where = f"{table.path}: row {table.lines[index]}, column '{column.name}'"
+    text = table.cells[index][column.index]
+    if column.unit is None and any(mark in text for mark in "-:T"):
+        return Written(text, None, where)
+    return Written(parse_number(text, where, decimal_comma=table.decimal_comma), column.unit, where)
 
 
 def _lines(file: CampaignFile, tones_hz: tuple[float, ...], where: str) -> tuple[float, ...]:
@@ -283,7 +297,7 @@ def _settings(
     file: CampaignFile, choice: ExperimentsChoice, table: Table, index: int
 ) -> dict[str, Written]:
     """Columns of the experiments file that set an FMU variable, one row of them."""
-    data = {"experiment", *choice.peaks, *choice.peak_sigmas}
+    data = {"experiment", *choice.peaks, *choice.peak_sigmas, file.drift.time}
     if file.drive.kind == "input":
         data |= set(file.drive.frequencies)
     settings = {}

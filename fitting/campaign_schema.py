@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fitting.amplitudes import Amplitude, declared_amplitude
+from fitting.campaign_drift import DriftChoice, drift_choice
 from fitting.campaign_section import Section, Written, as_written
 from fitting.combinations import Combination, lines_to_read
 from fitting.errors import BadInput
@@ -96,12 +97,16 @@ class SweepChoice:
 
 @dataclass(frozen=True)
 class ParameterChoice:
-    """A fitted FMU parameter as written; ``unit`` belongs to every bare number of the entry."""
+    """A fitted FMU parameter as written; ``unit`` belongs to every bare number of the entry.
+
+    ``scope`` "experiment": every experiment has a value of its own.
+    """
 
     name: str
     unit: str | None
     numbers: Mapping[str, Written]
     where: str
+    scope: str = "campaign"
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ class CampaignFile:
     observe: Observation
     drive: DriveChoice
     experiments: ExperimentsChoice | None
-    drift: Mapping[str, tuple[Written, Written]]
+    drift: DriftChoice
     sweep: SweepChoice | None
     parameters: tuple[ParameterChoice, ...]
     derived: tuple[str, ...]
@@ -154,7 +159,7 @@ def read_campaign_file(path: Path) -> CampaignFile:
         observe=_observe(top),
         drive=drive,
         experiments=_experiments(top, len(drive.read)) if "experiments" in top else None,
-        drift=_drift(top),
+        drift=drift_choice(top),
         sweep=_sweep(top) if "sweep" in top else None,
         parameters=_parameters(top),
         derived=top.sub("derived", ("outputs",)).texts("outputs", ()),
@@ -179,7 +184,7 @@ def _check_whole(campaign: CampaignFile, top: Section) -> None:
             f"{top.where('observe')}: wanted line_width (a rough one sets the settling time), or "
             "steady_start = true if the FMU starts on its periodic orbit, or a [sweep]"
         )
-    if campaign.drift and campaign.experiments is None:
+    if campaign.drift.ends and campaign.experiments is None:
         raise BadInput(f"{top.where('drift')}: drifts over experiments, but there are none")
 
 
@@ -303,15 +308,6 @@ def _experiments(top: Section, lines: int) -> ExperimentsChoice:
     )
 
 
-def _drift(top: Section) -> dict[str, tuple[Written, Written]]:
-    section = top.sub("drift")
-    drift = {}
-    for name in section.data:
-        ends = section.sub(name, ("before", "after"))
-        drift[name] = (ends.written("before"), ends.written("after"))
-    return drift
-
-
 def _sweep(top: Section) -> SweepChoice:
     allowed = ("file", "set", "use", "scale", "background", *TRACE_KEYS)
     section = Section(top.path, "sweep", top.required("sweep"), allowed)
@@ -335,15 +331,17 @@ def _parameters(top: Section) -> tuple[ParameterChoice, ...]:
 
 def _parameter(top: Section, index: int, entry: Any) -> ParameterChoice:
     needed = ("lower", "upper", "start")
-    allowed = ("name", "unit", *needed, "reference", "scale", "period")
+    further = ("reference", "scale", "period", "prior")
+    allowed = ("name", "unit", "scope", *needed, *further)
     name = entry.get("name", index) if isinstance(entry, Mapping) else index
     section = Section(top.path, f"parameters '{name}'", entry, allowed)
-    keys = [*needed, *(k for k in ("reference", "scale", "period") if k in section)]
+    keys = [*needed, *(k for k in further if k in section)]
     return ParameterChoice(
         name=section.text("name"),
         unit=section.text("unit") if "unit" in section else None,
         numbers={key: section.written(key) for key in keys},
         where=section.where(),
+        scope=section.choice("scope", ("campaign", "experiment"), "campaign"),
     )
 
 

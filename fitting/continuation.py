@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from fitting.evaluator import Counts, Evaluator, total
 from fitting.interior_point import SolveSettings, inside, solve
-from fitting.objective import Objective, j_reg
+from fitting.objective import Objective, j_reg, weights
 from fitting.parameters import Parameter, search_bounds, starts, to_search
 
 FloatArray = npt.NDArray[np.float64]
@@ -146,12 +146,15 @@ def start_vectors(parameters: Sequence[Parameter], schedule: Schedule) -> list[F
     """Search vectors to start from: the campaign's own first, then seeded ones in the box.
 
     All strictly inside. More than one, because a symmetric start can be a stationary point of the
-    misfit (theta = 0 of two coupled modes is).
+    misfit (theta = 0 of two coupled modes is). What has a prior of its own starts alike every time.
     """
     lower, upper = search_bounds(parameters)
     generator = np.random.default_rng(schedule.seed)
     own = to_search(parameters, starts(parameters))
-    seeded = [generator.uniform(lower, upper) for _ in range(schedule.starts - 1)]
+    free = np.array([p.prior_sigma is None for p in parameters])
+    seeded = [np.array(own) for _ in range(schedule.starts - 1)]
+    for x in seeded:
+        x[free] = generator.uniform(lower[free], upper[free])
     return [inside(x, lower, upper) for x in [own, *seeded]]
 
 
@@ -208,9 +211,11 @@ def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
     x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
     evaluator = Evaluator(run.objective)
     seeds = [run.schedule.seed, run.alternative, chain.start, level]
-    answer = solve(evaluator, x, nu, run.settings, np.random.default_rng(seeds))
+    misfit = run.settings.misfit
+    held = weights(run.objective, nu, misfit)
+    answer = solve(evaluator, x, held, run.settings, np.random.default_rng(seeds))
     point = evaluator.point(answer.x)
-    following = j_reg(answer.x, run.schedule.nu(level + 1))
+    following = j_reg(answer.x, weights(run.objective, run.schedule.nu(level + 1), misfit))
     return ContinuationStep(
         alternative=run.alternative,
         start=chain.start,
@@ -219,7 +224,7 @@ def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
         x=tuple(map(float, answer.x)),
         parameters=tuple(map(float, point.parameters)),
         j_fit=point.j_fit,
-        j_reg=total(point, nu, run.settings.misfit) - total(point, 0.0, run.settings.misfit),
+        j_reg=total(point, held, misfit) - total(point, 0.0, misfit),
         change=float(np.linalg.norm(answer.x - x)) + abs(point.j_fit - following),
         optimality=answer.optimality,
         status=answer.status,

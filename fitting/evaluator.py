@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from fitting.objective import Objective, Point, evaluate_many, j_reg, jacobian_of, stencil
+from fitting.objective import Nu, Objective, Point, evaluate_many, j_reg, jacobian_of, stencil
 from fitting.parameters import search_bounds
 
 FloatArray = npt.NDArray[np.float64]
@@ -79,12 +79,12 @@ class Evaluator:
 
 
 def misfit_value(point: Point, misfit: str) -> float:
-    """Misfit: sum |r| for "slack" and "absolute", sum r^2 for "squares"."""
+    """Misfit: sum |r| for "slack" and "absolute", `Measured.squares` for "squares"."""
     if misfit == "squares":
-        return float(np.dot(point.residuals, point.residuals))
+        return point.squares
     return point.j_fit
 
 
-def total(point: Point, nu: float, misfit: str) -> float:
+def total(point: Point, nu: Nu, misfit: str) -> float:
     """What is minimised at one point: misfit + J_reg."""
     return misfit_value(point, misfit) + j_reg(point.x, nu)

@@ -165,4 +165,6 @@ def _in_short(alike: Sequence[str]) -> str:
 
 def _reported(result: Result, bound: BoundCampaign) -> FloatArray:
     """The reported values in the order of the campaign, as the model takes them."""
-    return np.array([result.parameters[parameter.name].value for parameter in bound.parameters])
+    values = {name: p.value for name, p in result.parameters.items()}
+    values |= {offset.parameter: offset.fitted for offset in result.offsets}
+    return np.array([values[parameter.name] for parameter in bound.parameters])

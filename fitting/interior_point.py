@@ -1,5 +1,7 @@
 """One regularised problem of Algorithm 2: min misfit(r(x)) + nu/2 |x|^2 in the box.
 
+nu may be one number or one per variable, where a prior of its own holds it.
+
 "slack" (default) gives the interior-point method the smooth problem
 
     min_{x, s}  sum s + nu/2 |x|^2      -s <= r(x) <= s,   lower <= x <= upper,
@@ -21,7 +23,9 @@ import numpy.typing as npt
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
 
 from fitting.evaluator import Evaluator, total
+from fitting.gauss_newton import finish_squares
 from fitting.linear_program import follow, promised_decrease
+from fitting.objective import Nu, j_reg
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -37,7 +41,7 @@ class SolveSettings:
 
     `misfit` is one of `evaluator.MISFITS`; a point is optimal where a linearised step promises
     less than `absolute + relative J` (for "squares", a sum of another dimension,
-    `absolute^2 + relative J/100`); `iterations` bounds each interior-point run; `barrier` is
+    `absolute^2 + relative J/10`); `iterations` bounds each interior-point run; `barrier` is
     the largest first barrier parameter and `radius` the first trust radius; `restarts` counts the
     further tries from a perturbed point where optimality is in doubt.
     """
@@ -77,14 +81,15 @@ def inside(x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
 def solve(
     evaluator: Evaluator,
     start: FloatArray,
-    nu: float,
+    nu: Nu,
     settings: SolveSettings,
     generator: np.random.Generator,
 ) -> Solve:
     """Minimise misfit + J_reg from one start; never worse than the start.
 
-    Order: is the start optimal already? interior point; finish by linearised steps ("slack" only);
-    where optimality is still in doubt, again from a perturbed point, and the better is kept.
+    Order: is the start optimal already? interior point; finish by linearised steps ("slack" and
+    "squares"); where optimality is still in doubt, again from a perturbed point, and the better is
+    kept.
 
     Raises:
         FmuFailure: the model failed at a point inside the box.
@@ -104,17 +109,17 @@ def solve(
     return best
 
 
-def _value(evaluator: Evaluator, x: FloatArray, nu: float, settings: SolveSettings) -> float:
+def _value(evaluator: Evaluator, x: FloatArray, nu: Nu, settings: SolveSettings) -> float:
     return total(evaluator.point(x), nu, settings.misfit)
 
 
 def _tolerance(value: float, settings: SolveSettings) -> float:
     if settings.misfit == "squares":
-        return settings.absolute**2 + 0.01 * settings.relative * value
+        return settings.absolute**2 + 0.1 * settings.relative * value
     return settings.absolute + settings.relative * value
 
 
-def _attempt(evaluator: Evaluator, start: FloatArray, nu: float, settings: SolveSettings) -> Solve:
+def _attempt(evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSettings) -> Solve:
     begun = _value(evaluator, start, nu, settings)
     promise = _promise(evaluator, start, nu, settings)
     if promise <= _tolerance(begun, settings):
@@ -127,9 +132,10 @@ def _attempt(evaluator: Evaluator, start: FloatArray, nu: float, settings: Solve
         # also catches NaN: trust-constr has been seen to report success for both
         x, said = start, f"the interior point did not lower J ({said})"
     steps = 0
-    if settings.misfit == "slack":
+    if settings.misfit in ("slack", "squares"):
         tolerance = _tolerance(_value(evaluator, x, nu, settings), settings)
-        end = follow(evaluator, x, nu, tolerance)
+        finish = follow if settings.misfit == "slack" else finish_squares
+        end = finish(evaluator, x, nu, tolerance)
         x, steps, promise = end.x, end.steps, end.optimality
         said = f"{said}; {steps} linearised steps: {end.message}" if steps else said
     else:
@@ -139,7 +145,7 @@ def _attempt(evaluator: Evaluator, start: FloatArray, nu: float, settings: Solve
     return Solve(x, promise, status, said, iterations, steps)
 
 
-def _promise(evaluator: Evaluator, x: FloatArray, nu: float, settings: SolveSettings) -> float:
+def _promise(evaluator: Evaluator, x: FloatArray, nu: Nu, settings: SolveSettings) -> float:
     try:
         return promised_decrease(evaluator, x, nu, settings.misfit)
     except ArithmeticError:
@@ -149,7 +155,7 @@ def _promise(evaluator: Evaluator, x: FloatArray, nu: float, settings: SolveSett
 class _Watch:
     """Keeps the best iterate by the true J; stops a solve that is there, or that gets nowhere."""
 
-    def __init__(self, evaluator: Evaluator, nu: float, settings: SolveSettings) -> None:
+    def __init__(self, evaluator: Evaluator, nu: Nu, settings: SolveSettings) -> None:
         self.evaluator, self.nu, self.settings = evaluator, nu, settings
         self.n = evaluator.lower.size
         self.best_x: FloatArray | None = None
@@ -182,7 +188,7 @@ class _Watch:
 
 
 def _interior_point(
-    evaluator: Evaluator, start: FloatArray, nu: float, settings: SolveSettings
+    evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSettings
 ) -> tuple[FloatArray, int, str]:
     """Best iterate of trust-constr, its number of iterations and its own words."""
     x0 = inside(start, evaluator.lower, evaluator.upper)
@@ -210,7 +216,7 @@ def _interior_point(
 
 
 def _slack_problem(
-    evaluator: Evaluator, x0: FloatArray, nu: float, settings: SolveSettings
+    evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
 ) -> dict[str, Any]:
     n = x0.size
     rows = np.abs(evaluator.point(x0).residuals)
@@ -228,7 +234,7 @@ def _slack_problem(
 
     free = np.full(m, np.inf)
     return {
-        "fun": lambda y: float(np.sum(y[n:]) + 0.5 * nu * np.dot(y[:n], y[:n])),
+        "fun": lambda y: float(np.sum(y[n:])) + j_reg(y[:n], nu),
         "x0": np.concatenate([x0, rows + settings.barrier]),
         "jac": lambda y: np.concatenate([nu * y[:n], np.ones(m)]),
         "hess": lambda y: curvature,
@@ -242,7 +248,7 @@ def _slack_problem(
 
 
 def _plain_problem(
-    evaluator: Evaluator, x0: FloatArray, nu: float, settings: SolveSettings
+    evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
 ) -> dict[str, Any]:
     def slope(x: FloatArray) -> FloatArray:
         signs = np.sign(evaluator.point(np.array(x)).residuals)
@@ -259,16 +265,18 @@ def _plain_problem(
 
 
 def _squares_problem(
-    evaluator: Evaluator, x0: FloatArray, nu: float, settings: SolveSettings
+    evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
 ) -> dict[str, Any]:
     def slope(x: FloatArray) -> FloatArray:
-        rows = evaluator.point(np.array(x)).residuals
+        point = evaluator.point(np.array(x))
+        rows = point.row_weights * point.residuals
         gradient: FloatArray = 2.0 * evaluator.jacobian(np.array(x)).T @ rows + nu * x
         return gradient
 
     def gauss_newton(x: FloatArray) -> FloatArray:
         matrix = evaluator.jacobian(np.array(x))
-        hessian: FloatArray = 2.0 * matrix.T @ matrix + nu * np.eye(x0.size)
+        weighted = evaluator.point(np.array(x)).row_weights[:, np.newaxis] * matrix
+        hessian: FloatArray = 2.0 * matrix.T @ weighted + nu * np.eye(x0.size)
         return hessian
 
     return {

@@ -73,6 +73,7 @@ def measured_of(bound: BoundCampaign) -> Measured:
         sweep_v=sweep.amplitude_v if sweep is not None else np.empty(0),
         scale=sweep.scale if sweep is not None else "none",
         fit_sweep=sweep is not None and sweep.use == "fit",
+        weigh=any(p.prior_sigma is not None for p in bound.parameters),
     )
 
 

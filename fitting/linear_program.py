@@ -17,6 +17,7 @@ import numpy.typing as npt
 from scipy.optimize import linprog
 
 from fitting.evaluator import Evaluator, total
+from fitting.objective import Nu
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -92,7 +93,7 @@ def _scaled_step(
     return step
 
 
-def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: float, misfit: str) -> float:
+def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: Nu, misfit: str) -> float:
     """Optimality: the decrease of J that the linearised problem promises within one unit of x.
 
     For "squares" the linearised rows make a quadratic, and the promise is its Newton decrement
@@ -103,12 +104,14 @@ def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: float, misfit: st
     """
     rows, matrix = evaluator.point(x).residuals, evaluator.jacobian(x)
     room = (np.minimum(evaluator.lower - x, 0.0), np.maximum(evaluator.upper - x, 0.0))
-    slope = nu * x
+    slope = np.asarray(nu * x)
     if misfit == "squares":
-        slope = slope + 2.0 * matrix.T @ rows
+        weights = evaluator.point(x).row_weights
+        slope = slope + 2.0 * matrix.T @ (weights * rows)
         free = ~(((room[0] >= 0.0) & (slope > 0.0)) | ((room[1] <= 0.0) & (slope < 0.0)))
-        g, hessian = slope[free], 2.0 * matrix[:, free].T @ matrix[:, free]
-        hessian += nu * np.eye(g.size)
+        g, seen = slope[free], matrix[:, free]
+        hessian = 2.0 * seen.T @ (weights[:, np.newaxis] * seen)
+        hessian += np.diag(np.broadcast_to(nu, x.shape)[free])
         return 0.5 * float(g @ np.linalg.lstsq(hessian, g, rcond=None)[0])
     step = linear_step(rows, matrix, slope, room, TEST_RADIUS)
     return _promise(rows, matrix, slope, step)
@@ -120,7 +123,7 @@ def _promise(rows: FloatArray, matrix: FloatArray, slope: FloatArray, step: Floa
 
 
 def follow(
-    evaluator: Evaluator, start: FloatArray, nu: float, tolerance: float, *, steps: int = 40
+    evaluator: Evaluator, start: FloatArray, nu: Nu, tolerance: float, *, steps: int = 40
 ) -> Finish:
     """Lower sum |r| + J_reg by linearised steps until no step promises more than the tolerance.
 
@@ -150,12 +153,12 @@ def follow(
 
 
 def _one_step(
-    evaluator: Evaluator, x: FloatArray, nu: float, radius: float
+    evaluator: Evaluator, x: FloatArray, nu: Nu, radius: float
 ) -> tuple[FloatArray | None, float]:
     """The next accepted x with the radius for the step after it; None where none is found."""
     rows, matrix = evaluator.point(x).residuals, evaluator.jacobian(x)
     room = (np.minimum(evaluator.lower - x, 0.0), np.maximum(evaluator.upper - x, 0.0))
-    slope = nu * x
+    slope = np.asarray(nu * x)
     here = total(evaluator.point(x), nu, "slack")
     while radius > SMALLEST_RADIUS:
         step = linear_step(rows, matrix, slope, room, radius)

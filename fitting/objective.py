@@ -3,12 +3,18 @@
     r_i(p) = (chi(p) z_i(p) - z*_i)/z*_i        J_fit = sum |r_i|        J_reg = nu/2 |x|^2
 
 with the search vector x = (p - p_ref)/scale. Evaluating changes nothing: points are records.
+
+A parameter with a Gaussian prior of its own (standard deviation s, scale = s) does not fade with
+nu: it keeps a weight in units of the noise. With rows of relative noise sigma the posterior's
+-2 log is sum r^2/sigma^2 + x^2, so sum r^2 stands beside sigma^2 x^2. The sum of absolute values is
+the -log of Laplace noise, sum |r|/b, whose mean absolute value is that of the Gaussian noise where
+b = sqrt(2/pi) sigma: it stands beside b/2 x^2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +24,19 @@ from fitting.response import Evaluation, Response
 from fitting.scaling import chi_of_maxima, chi_of_sweep, laboratory_maximum
 
 FloatArray = npt.NDArray[np.float64]
+#: A weight for all variables, or one for each, (n,).
+Nu = float | FloatArray
 
 SCALES = ("maximum", "fit", "none")
 #: Share of the data that may be left where a point still counts as following them.
 PLATEAU = 0.5
 #: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
 SMALLEST_MISFIT = 1e-3
+#: Relative noise of a row, for the weight of a prior, where nobody knows it.
+ASSUMED_NOISE = 0.01
+#: Residuals beyond this many standard deviations count linearly with outliers = "huber".
+HUBER = 1.345
+OUTLIERS = ("keep", "huber")
 
 
 @dataclass(frozen=True)
@@ -33,7 +46,7 @@ class Measured:
     `peaks_v`, `sigmas_v` (n_peaks,) in the order experiments x tones; `sweep_v` (n_sweep,);
     `scale` "maximum" (Algorithm 1), "fit" (least squares over the sweep) or "none" (the model
     answers in their unit); `fit_sweep` makes every sweep point a residual row, relative to
-    `maximum_v`.
+    `maximum_v`; `weigh` and `outliers` change the misfit "squares", see there.
 
     Raises:
         ValueError: shapes that differ, a peak that is not positive, a scale without a sweep.
@@ -45,6 +58,8 @@ class Measured:
     scale: str = "maximum"
     fit_sweep: bool = False
     maximum_v: float = 0.0
+    weigh: bool = False
+    outliers: str = "keep"
 
     def __post_init__(self) -> None:
         if self.peaks_v.shape != self.sigmas_v.shape:
@@ -67,6 +82,23 @@ class Measured:
         peaks = np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
         return np.concatenate([peaks, np.zeros(self.sweep_v.size)]) if self.fit_sweep else peaks
 
+    def squares(self, residuals: FloatArray) -> tuple[float, FloatArray]:
+        """Misfit "squares" of rows (m,), and the weights (m,) that its gradient 2 J^T w r has.
+
+        sum r^2; with `weigh`, if every sigma is known, sum w r^2, w = sigma^-2/mean(sigma^-2), and
+        with outliers = "huber" rows beyond 1.345 sigma count linearly (P. Huber, Robust
+        Statistics, 1981).
+        """
+        sigma = self.rows_sigma
+        if not (self.weigh and np.all(sigma > 0.0)):
+            return float(np.dot(residuals, residuals)), np.ones(residuals.size)
+        weights = sigma**-2 / np.mean(sigma**-2)
+        if self.outliers != "huber":
+            return float(np.sum(weights * residuals**2)), weights
+        far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)
+        value = np.sum(weights * residuals**2 * (2.0 * far - 1.0) / far**2)
+        return float(value), weights / far
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -83,7 +115,7 @@ class Point:
     """One evaluated search vector: `residuals` (n_rows,), `simulated_v` = chi z (n_peaks,).
 
     `scale_bias` is the relative error that the simulated grid leaves in chi, `runs` the number of
-    simulations it took.
+    simulations it took; `squares` and `row_weights` (n_rows,) are those of `Measured.squares`.
     """
 
     x: FloatArray
@@ -93,6 +125,8 @@ class Point:
     simulated_v: FloatArray
     scale_bias: float
     runs: int = 0
+    squares: float = float("nan")
+    row_weights: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def j_fit(self) -> float:
@@ -100,12 +134,31 @@ class Point:
         return float(np.sum(np.abs(self.residuals)))
 
 
-def j_reg(x: FloatArray, nu: float) -> float:
-    """J_reg = nu/2 |x|^2 with x the search vector (the paper's p - p_ref over its scale)."""
-    return 0.5 * nu * float(np.dot(x, x))
+def j_reg(x: FloatArray, nu: Nu) -> float:
+    """J_reg = sum nu_i/2 x_i^2, x the search vector (the paper's p - p_ref over its scale)."""
+    return 0.5 * float(np.sum(nu * x * x))
 
 
-def tikhonov_rows(x: FloatArray, nu: float) -> FloatArray:
+def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
+    """nu_i of every parameter, (n,): nu, or the noise's own weight where it has a Gaussian prior.
+
+    With a prior: 2 sigma^2 for "squares", sqrt(2/pi) sigma for sums of absolute values, sigma the
+    relative noise of the rows (see the module).
+    """
+    sigma = objective.measured.rows_sigma
+    known = sigma[sigma > 0.0]
+    if known.size == 0:
+        known = np.array([ASSUMED_NOISE])
+    if misfit == "squares":
+        kept = 2.0 / float(np.mean(known**-2))
+    else:
+        kept = float(np.sqrt(2.0 / np.pi) * np.mean(known))
+    held = [(p.scale / p.prior_sigma) ** 2 * kept if p.prior_sigma else nu
+            for p in objective.parameters]  # fmt: skip
+    return np.array(held, dtype=float)
+
+
+def tikhonov_rows(x: FloatArray, nu: Nu) -> FloatArray:
     """Rows t = sqrt(nu/2) x whose sum of squares is J_reg, shape (n,)."""
     rows: FloatArray = np.sqrt(0.5 * nu) * x
     return rows
@@ -140,7 +193,8 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         sweep = (chi * evaluation.sweep_amplitudes - measured.sweep_v) / measured.maximum_v
         rows = np.concatenate([rows, sweep])
     p = to_model(objective.parameters, x)
-    return Point(x.copy(), p, rows, chi, simulated, bias, evaluation.runs)
+    squares = measured.squares(rows)
+    return Point(x.copy(), p, rows, chi, simulated, bias, evaluation.runs, *squares)
 
 
 def evaluate_many(objective: Objective, xs: Sequence[FloatArray]) -> list[Point]:

@@ -124,6 +124,24 @@ def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArr
     return to_search(parameters, lower), to_search(parameters, upper)
 
 
+def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
+    """Widths in x of uniform priors of the parameters' variances, (n,).
+
+    That of the box; with a Gaussian prior of standard deviation s it is sqrt(12) s.
+    """
+    lower, upper = search_bounds(parameters)
+    widths = upper - lower
+    for i, p in enumerate(parameters):
+        if p.prior_sigma is not None:
+            widths[i] = math.sqrt(12.0) * p.prior_sigma / p.scale
+    return np.asarray(widths, dtype=float)
+
+
+def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Parameters of the model that hold for the whole campaign."""
+    return tuple(p for p in parameters if not p.experiments and p.role == "model")
+
+
 def canonical(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray:
     """Values (..., n) with every periodic parameter brought into ``[0, period)``.
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fitting import assembly
+from fitting import assembly, corrections
 from fitting.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
 from fitting.data_warnings import data_warnings
 from fitting.evaluator import Counts, Evaluator
@@ -29,6 +29,7 @@ from fitting.result import (
     Scalar,
     Scale,
     SweepCurves,
+    SweepLine,
 )
 from fitting.scaling import LaboratoryMaximum, laboratory_maximum
 from fitting.sweep_line import line_of_sweep, line_warnings
@@ -172,28 +173,26 @@ class _Watch:
 
 
 def _finish(
-    bound: BoundCampaign,
-    identity: Identity,
-    options: Options,
-    objectives: list[Objective],
+    bound: BoundCampaign, identity: Identity, options: Options, objectives: list[Objective],
     outcomes: list[Outcome],
-) -> Result:
+) -> Result:  # fmt: skip
     reported = _best_alternative(outcomes)
     objective, outcome = objectives[reported], outcomes[reported]
     maximum = _maximum(bound)
     chain = outcome.best or outcome.chains[0]
-    evaluator = Evaluator(objective)
+    evaluator, misfit = Evaluator(objective), options.solve.misfit
     sigma = _scale_sigma(objective.measured, maximum)
-    solution = assembly.solution_of(evaluator, chain, options.schedule, sigma)
+    solution = assembly.solution_of(evaluator, chain, options.schedule, sigma, misfit)
     parameters = assembly.parameter_results(solution)
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
     alternatives = assembly.alternative_results(objectives, outcomes, bound.alternatives, reported)
-    warnings = assembly.warning_sentences(solution, outcome, parameters, derived)
-    said = data_warnings(bound, maximum, solution.final.scale_bias)
+    said = assembly.warning_sentences(solution, outcome, parameters, derived)
     line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
-    warnings = [*said, *warnings, *_ties(alternatives)]
-    if line is not None:
-        warnings += line_warnings(line, fitted=objective.measured.fit_sweep)
+    offsets = corrections.offset_results(solution)
+    said += corrections.drift_warnings(bound, offsets, _width_hz(bound, line))
+    warnings = data_warnings(bound, maximum, solution.final.scale_bias)
+    warnings += [*said, *_ties(alternatives)]
+    warnings += line_warnings(line, fitted=objective.measured.fit_sweep) if line else []
     status, message = _status(solution, outcomes)
     last = solution.last
     return Result(
@@ -219,7 +218,15 @@ def _finish(
         warnings=tuple(warnings),
         provenance=provenance_of(bound, identity, options),
         line=line,
+        offsets=offsets,
     )
+
+
+def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
+    """Line width: of the sweep's fit, else the declared one; NaN where neither is known."""
+    if line is not None and line.width_hz > 0.0:
+        return line.width_hz
+    return bound.line_width_hz or float("nan")
 
 
 def _best_alternative(outcomes: list[Outcome]) -> int:
@@ -318,7 +325,8 @@ def _sweep(bound: BoundCampaign, solution: assembly.Solution) -> SweepCurves | N
 
 
 def _correlation(solution: assembly.Solution) -> tuple[tuple[float, ...], ...]:
-    total = solution.errors.total
+    own = [i for i, p in enumerate(solution.parameters) if not p.experiments]
+    total = solution.errors.total[np.ix_(own, own)]
     std = np.sqrt(np.diag(total))
     return tuple(tuple(map(float, row)) for row in total / np.outer(std, std))
 

@@ -10,6 +10,7 @@ from fitting import report_tables as tables
 from fitting.labdata import BoundCampaign
 from fitting.notation import listed, number, plain, prefixed, quantity, span
 from fitting.plots_style import FigureFile
+from fitting.report_drift import offset_table
 from fitting.report_tables import Table
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
 from fitting.sweep_line import line_sentences
@@ -73,7 +74,7 @@ def _found(result: Result) -> Section:
     every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
     items = [_value_sentence(name, value) for name, value in every.items()]
     tied = _tied_sentences(result)
-    shown = [tables.parameter_table(result), tables.correlation_table(result)]
+    shown = [tables.parameter_table(result), offset_table(result), tables.correlation_table(result)]
     return Section(
         "found", "What was found, and what the data do not determine", tuple(said),
         (*items, *tied), tuple(table for table in shown if table is not None),

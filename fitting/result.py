@@ -77,6 +77,28 @@ class DerivedResult:
 
 
 @dataclass(frozen=True)
+class OffsetResult:
+    """A fitted value of one state of the sample, such as its offset from the interpolated drift.
+
+    It belongs to `experiments` (those of one time share it) and is added to `variables`; `prior` is
+    the standard deviation it was given (NaN: none). `fitted` is the value of `parameter` itself:
+    of a random walk it is the last step, while `value` is all steps together.
+    """
+
+    parameter: str
+    experiments: tuple[str, ...]
+    variables: tuple[str, ...]
+    value: float
+    unit: str
+    std: float
+    ci95: tuple[float, float]
+    prior: float
+    shrinkage: float
+    identifiable: str
+    fitted: float
+
+
+@dataclass(frozen=True)
 class Peak:
     """One peak: measured and simulated (scaled) amplitudes, before and after, V peak."""
 
@@ -293,6 +315,7 @@ class Result:
     warnings: tuple[str, ...]
     provenance: Provenance
     line: SweepLine | None = None
+    offsets: tuple[OffsetResult, ...] = ()
 
 
 def write_result(result: Result, folder: Path) -> tuple[Path, Path]:

@@ -19,18 +19,21 @@ LADDER = (
     "response spectrum tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
+    "campaign_drift",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_records",
     "synthesis_plan",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation linear_program plan_search "
     "tradeoff_front tradeoff_memory tradeoff_reading uncertainty",
+    "drifting gauss_newton",
     "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
     "continuation fmu.process labdata",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "
     "plots_history sweep_line tradeoff_scenes",
+    "corrections",
     "fmu plots_reconstruction reconstruction report_tables",
-    "batch drive report_sections tradeoff_bench",
-    "driving tradeoff_grid tradeoff_quantities",
+    "batch drive report_drift tradeoff_bench",
+    "driving report_sections tradeoff_grid tradeoff_quantities",
     "drive_plan fmu_job plots_drive report tradeoff_reference",
     "design_candidates design_choice design_information design_result report_tradeoff "
     "tradeoff_extrapolation tradeoff_plan",

@@ -20,7 +20,7 @@ from fitting.job import Options, job_of, options_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.options import whole_number
 from fitting.reconstruction import Hooks, Progress
-from fitting.result import IDENTIFIABLE, Result, write_result
+from fitting.result import IDENTIFIABLE, OffsetResult, Result, write_result
 from fitting.sweep_line import line_sentences
 
 NAME = "reconstruct"
@@ -150,6 +150,10 @@ def _error(std: float) -> str:
     return _shown(std, ".2g")
 
 
+def _named(offset: OffsetResult) -> str:
+    return f"{'+'.join(offset.variables)} in {', '.join(offset.experiments)}"
+
+
 def table(result: Result) -> list[str]:
     """The result as lines of text."""
     marked = result.synthetic and "synthetic" not in result.title.lower()
@@ -168,6 +172,8 @@ def table(result: Result) -> list[str]:
         elif d.identifiable == IDENTIFIABLE[2]:
             note += f": {d.box[0]:.6g} to {d.box[1]:.6g}"
         lines.append(f"{name:12} {value:>14} {d.unit:5} {_error(d.std):>9} {reference:>12}  {note}")
+    lines += [f"{_named(o):12} {o.value:+14.5g} {o.unit:5} {_error(o.std):>9} {0.0:12.6g}  "
+              f"{o.identifiable} ({o.shrinkage:.2f})" for o in result.offsets]  # fmt: skip
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
     for other in result.alternatives:
