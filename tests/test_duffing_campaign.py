@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import tomllib
 from collections.abc import Iterator
@@ -97,3 +98,27 @@ def test_the_cubic_coefficient_comes_back_within_its_noise(
         pulls.append((found.value - lab.cubic.alpha1) / found.std)
     assert np.abs(pulls).max() < 3.0
     assert np.sqrt(np.mean(np.square(pulls))) < 1.8
+
+
+def test_simulate_lists_the_intermodulation_lines(
+    workers: FmuWorkers, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By name, in lines.csv and in words, with the amplitudes of harmonic balance."""
+    lab = duffing_bench()
+    pair, level = lab.bench.pairs_hz[1], lab.levels[1]
+    width = lab.bench.modes.widths_hz()[0]
+    values = {
+        "theta": 0.0, "d1": width, "alpha1": lab.cubic.alpha1, "A1": level, "A2": level,
+        "u1": pair[0], "u2": pair[1], "kappa": 0.0, "alpha2": 0.0, "eta_plus": 6940260.0,
+    }  # fmt: skip
+    words = [word for name, v in values.items() for word in ("--set", f"{name}={v!r}")]
+    words += ["--set", "periodic_start=true", "--settle", "0", "--out", str(tmp_path)]
+    assert main(["simulate", str(workers.description.path), *words]) == 0
+    with (tmp_path / "lines.csv").open() as stream:
+        rows = {row["combination"]: row for row in csv.DictReader(stream)}
+    lines = steady_lines(lab.bench.modes, lab.cubic, Drive(pair, level))
+    for name, factors in (("2 u1 - u2", (2, -1)), ("2 u2 - u1", (-1, 2)), ("3 u2 - 2 u1", (-2, 3))):
+        assert float(rows[name]["frequency (Hz)"]) == np.dot(factors, pair)
+        wanted = abs(lines.at(*factors)[0])
+        assert float(rows[name]["q1_hybrid (m)"]) == pytest.approx(wanted, rel=1e-4)
+    assert "m at 2 u1 - u2 = 6.94021 MHz" in capsys.readouterr().out

@@ -33,7 +33,7 @@ LADDER = (
     "corrections",
     "fmu plots_reconstruction reconstruction report_tables",
     "batch drive report_drift tradeoff_bench",
-    "driving report_sections tradeoff_grid tradeoff_quantities",
+    "drive_lines driving report_sections tradeoff_grid tradeoff_quantities",
     "drive_plan fmu_job plots_drive report tradeoff_reference",
     "design_candidates design_choice design_information design_result report_tradeoff "
     "tradeoff_extrapolation tradeoff_plan",

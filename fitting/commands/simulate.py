@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fitting.combinations import combination_name
 from fitting.drive import Drive, DriveResult, simulate_drive
+from fitting.drive_lines import MixedLine, mixed_peaks
 from fitting.errors import BadInput, StartValue
 from fitting.files import write_whole
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
@@ -26,6 +28,7 @@ SUMMARY = "one drive through an FMU: time trace with beating, spectrum with its 
 EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" --out out/two-tone'
 
 DEFAULT_TONES = ("u1", "u2")
+MOST_MIXED = 4
 TONE_NAME = re.compile(r"(.*?)(\d+)")
 #: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
 AMPLITUDE_STEM = "A"
@@ -90,9 +93,11 @@ def run(args: argparse.Namespace) -> int:
         drive = _drive(args, description)
         with status_line(NAME) as tell:
             result = simulate_drive(drive, workers, tell)
-    for path in _write(result, description, args.out):
+    mixed = mixed_peaks(result)
+    names = _names_of_tones(args, description)
+    for path in _write(result, description, args.out, mixed, names):
         print(path)
-    print(*_summary(result, description), sep="\n")
+    print(*_summary(result, description), *_mixed(mixed, names, result, description), sep="\n")
     for warning in workers.warnings:
         print(f"the FMU warns: {warning}")
     if result.settled and result.explained:
@@ -210,7 +215,17 @@ def _tones(
     return tuple(tones)
 
 
-def _write(result: DriveResult, description: FmuDescription, out: Path) -> list[Path]:
+def _names_of_tones(args: argparse.Namespace, description: FmuDescription) -> tuple[str, ...]:
+    """What the tones are called in a combination of them."""
+    if args.input is None:
+        return _tone_names(args, description)
+    return tuple(f"f{k}" for k in range(1, len(_listed(args.drive)) + 1))
+
+
+def _write(
+    result: DriveResult, description: FmuDescription, out: Path, mixed: Sequence[MixedLine],
+    names: Sequence[str],
+) -> list[Path]:  # fmt: skip
     from fitting.plots_drive import save_figures  # worker processes import this file, too
 
     units = [description.variables[name].unit or "1" for name in result.drive.outputs]
@@ -225,6 +240,13 @@ def _write(result: DriveResult, description: FmuDescription, out: Path) -> list[
             ("beating.csv", ["time (s)"], [result.beating.times_s, result.beating.values])
         )
     paths = []
+    if mixed:
+        numbers = [[m.frequency_hz, *m.amplitudes.tolist()] for m in mixed]
+        titles = [combination_name(m.factors, names) for m in mixed]
+        rows = [[t, *map(repr, row)] for t, row in zip(titles, numbers, strict=True)]
+        head = ["combination", "frequency (Hz)", *columns]
+        write_whole(out / "lines.csv", "".join(",".join(row) + "\n" for row in [head, *rows]))
+        paths.append(out / "lines.csv")
     for name, first, arrays in tables:
         write_whole(out / name, _csv(first + columns, np.column_stack(arrays)))
         paths.append(out / name)
@@ -250,6 +272,28 @@ def _summary(result: DriveResult, description: FmuDescription) -> list[str]:
             f"{name}: {peak:.9g} {unit} peak at {hertz(tone, digits=10)}"
             for tone, peak in zip(result.drive.tones_hz, peaks, strict=True)
         ]
+    return lines
+
+
+def _mixed(
+    mixed: Sequence[MixedLine], names: Sequence[str], result: DriveResult,
+    description: FmuDescription,
+) -> list[str]:  # fmt: skip
+    """The largest lines at combinations of the tones, as a response has that is not linear."""
+    lines = []
+    for k, name in enumerate(result.drive.outputs):
+        if name in result.constants:
+            continue
+        unit = description.variables[name].unit or ""
+        sizes = sorted((m.amplitudes[k] for m in mixed), reverse=True)[:MOST_MIXED]
+        shown = [m for m in mixed if m.amplitudes[k] in sizes]
+        lines += [
+            f"{name}: {m.amplitudes[k]:.9g} {unit} at {combination_name(m.factors, names)} = "
+            f"{hertz(m.frequency_hz, digits=10)}"
+            for m in shown
+        ]
+        if len(mixed) > len(shown):
+            lines.append(f"{name}: {len(mixed) - len(shown)} smaller lines are in lines.csv")
     return lines
 
 
