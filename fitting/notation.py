@@ -16,6 +16,8 @@ from dataclasses import dataclass
 _TAKES_PREFIX = ("Hz", "V", "A", "m", "N", "s", "W", "J", "Pa", "F", "C", "rad")
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"),
              (1e-12, "p"), (1e-15, "f"))  # fmt: skip
+#: Sizes beyond these have no prefix that spares zeros.
+_PREFIXED = (1e-18, 1e13)
 #: Units that mean a pure number.
 _NO_UNIT = ("", "1", "-", "dimensionless")
 _SIGNS = {"plus": "+", "minus": "−"}
@@ -90,11 +92,11 @@ def unit_text(unit: str) -> str:
 def prefixed(size: float, unit: str) -> tuple[float, str]:
     """Factor and unit in which a number of that size reads well: (7e6, "Hz") -> (1e6, "MHz").
 
-    Units without prefixes get a power of ten where numbers would be long: (2e-6, "rad").
+    A power of ten stands where numbers would be long without: (2e-6, "rad"), (1e-300, "V").
     """
     if not (math.isfinite(size) and size > 0.0):
         return 1.0, unit_text(unit)
-    if unit not in _TAKES_PREFIX:
+    if unit not in _TAKES_PREFIX or not _PREFIXED[0] <= size < _PREFIXED[1]:
         if 1e-3 <= size < 1e6:
             return 1.0, unit_text(unit)
         power = 3 * math.floor(math.log10(size) / 3.0)

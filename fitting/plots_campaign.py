@@ -351,7 +351,7 @@ def _response_words(
     result: Result, sweep: Sweep, curves: SweepCurves, fit: Resonance | None, why: str
 ) -> tuple[str, str]:
     measured, final = np.array(curves.measured_v), np.array(curves.final_v)
-    rms = float(np.sqrt(np.mean((final - measured) ** 2)) / np.max(measured))
+    rms = float(np.sqrt(np.mean(((final - measured) / np.max(measured)) ** 2)))
     role = "is fitted point by point" if sweep.use == "fit" else "sets the scale χ only"
     kind = {"maximum": "from the ratio of the maxima", "fit": "by least squares"}
     how = kind.get(result.scale.kind, "not scaled")

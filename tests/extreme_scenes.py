@@ -257,7 +257,12 @@ def bound_of(scene: Scene, workers: FmuWorkers, folder: Path) -> BoundCampaign:
 
 def fit(scene: Scene, workers: FmuWorkers, folder: Path) -> Result:
     """The result of a scene, and what holds for every result, whatever the scene."""
-    bound = bound_of(scene, workers, folder)
+    return fit_bound(write(scene, workers.description.path, folder), workers)
+
+
+def fit_bound(path: Path, workers: FmuWorkers) -> Result:
+    """The result of a campaign that is written, checked likewise."""
+    bound = bind(read_campaign(path), workers.description.variables)
     identity = identify_fmu(workers.description, "test")
     result = reconstruct_through(workers, bound, identity, options_of(bound))
     speaks_plainly(result)
