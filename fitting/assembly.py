@@ -21,6 +21,7 @@ from fitting.parameters import (
     to_model,
     to_search,
 )
+from fitting.ranges import output_ranges
 from fitting.result import (
     IDENTIFIABLE,
     AlternativeResult,
@@ -37,9 +38,6 @@ from fitting.uncertainty import Covariance, covariance, in_words
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Seeded points of the box at which derived outputs are read, to say what they could be without
-#: data, and the most points of a grid over it, which holds its corners.
-BOX_SAMPLES, BOX_GRID = 64, 729
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
 APART = 0.1
 
@@ -160,32 +158,18 @@ def derived_results(
             moved = x.copy()
             moved[i] = np.clip(x[i] + sign * step, lower[i], upper[i])
             nodes.append(moved)
-    own = [i for i, parameter in enumerate(parameters) if not parameter.experiments]
-    spread = _box_points(lower[own], upper[own], seed)
-    samples = np.tile(x, (len(spread), 1))
-    samples[:, own] = spread
-    everything = [x, np.clip(np.zeros(n), lower, upper), *nodes, *samples]
+    everything = [x, np.clip(np.zeros(n), lower, upper), *nodes]
     answers = response.derived_many([to_model(parameters, y) for y in everything])
+    ranges = output_ranges(response, parameters, seed, everything)
     results = {}
     for name, values in answers[0].items():
         means = np.array([_mean(answer[name]) for answer in answers])
         around = means[2 : 2 + 2 * n]
         spans = np.array([nodes[2 * i][i] - nodes[2 * i + 1][i] for i in range(n)])
         gradient = (around[0::2] - around[1::2]) / spans
-        results[name] = _derived(solution, values, gradient, means, units.get(name, ""))
+        box = (ranges[name].low, ranges[name].high)
+        results[name] = _derived(solution, values, gradient, means, units.get(name, ""), box)
     return results
-
-
-def _box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
-    """Points of the box, shape (m, n): a grid with its corners, where that is small, and seeded."""
-    n = len(lower)
-    seeded = np.random.default_rng(seed).uniform(lower, upper, (BOX_SAMPLES, n))
-    levels = max(k for k in range(1, 10) if k**n <= BOX_GRID)
-    if levels < 2:
-        return seeded
-    axes = [np.linspace(a, b, levels) for a, b in zip(lower, upper, strict=True)]
-    grid = np.stack([axis.ravel() for axis in np.meshgrid(*axes)], axis=1)
-    return np.concatenate([grid, seeded])
 
 
 def _mean(values: FloatArray) -> float:
@@ -193,14 +177,17 @@ def _mean(values: FloatArray) -> float:
 
 
 def _derived(
-    solution: Solution, values: FloatArray, gradient: FloatArray, means: FloatArray, unit: str
+    solution: Solution,
+    values: FloatArray,
+    gradient: FloatArray,
+    means: FloatArray,
+    unit: str,
+    box: tuple[float, float],
 ) -> DerivedResult:
     known = bool(np.all(np.isfinite(gradient)) and np.isfinite(means[0]))
     std, shrinkage = solution.errors.of(gradient) if known else (float("nan"), 0.0)
     std = std if _held(shrinkage) else float("nan")
     value = float(means[0])
-    finite = means[np.isfinite(means)]
-    box = (float(np.min(finite)), float(np.max(finite))) if finite.size else (np.nan, np.nan)
     return DerivedResult(
         value=value,
         unit=unit,
@@ -329,15 +316,9 @@ def _start(objective: Objective, chain: Chain, best: Chain) -> StartResult:
     )
 
 
-def warning_sentences(
-    solution: Solution,
-    outcome: Outcome,
-    parameters: Mapping[str, ParameterResult],
-    derived: Mapping[str, DerivedResult],
-) -> list[str]:
-    """What a reader of the numbers must know."""
+def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> list[str]:
+    """Which values the data do not determine, or only partly."""
     said = []
-    values: dict[str, ParameterResult | DerivedResult] = {**parameters, **derived}
     for verdict in IDENTIFIABLE[1:]:
         names = [name for name, value in values.items() if value.identifiable == verdict]
         if names:
@@ -345,6 +326,17 @@ def warning_sentences(
                 f"{verdict.capitalize()} by these data: {', '.join(names)}. Prior and start decide "
                 "where these values are reported."
             )
+    return said
+
+
+def warning_sentences(
+    solution: Solution,
+    outcome: Outcome,
+    parameters: Mapping[str, ParameterResult],
+    derived: Mapping[str, DerivedResult],
+) -> list[str]:
+    """What a reader of the numbers must know."""
+    said = verdict_sentences({**parameters, **derived})
     for i, parameter in enumerate(solution.parameters):
         p, width = float(solution.final.parameters[i]), parameter.upper - parameter.lower
         if min(p - parameter.lower, parameter.upper - p) < 1e-3 * width:

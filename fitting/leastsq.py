@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 FloatArray = NDArray[np.float64]
 
@@ -64,6 +64,26 @@ def minimise_squares(
         converged=bool(fit.status > 0 and np.all(np.isfinite(fit.x))),
         message=str(fit.message),
     )
+
+
+def bounded_step(
+    matrix: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray:
+    """The step d (n,) in a box that minimises ``|matrix d - target|^2``.
+
+    Source: bounded-variable least squares (Stark and Parker 1995), scipy.optimize.lsq_linear.
+    """
+    free = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    if np.all((lower <= free) & (free <= upper)):
+        return np.asarray(free, dtype=float)
+    # the solver wants room between its bounds
+    room = upper - lower > 1e-14 * np.maximum(1.0, np.abs(lower) + np.abs(upper))
+    step = np.clip(np.zeros_like(lower), lower, upper)
+    if np.any(room):
+        rest = target - matrix[:, ~room] @ step[~room]
+        fit = lsq_linear(matrix[:, room], rest, (lower[room], upper[room]), method="bvls")
+        step[room] = np.clip(fit.x, lower[room], upper[room])
+    return step
 
 
 def _inverse_curvature(jacobian: FloatArray) -> FloatArray:

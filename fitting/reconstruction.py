@@ -72,10 +72,14 @@ class Memory(Protocol):
 
 @dataclass(frozen=True)
 class Hooks:
-    """Watching and resuming, all optional."""
+    """Watching and resuming, and what is asked of the data at the end, all optional.
+
+    `inform(result, solution, scale_sigma)` adds what the data determine to the result.
+    """
 
     progress: Callable[[Progress], None] = lambda state: None
     memory: Memory | None = None
+    inform: Callable[[Result, assembly.Solution, float], Result] | None = None
     clock: Callable[[], float] = time.perf_counter
 
 
@@ -117,7 +121,9 @@ def reconstruct(
     if not outcomes:
         raise KeyboardInterrupt
     del objectives[len(outcomes) :]
-    result = _finish(bound, identity, options, objectives, outcomes)
+    result, solution, sigma = _finish(bound, identity, options, objectives, outcomes)
+    if hooks.inform is not None and result.status != STATUSES[2]:
+        result = hooks.inform(result, solution, sigma)
     return replace(result, seconds=hooks.clock() - begun)
 
 
@@ -175,7 +181,7 @@ class _Watch:
 def _finish(
     bound: BoundCampaign, identity: Identity, options: Options, objectives: list[Objective],
     outcomes: list[Outcome],
-) -> Result:  # fmt: skip
+) -> tuple[Result, assembly.Solution, float]:  # fmt: skip
     reported = _best_alternative(outcomes)
     objective, outcome = objectives[reported], outcomes[reported]
     maximum = _maximum(bound)
@@ -195,7 +201,7 @@ def _finish(
     warnings += line_warnings(line, fitted=objective.measured.fit_sweep) if line else []
     status, message = _status(solution, outcomes)
     last = solution.last
-    return Result(
+    result = Result(
         title=bound.title,
         synthetic=bound.synthetic,
         status=status,
@@ -220,6 +226,7 @@ def _finish(
         line=line,
         offsets=offsets,
     )
+    return result, solution, sigma
 
 
 def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.files import write_whole
+from fitting.knowledge import Knowledge
 from fitting.records import read_json, write_json
 
 Scalar = float | int | bool | str
@@ -26,10 +27,10 @@ IDENTIFIABLE = ("determined", "partly determined", "not determined")
 class ParameterResult:
     """One fitted parameter.
 
-    `value` is canonical (periodic ones in [0, period)); `std` (NaN where "not determined"), `ci95`
-    from the linearised covariance with box and Tikhonov term as prior, `ci95` within the box;
-    `shrinkage` the share of its variance that comes from the data, not from the prior;
-    `identifiable` in words.
+    `value` is canonical (periodic ones in [0, period)); `std` (NaN where "not determined") from the
+    linearised covariance with box and Tikhonov term as prior, `ci95` likewise and within the box,
+    or from the profile likelihood where there is `Result.knowledge`; `shrinkage` the share of its
+    variance that comes from the data, not from the prior; `identifiable` in words.
     """
 
     value: float
@@ -316,6 +317,7 @@ class Result:
     provenance: Provenance
     line: SweepLine | None = None
     offsets: tuple[OffsetResult, ...] = ()
+    knowledge: Knowledge | None = None
 
 
 def write_result(result: Result, folder: Path) -> tuple[Path, Path]:

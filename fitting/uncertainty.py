@@ -58,6 +58,18 @@ def row_sigmas(sigmas: FloatArray, residuals: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(filled, SMALLEST_SIGMA))
 
 
+def freedom(white: FloatArray, prior: FloatArray) -> float:
+    """Degrees of freedom that the residuals keep: rows less the directions that the data hold.
+
+    m - sum s^2/(1 + s^2), s the singular values of `white` (m, n) in units of the prior, whose
+    inverse standard deviations are `prior` (n,). At least one half.
+
+    Source: effective number of parameters of ridge regression (Hastie and Tibshirani).
+    """
+    squares = np.linalg.svd(white / prior, compute_uv=False) ** 2
+    return max(0.5, float(white.shape[0] - np.sum(squares / (1.0 + squares))))
+
+
 def covariance(
     matrix: FloatArray,
     residuals: FloatArray,

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 #: A module imports only from rows above its own; a new module takes its place in the table.
 LADDER = (
     "errors",
-    "fmu.log laboratory leastsq notation progress scaling structure variables",
+    "fmu.log knowledge laboratory leastsq lockstep notation progress scaling structure variables",
     "laboratory_plan",
     "budget duffing_laboratory exact_modes files fmu.description fmu.records parameters peaks "
     "response spectrum tables units",
@@ -26,12 +26,15 @@ LADDER = (
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation linear_program plan_search "
     "tradeoff_front tradeoff_memory tradeoff_reading uncertainty",
     "drifting gauss_newton",
-    "campaign_binding fmu.worker interior_point plots_tradeoff tradeoff_tables",
-    "continuation fmu.process labdata",
+    "campaign_binding fmu.worker interior_point likelihood plots_tradeoff ranges tradeoff_tables",
+    "continuation descent fmu.process labdata",
+    "nu_choice profiles",
+    "exploration",
+    "identifiability verdicts",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "
     "plots_history sweep_line tradeoff_scenes",
     "corrections",
-    "fmu plots_reconstruction reconstruction report_tables",
+    "fmu inference plots_reconstruction reconstruction report_tables",
     "batch drive report_drift tradeoff_bench",
     "drive_lines driving report_sections tradeoff_grid tradeoff_quantities",
     "drive_plan fmu_job plots_drive report tradeoff_reference",

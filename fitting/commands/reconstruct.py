@@ -12,7 +12,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from fitting import checkpoint
+from fitting import checkpoint, inference
 from fitting.evaluator import MISFITS
 from fitting.fmu import FmuWorkers
 from fitting.fmu_job import identify_fmu, provide_fmu, reconstruct_through
@@ -42,6 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
     parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
+    parser.add_argument(
+        "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
+    )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
 
@@ -66,7 +69,8 @@ def run(args: argparse.Namespace) -> int:
             print(f"{len(memory)} finished levels found in {memory.path}")
         shown = _Line(sys.stderr.isatty())
         try:
-            hooks = Hooks(progress=shown, memory=memory)
+            inform = None if args.no_profiles else inference.inform
+            hooks = Hooks(progress=shown, memory=memory, inform=inform)
             result = reconstruct_through(workers, bound, identity, options, hooks)
         except KeyboardInterrupt:
             shown.end()
@@ -102,7 +106,9 @@ def _command(args: argparse.Namespace) -> str:
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]
-    flags = [name for name in ("resume", "quick", "no_report") if getattr(args, name)]
+    flags = [
+        name for name in ("resume", "quick", "no_profiles", "no_report") if getattr(args, name)
+    ]
     words += [f"--{name.replace('_', '-')}" for name in flags]
     return shlex.join(words)
 

@@ -1,0 +1,162 @@
+"""What the data determine, as records: profiles, directions, equivalent minima, the choice of nu.
+
+All values are in the units that stand beside them, `nan` (JSON null) where there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Floats = tuple[float, ...]
+Interval = tuple[float, float]
+
+#: What ended a side of a profile.
+ENDS = ("crossed", "bound", "round", "lost", "cost")
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Profile likelihood of one parameter or derived output.
+
+    `best` is the most likely value, `interval68`, `interval95` where Dchi^2 stays below 1 and 3.84
+    (asymmetric where the data are), `box` the range without data, `ends` how each side ended:
+    "crossed" the threshold, met a "bound" of the range, came "round", was "lost" (no further
+    point found; the interval then goes to the end of the range) or cut for its "cost" (likewise).
+    `sigma` is linearised at the best point, `shrinkage` = 1 - (width of interval95/width without
+    data)^2, `verdict` in words with its `reason`. `values` and `delta` (Dchi^2) are the points of
+    the profile in rising order, `path` the parameters and outputs along it.
+    """
+
+    kind: str
+    unit: str
+    best: float
+    sigma: float
+    interval68: Interval
+    interval95: Interval
+    box: Interval
+    ends: tuple[str, str]
+    shrinkage: float
+    verdict: str
+    reason: str
+    values: Floats
+    delta: Floats
+    path: Mapping[str, Floats]
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A right singular vector of the whitened sensitivities.
+
+    `singular` in sigma per unit of the search vector, `share` per width of the box; `vector` by
+    parameter. For a direction that the data do not see: `change` by parameter, a finite change that
+    was evaluated, `largest` the most that any row moved by it, in sigma, and a `sentence`.
+    """
+
+    singular: float
+    share: float
+    vector: Mapping[str, float]
+    change: Mapping[str, float]
+    largest: float
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Equivalent:
+    """Another point that fits as well: where it is, how it was found, Dchi^2, what it means."""
+
+    parameters: Mapping[str, float]
+    derived: Mapping[str, float]
+    delta: float
+    origin: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class NuRow:
+    """One nu of the schedule: misfit, distance from the prior, chi square, where it led."""
+
+    nu: float
+    j_fit: float
+    distance: float
+    chi_square: float
+    curvature: float
+    parameters: Mapping[str, float]
+    derived: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class NuChoice:
+    """nu as the data would choose it, beside the schedule; NaN where a criterion chooses none.
+
+    `corner` of the L-curve, `discrepancy` the largest nu whose chi square noise explains
+    (`allowed`), `last` the schedule's. `sentences` say so.
+    """
+
+    rows: tuple[NuRow, ...]
+    corner: float
+    discrepancy: float
+    allowed: float
+    last: float
+    sentences: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Percentiles:
+    """Bootstrap of one value: median, standard deviation, 2.5 % and 97.5 % points."""
+
+    median: float
+    std: float
+    interval95: Interval
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Parametric bootstrap: refits of synthetic data drawn at the most likely point.
+
+    `values` for what the data determine at least partly; `failed` refits are not counted.
+    """
+
+    samples: int
+    failed: int
+    seed: int
+    values: Mapping[str, Percentiles]
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Evaluations of the objective, readings of derived outputs, simulation runs of the former."""
+
+    evaluations: int
+    derived: int
+    fmu_runs: int
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What the data say about every parameter and derived output.
+
+    `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`; `inflation`
+    of all standard deviations for residuals beyond the noise. `data` is False where the profiles
+    are those of assumed data (before any measurement).
+    """
+
+    data: bool
+    chi_square: float
+    freedom: float
+    inflation: float
+    parameters: Mapping[str, Profile]
+    derived: Mapping[str, Profile]
+    directions: tuple[Direction, ...]
+    without_effect: tuple[str, ...]
+    equivalents: tuple[Equivalent, ...]
+    sentences: tuple[str, ...]
+    effort: Effort
+    nu: NuChoice | None = None
+    bootstrap: Bootstrap | None = None
+
+    @property
+    def profiles(self) -> dict[str, Profile]:
+        """Parameters and derived outputs together."""
+        return {**self.parameters, **self.derived}
