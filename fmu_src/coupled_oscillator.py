@@ -10,6 +10,7 @@ from .model_error import ModelError
 from .oscillator_equations import Parameters
 from .oscillator_linear import LinearSolver
 from .oscillator_rk4 import RungeKuttaSolver
+from .oscillator_single import FULL, LEFT_OUT, QUASI_STATIC, SingleModeSolver, error
 from .two_mode_slave import (
     DERIVED,
     DISPLACEMENTS,
@@ -43,6 +44,20 @@ def _quadratures() -> list[Variable]:
     ]
 
 
+def _errors() -> list[Variable]:
+    """Return what solver and other_mode leave out, as a bound of each mode's amplitude."""
+    return [
+        steady(
+            f"q{mode}_hybrid_error",
+            None,
+            f"bound of the relative error of q{mode}_hybrid's amplitude at the active tones by "
+            "what solver 1 or other_mode leave out; 0 with neither; rk4's substep not included",
+            1e-5,
+        )
+        for mode in (1, 2)
+    ]
+
+
 VARIABLES = (
     *PHYSICAL,
     PERIODIC_START,
@@ -56,14 +71,24 @@ VARIABLES = (
         maximum=2,
     ),
     substep_parameter(RK4),
+    fixed(
+        "other_mode",
+        "Integer",
+        FULL,
+        "the mode away from the drive, with solver 0: 0 full, 1 quasi-static (its off-resonant "
+        "phasor, no transient, nothing on the other mode), 2 left out (0)",
+        minimum=FULL,
+        maximum=LEFT_OUT,
+    ),
     INPUT,
     *DISPLACEMENTS,
     *_quadratures(),
+    *_errors(),
     *DERIVED,
 )
 
 
-class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver"]):
+class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleModeSolver"]):
     """Two coupled, damped modes of a nanomechanical string under a two-tone drive."""
 
     description = (
@@ -76,7 +101,7 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver"]):
     moving: ClassVar[tuple[str, ...]] = tuple(v.name for v in DISPLACEMENTS)
 
     def steady_outputs(self) -> Sequence[float]:
-        """Return quadratures, coupling, uncoupled eigenfrequencies and damping matrix."""
+        """Return quadratures, errors, coupling, uncoupled eigenfrequencies and damping matrix."""
         solver = self.running()
         p = solver.p
         quadratures: list[float] = []
@@ -87,22 +112,42 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver"]):
         for mode in (0, 1):
             for response in responses:
                 quadratures += [response[mode].real, response[mode].imag]
-        return *quadratures, *super().steady_outputs()
+        return *quadratures, *self._left_out(), *super().steady_outputs()
+
+    def _left_out(self) -> tuple[float, float]:
+        """Return the relative errors of both modes' amplitudes, the largest of the active tones."""
+        solver = self.running()
+        p = solver.p
+        if isinstance(solver, RungeKuttaSolver) or not (p.g1 or p.g2):
+            return 0.0, 0.0
+        found = [
+            error(p, solver.response(u), u) for u, size in ((p.u1, p.A1), (p.u2, p.A2)) if size
+        ]
+        return max((e[0] for e in found), default=0.0), max((e[1] for e in found), default=0.0)
 
     def new_solver(
         self, p: Parameters, offsets: tuple[float, float]
-    ) -> LinearSolver | RungeKuttaSolver:
+    ) -> LinearSolver | RungeKuttaSolver | SingleModeSolver:
         """Return the solver by its number."""
         kind, substep = self.value("solver"), self.value("rk4_substep")
         if kind not in (EXACT, ENVELOPE, RK4):
             raise ModelError(f"solver = {kind!r}: 0 (exact), 1 (envelope) or 2 (rk4) is wanted")
         checked_substep(substep)
+        other = self.value("other_mode")
+        if other not in (FULL, QUASI_STATIC, LEFT_OUT):
+            raise ModelError(
+                f"other_mode = {other!r}: 0 (full), 1 (quasi-static) or 2 (left out) is wanted"
+            )
+        if other != FULL:
+            if kind != EXACT:
+                raise ModelError(f"other_mode = {other!r} is for solver 0 (exact), not {kind!r}")
+            return SingleModeSolver(p, other, offsets)
         if kind == RK4:
             return RungeKuttaSolver(p, substep, offsets)
         return LinearSolver(p, kind == ENVELOPE, offsets)
 
     def retuned(
-        self, solver: LinearSolver | RungeKuttaSolver, p: Parameters, t: float
-    ) -> LinearSolver | RungeKuttaSolver:
+        self, solver: LinearSolver | RungeKuttaSolver | SingleModeSolver, p: Parameters, t: float
+    ) -> LinearSolver | RungeKuttaSolver | SingleModeSolver:
         """Return the same kind of solver with new parameters."""
         return solver.retuned(p, t)

@@ -45,6 +45,16 @@ SHIFT = Variable(
     nominal=1e-5,
 )
 
+ENVELOPE_ERROR = Variable(
+    "envelope_error",
+    "Real",
+    "output",
+    "continuous",
+    "bound of the relative error of a mode's largest line by averaging: eps (3 eps + |u1 - u2|/c), "
+    "eps = nonlinear_shift at this time; 0 with solver 2; not next to the end of a branch",
+    nominal=1e-9,
+)
+
 VARIABLES = (
     *PHYSICAL,
     _cubic("alpha1", 1e32, "-alpha1 q~1^3 on mode 1"),
@@ -81,6 +91,7 @@ VARIABLES = (
     INPUT,
     *DISPLACEMENTS,
     SHIFT,
+    ENVELOPE_ERROR,
     *DERIVED,
 )
 
@@ -95,7 +106,9 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
     version = "1.0"
     license = "MIT"
     variables: ClassVar[tuple[Variable, ...]] = VARIABLES
-    moving: ClassVar[tuple[str, ...]] = tuple(v.name for v in (*DISPLACEMENTS, SHIFT))
+    moving: ClassVar[tuple[str, ...]] = tuple(
+        v.name for v in (*DISPLACEMENTS, SHIFT, ENVELOPE_ERROR)
+    )
 
     def begin(self, t: float) -> None:
         """Start at rest or on a periodic orbit."""
@@ -104,10 +117,16 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
             self.warn("branch = 1 says nothing of a start at rest; set periodic_start to true")
 
     def moving_outputs(self) -> Sequence[float]:
-        """Return the displacements in both coordinates and the shift by the cubic terms."""
+        """Return displacements, the shift by the cubic terms, and what averaging them costs."""
         solver = self.running()
-        found = shift(solver.cubic, solver.squares(self.time), frame_frequency(solver.p))
-        return *super().moving_outputs(), found
+        p = solver.p
+        centre = frame_frequency(p)
+        found = shift(solver.cubic, solver.squares(self.time), centre)
+        averaging = 0.0
+        if isinstance(solver, EnvelopeSolver):
+            spread = abs(p.u1 - p.u2) / centre if p.A1 and p.A2 else 0.0
+            averaging = found * (3.0 * found + spread)
+        return *super().moving_outputs(), found, averaging
 
     def new_solver(
         self, p: Parameters, offsets: tuple[float, float]

@@ -51,7 +51,7 @@ class LinearSolver:
     def __init__(self, p: Parameters, envelope: bool, offsets: tuple[float, float] = (0.0, 0.0)):
         """Prepare the periodic part; the transient's kernel is made when first needed."""
         self.p, self.envelope, self.offsets = p, envelope, offsets
-        self.centre = _centre(p)
+        self.centre = centre_of(p)
         self.tones = tuple(self._tone(i) for i in (0, 1) if (p.A1, p.A2)[i] and (p.g1 or p.g2))
         self._kernel: Kernel | None = None
         self._tone_kernels: list[ToneKernel] = []
@@ -285,7 +285,7 @@ class LinearSolver:
             ]
 
 
-def _centre(p: Parameters) -> float:
+def centre_of(p: Parameters) -> float:
     """Return the frequency of the rotating frame: the mean of the active tones, or of the modes."""
     active = [u for u, size in ((p.u1, p.A1), (p.u2, p.A2)) if size]
     return sum(active) / len(active) if active else 0.5 * (p.eta_plus + p.eta_minus)
