@@ -41,7 +41,7 @@ DIMENSIONS = {
     "m/s2": {"m": "1", "s": "-2"},
 }
 #: The Reals without a dimension: the gains of the drive.
-DIMENSIONLESS = {"g1", "g2", "Q_plus", "Q_minus"}
+DIMENSIONLESS = {"q1_hybrid_error", "q2_hybrid_error", "g1", "g2", "Q_plus", "Q_minus"}
 
 
 # --- the modelDescription ------------------------------------------------------------------------
