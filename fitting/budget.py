@@ -20,6 +20,7 @@ SHARES: Mapping[str, float] = {
     "settling": 0.2,
     "solver": 0.25,
     "samples": 0.1,
+    "maximum": 0.1,
 }
 
 
@@ -137,7 +138,8 @@ def sentences_of(budget: Budget) -> tuple[str, ...]:
 def told(decision: Decision) -> str:
     """One decision as a line: subject, choice, reason."""
     mark = " (as asked for)" if decision.forced else ""
-    return f"{decision.subject}: {decision.choice}{mark}; {decision.sentence}"
+    most = f"; at most {decision.bound:.1e}" if decision.cost > 0.0 else ""
+    return f"{decision.subject}: {decision.choice}{mark}; {decision.sentence}{most}"
 
 
 def checked_accuracy(value: float, where: str) -> float:

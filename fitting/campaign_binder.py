@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from fitting.budget import Hints, Reduction
+from fitting.campaign_accuracy import AccuracyChoice
 from fitting.campaign_section import Scalar, Written, in_unit
 from fitting.errors import BadInput
 from fitting.tables import did_you_mean
-from fitting.variables import SETTABLE, VariableLike
+from fitting.variables import READABLE, SETTABLE, VariableLike
 
 
 class Binder:
@@ -85,6 +87,31 @@ class Binder:
     def setting(self, name: str, written: Written) -> Scalar:
         """Check that a variable may be set, and convert the value."""
         return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
+
+
+def bind_hints(choice: AccuracyChoice, binder: Binder) -> Hints:
+    """The [accuracy] table in the FMU's names and units.
+
+    Raises:
+        BadInput: a variable that is not there, or cannot be set or read; force or forbid of what
+            is no reduction.
+    """
+    for name in (choice.tolerance, choice.substep):
+        if name is not None:
+            binder.real(name, choice.where, SETTABLE, "set")
+    reductions = []
+    for entry in choice.reductions:
+        if entry.bound is not None:
+            binder.real(entry.bound, f"{entry.where} bound", READABLE, "read")
+        settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
+        reductions.append(Reduction(entry.name, settings, entry.bound))
+    full = {name: binder.setting(name, w) for name, w in choice.full.items()}
+    try:
+        return Hints(
+            choice.tolerance, choice.substep, full, tuple(reductions), choice.force, choice.forbid
+        )
+    except BadInput as error:
+        raise BadInput(f"{choice.where} {error}") from error
 
 
 def is_real(variable: VariableLike) -> bool:

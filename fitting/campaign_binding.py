@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fitting.campaign_binder import Binder
+from fitting.budget import Hints
+from fitting.campaign_binder import Binder, bind_hints
 from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
 from fitting.campaign_schema import ContinuationSettings, ParameterChoice
 from fitting.campaign_section import Scalar, Written, in_unit
@@ -92,7 +93,8 @@ class BoundCampaign:
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after),
     ``drift_units`` to its unit;
-    ``notes`` are sentences for the report; ``files`` all files read.
+    ``notes`` are sentences for the report; ``files`` all files read; ``hints`` say what is known
+    of the FMU's accuracy and of what may be left out.
     """
 
     title: str
@@ -116,6 +118,7 @@ class BoundCampaign:
     notes: tuple[str, ...]
     files: tuple[Path, ...]
     drift_units: Mapping[str, str] = field(default_factory=dict)
+    hints: Hints = field(default_factory=Hints)
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -154,12 +157,13 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         derived=file.derived,
         alternatives=_bind_alternatives(campaign, binder),
         continuation=file.continuation,
-        accuracy=file.amplitude_accuracy,
+        accuracy=file.accuracy.amplitude,
         amplitude_unit=campaign.amplitude_unit,
         drifting=drift.ends,
         notes=tuple(binder.notes),
         files=campaign.files,
         drift_units={name: variables[name].unit or "1" for name in drift.ends},
+        hints=bind_hints(file.accuracy, binder),
     )
     _check_conflicts(bound)
     return bound

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fitting.amplitudes import Amplitude, declared_amplitude
+from fitting.campaign_accuracy import AccuracyChoice, read_accuracy
 from fitting.campaign_drift import DriftChoice, drift_choice
 from fitting.campaign_section import Section, Written, as_written
 from fitting.combinations import Combination, lines_to_read
@@ -139,7 +140,7 @@ class CampaignFile:
     derived: tuple[str, ...]
     alternatives: Mapping[str, tuple[Written, ...]]
     continuation: ContinuationSettings
-    amplitude_accuracy: float
+    accuracy: AccuracyChoice
 
 
 def read_campaign_file(path: Path) -> CampaignFile:
@@ -150,7 +151,6 @@ def read_campaign_file(path: Path) -> CampaignFile:
     """
     top = Section(path, "", parse_toml(path), TOP_KEYS)
     drive = _drive(top)
-    accuracy = top.sub("accuracy", ("amplitude",)).number("amplitude", 1e-6, positive=True)
     campaign = CampaignFile(
         path=path,
         title=top.text("title"),
@@ -165,7 +165,7 @@ def read_campaign_file(path: Path) -> CampaignFile:
         derived=top.sub("derived", ("outputs",)).texts("outputs", ()),
         alternatives=_alternatives(top),
         continuation=_continuation(top),
-        amplitude_accuracy=accuracy,
+        accuracy=read_accuracy(top),
     )
     _check_whole(campaign, top)
     return campaign

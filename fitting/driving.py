@@ -109,7 +109,7 @@ class FmuResponse:
         table = np.array([np.asarray(p, dtype=float) for p in ps])
         groups = [alike(table[:, self._columns(label)]) for label, _ in places]
         runs = [
-            Run(self._values(table[k], label, place), 0.0, 1.0, 1, names, allow_nan=True)
+            Run(self.values(table[k], label, place), 0.0, 1.0, 1, names, allow_nan=True)
             for (label, place), (first, _) in zip(places, groups, strict=True)
             for k in first
         ]
@@ -190,7 +190,7 @@ class FmuResponse:
             first, group = alike(table[:, self._columns(e.label)])
             signal = self._signal(window, e.tones_hz)
             runs = [
-                batch.ask(self._values(table[k], e.label, e.settings), window, signal, output, k)
+                batch.ask(self.values(table[k], e.label, e.settings), window, signal, output, k)
                 for k in map(int, first)
             ]
             asked.append((runs, group))
@@ -208,7 +208,7 @@ class FmuResponse:
 
     def _ask_sweep(self, batch: Batch, p: FloatArray, window: Window, owner: int) -> int:
         drive, sweep = self.bound.drive, self.bound.sweep
-        values = self._values(p, None, sweep.settings if sweep is not None else {})
+        values = self.values(p, None, sweep.settings if sweep is not None else {})
         if drive.kind == "tones":
             unit = drive.frequency_unit
             values[drive.frequencies[0]] = _in_unit(window.tones_hz[0], unit)
@@ -242,7 +242,7 @@ class FmuResponse:
         rows = tuple((tone, drive.level, 0.0) for tone in tones_hz)
         return InputSignal(drive.input, rows, window.input_step_s)
 
-    def _values(
+    def values(
         self, p: FloatArray, label: str | None, settings: Mapping[str, Scalar]
     ) -> dict[str, Scalar]:
         """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones."""
@@ -270,7 +270,7 @@ class FmuResponse:
             return [(None, 0) for _ in ps]
         searches = [_Search(nodes, a) for a in amplitudes]
         for _ in range(SEARCH_ROUNDS):
-            more = [s.wanted(self.bound.accuracy) for s in searches]
+            more = [s.wanted(self.plan.maximum_bias or self.bound.accuracy) for s in searches]
             if not any(m.size for m in more):
                 break
             found = self._swept_many(ps, more)

@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 import fitting
+from fitting.campaign_plan import measured_plan
 from fitting.driving import FmuResponse
 from fitting.errors import BadInput, FmuFailure
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.job import Identity, Options
 from fitting.labdata import BoundCampaign, FmuChoice
 from fitting.parameters import starts
-from fitting.planning import plan_campaign
 from fitting.reconstruction import Hooks, reconstruct
 from fitting.result import Result
 
@@ -81,7 +81,7 @@ def reconstruct_through(
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: the campaign cannot be planned (see `planning.plan_campaign`).
     """
-    plan = plan_campaign(bound)
+    plan = measured_plan(bound, workers, workers.description.variables)
     _refuse_other_drives(FmuResponse(bound, workers, plan, bound.alternatives[0]))
     result = reconstruct(
         bound,
@@ -106,7 +106,9 @@ def reconstruct_through(
         plan=(*plan.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
         notes=_said_elsewhere(workers.warnings, here),
     )
-    return replace(result, warnings=tuple(warnings), provenance=provenance)
+    if plan.budget is not None:
+        warnings += plan.budget.warnings
+    return replace(result, warnings=tuple(warnings), provenance=provenance, plan=plan.record)
 
 
 def _refuse_other_drives(response: FmuResponse) -> None:

@@ -7,6 +7,7 @@ import contextlib
 import math
 from collections.abc import Callable
 
+from fitting.budget import checked_accuracy
 from fitting.errors import BadInput
 from fitting.units import convert, parse_quantity
 
@@ -24,6 +25,15 @@ def whole_number(least: int) -> Callable[[str], int]:
                 f"found '{text}', wanted a whole number of at least {least}"
             )
         return value
+
+    return read
+
+
+def relative_accuracy(option: str) -> Callable[[str], float]:
+    """An argparse type: a relative accuracy above 0 and below 1."""
+
+    def read(text: str) -> float:
+        return checked_accuracy(quantity(text, "1", where=option), option)
 
     return read
 

@@ -46,7 +46,8 @@ class Shot:
     """One drive of an FMU: its start values, the tones in it, the outputs that are read.
 
     With `input` the tones are fed there, each with amplitude `level`, `steps_per_period` held
-    steps in the period of the fastest.
+    steps in the period of the fastest. `drive_hz` are the tones of the drive, where lines beside
+    them are read, and `order` that of the combinations which the response is known to hold.
     """
 
     values: Mapping[str, Scalar]
@@ -55,13 +56,16 @@ class Shot:
     input: str | None = None
     level: float = 1.0
     steps_per_period: int = 0
+    drive_hz: tuple[float, ...] = ()
+    order: int = 1
 
     def window(
         self, settle_s: float, order: int = 1, longest_s: float = LONGEST_WINDOW_S
     ) -> Window:
         """When to sample it, after that time of settling."""
         held = self.steps_per_period if self.input is not None else 0
-        return _window(self.tones_hz, settle_s, held, order, longest_s)
+        driven = self.drive_hz or self.tones_hz
+        return _window(self.tones_hz, driven, settle_s, held, max(order, self.order), longest_s)
 
     def run(
         self, window: Window, settings: Mapping[str, Scalar], more: tuple[str, ...] = ()
@@ -69,7 +73,8 @@ class Shot:
         """The run of such a window; `more` outputs are read beside its own."""
         signal = None
         if self.input is not None:
-            rows = tuple((tone, self.level, 0.0) for tone in self.tones_hz)
+            driven = self.drive_hz or self.tones_hz
+            rows = tuple((tone, self.level, 0.0) for tone in driven)
             signal = InputSignal(self.input, rows, window.input_step_s)
         return Run(
             {**self.values, **settings}, window.settle_s, window.step_s, window.samples,
@@ -80,14 +85,15 @@ class Shot:
 
 @lru_cache(maxsize=4096)
 def _window(
-    tones_hz: tuple[float, ...], settle_s: float, held: int, order: int, longest_s: float
-) -> Window:
+    tones_hz: tuple[float, ...], driven_hz: tuple[float, ...], settle_s: float, held: int,
+    order: int, longest_s: float,
+) -> Window:  # fmt: skip
     coherent = len(tones_hz) == 1 or common_period(tones_hz) <= longest_s
     return plan_window(
         tones_hz,
         settle_s,
         samples_per_period=held,
-        beside_hz=mixed_hz(tones_hz, order) if coherent else (),
+        beside_hz=mixed_hz(driven_hz, order) if coherent else (),
         spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
         longest_s=longest_s,
     )
@@ -231,7 +237,8 @@ class Probe:
         runs = []
         for shot in self.shots:
             tone = max(shot.tones_hz)
-            one = replace(shot, tones_hz=(tone,))  # its window is short whatever the others are
+            # the window of one tone is short, whatever the others are
+            one = replace(shot, tones_hz=(tone,), drive_hz=())
             runs.append(one.run(one.window(periods / tone), settings))
         self._run(runs)  # the first run of a kind has a new instance, or tries a reset
         return min(self._run(runs)[1] for _ in range(2)) / len(runs)

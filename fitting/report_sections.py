@@ -11,6 +11,7 @@ from fitting.labdata import BoundCampaign
 from fitting.notation import listed, number, plain, prefixed, quantity, span
 from fitting.plots_style import FigureFile
 from fitting.report_drift import offset_table
+from fitting.report_plan import plan_table, remarks
 from fitting.report_tables import Table
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
 from fitting.sweep_line import line_sentences
@@ -287,10 +288,11 @@ def _settings(result: Result, bound: BoundCampaign) -> Section:
 
 
 def _plan(result: Result, bound: BoundCampaign) -> Section | None:
-    sentences = (*result.provenance.plan, *bound.notes)
-    if not sentences:
+    sentences = (*remarks(result.plan, result.provenance.plan), *bound.notes)
+    if not sentences and result.plan is None:
         return None
-    return Section("plan", "What was simulated, and why so", (), sentences)
+    shown = () if result.plan is None else (plan_table(result.plan),)
+    return Section("plan", "What was simulated, and why so", (), sentences, shown)
 
 
 def _provenance(result: Result) -> Section:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from fitting.budget import PlanRecord
 from fitting.files import write_whole
 from fitting.knowledge import Knowledge
 from fitting.records import read_json, write_json
@@ -318,6 +319,7 @@ class Result:
     line: SweepLine | None = None
     offsets: tuple[OffsetResult, ...] = ()
     knowledge: Knowledge | None = None
+    plan: PlanRecord | None = None
 
 
 def write_result(result: Result, folder: Path) -> tuple[Path, Path]:

@@ -19,7 +19,7 @@ LADDER = (
     "response spectrum tables units",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
-    "campaign_drift",
+    "campaign_accuracy campaign_drift",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_records",
     "synthesis_plan",
@@ -35,9 +35,10 @@ LADDER = (
     "plots_history sweep_line tradeoff_scenes",
     "corrections",
     "fmu inference plots_reconstruction reconstruction report_tables",
-    "batch drive report_drift tradeoff_bench",
+    "batch drive report_drift report_plan tradeoff_bench",
     "drive_lines driving report_sections tradeoff_grid tradeoff_quantities",
-    "drive_plan fmu_job plots_drive report tradeoff_reference",
+    "campaign_plan drive_plan",
+    "fmu_job plots_drive report tradeoff_reference",
     "design_candidates design_choice design_information design_result report_tradeoff "
     "tradeoff_extrapolation tradeoff_plan",
     "design_limits design_points tradeoff_study",

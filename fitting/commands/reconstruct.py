@@ -18,8 +18,9 @@ from fitting.fmu import FmuWorkers
 from fitting.fmu_job import identify_fmu, provide_fmu, reconstruct_through
 from fitting.job import Options, job_of, options_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
-from fitting.options import whole_number
+from fitting.options import relative_accuracy, whole_number
 from fitting.reconstruction import Hooks, Progress
+from fitting.report_plan import plan_line
 from fitting.result import IDENTIFIABLE, OffsetResult, Result, write_result
 from fitting.sweep_line import line_sentences
 
@@ -38,6 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
     )
     parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
+    parser.add_argument(
+        "--accuracy",
+        type=relative_accuracy("--accuracy"),
+        help="wanted relative accuracy of simulated amplitudes (the campaign's)",
+    )
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
     parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
     parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
@@ -61,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
     count = args.workers or min(os.cpu_count() or 1, 8)
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         bound = bind(campaign, workers.description.variables)
+        if args.accuracy is not None:
+            bound = replace(bound, accuracy=args.accuracy)
         identity = identify_fmu(workers.description, _command(args))
         options = _options(args, bound)
         job = job_of(bound, identity, options)
@@ -102,7 +110,7 @@ def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
 
 def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, args.campaign.as_posix()]
-    for name in ("out", "workers", "misfit", "seed", "starts"):
+    for name in ("out", "workers", "accuracy", "misfit", "seed", "starts"):
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]
@@ -195,6 +203,8 @@ def table(result: Result) -> list[str]:
         f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
         f"{result.seconds:.1f} s"
     )
+    if result.plan is not None:
+        lines.append(plan_line(result.plan))
     lines += ["", f"{result.status}: {result.message}"]
     lines += [f"warning: {text}" for text in result.warnings]
     return lines
