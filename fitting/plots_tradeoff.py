@@ -28,6 +28,8 @@ from fitting.plots_style import (
 from fitting.tradeoff_front import pareto
 from fitting.tradeoff_records import COHERENT, QUANTITIES, Measurement, Study
 
+#: Least ratio of the ends of the cost axis.
+LEAST_SPAN = 30.0
 HEADINGS = {
     "amplitudes": "two-tone amplitudes",
     "width by sweep": "line width, fit of the sweep",
@@ -101,6 +103,10 @@ def _draw_quantity(axes: Axes, study: Study, quantity: str, solvers: list[str]) 
     for m in study.of(quantity, planned=True):
         _draw_plan(axes, m)
     axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    if high < LEAST_SPAN * low:  # an axis without a labelled tick says nothing
+        stretch = math.sqrt(LEAST_SPAN * low / high)
+        axes.set_xlim(low / stretch, high * stretch)
     axes.xaxis.set_major_locator(LogLocator(10.0, numticks=12))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -33,7 +33,7 @@ class Patience:
 
     least: int = 5
     total_s: float = 0.1
-    long_s: float = 1.0
+    long_s: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Bench:
         chosen = drives or self.scene.drives[:1]
         self.workers.run(
             [
-                Run({**self.scene.values, **d.values, **values}, 0.0, 1.0, 1, (self.scene.output,))
+                Run({**self.scene.values, **d.values, **values}, 0.0, 1.0, 1, self._outputs(d))
                 for d in chosen
             ]
         )
@@ -132,7 +132,12 @@ class Bench:
         if scene.input is not None:
             rows = tuple((tone, scene.level, 0.0) for tone in drive.tones_hz)
             signal = InputSignal(scene.input, rows, s.input_step_s)
-        return Run(values, s.settle_s, s.step_s, s.samples, (scene.output,), input_signal=signal)
+        return Run(
+            values, s.settle_s, s.step_s, s.samples, self._outputs(drive), input_signal=signal
+        )
+
+    def _outputs(self, drive: Drive) -> tuple[str, ...]:
+        return (drive.output or self.scene.output,)
 
 
 def setting_values(

@@ -46,7 +46,7 @@ class Extrapolation:
             return None
         if scene.linear:
             error, how = self._linear_error(setting, reference), "of the recursion's steady state"
-        elif scene.name == "duffing-string":
+        elif scene.high_q:
             error, how = self._orbit_error(setting.resolution), "of each tone on its closed orbit"
         else:
             return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 from fitting.spectrum import common_period
 from fitting.tradeoff_bench import HELD, SUBSTEPS, setting_values
@@ -25,8 +26,8 @@ from fitting.tradeoff_scenes import Scene, Solver
 class Fineness:
     """How far the grid goes: what is left of a transient, samples, beats, points, steps."""
 
-    left: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10, 1e-12)
-    samples: tuple[int, ...] = (5, 7, 16, 64, 256)
+    left: tuple[float, ...] = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
+    samples: tuple[int, ...] = (5, 7, 16, 30, 64, 256)
     flat_beats: tuple[float, ...] = (12.37, 24.37, 48.37)
     plain_beats: tuple[float, ...] = (1.37, 5.37, 20.37, 80.37)
     sweep_points: tuple[int, ...] = (9, 17, 41, 101)
@@ -38,6 +39,10 @@ class Fineness:
 QUICK = Fineness(
     (1e-2, 1e-4, 1e-8), (7, 64), (12.37,), (5.37, 20.37), (9, 41), (3, 7), (1e-2, 1e-6), (1, 2, 4)
 )
+#: What is left of a transient where every settling is a long run.
+STEPPED_LEFT, ORBIT_LEFT = (1e-2, 1e-4, 1e-6, 1e-10), (1e-2, 1e-4, 1e-7)
+#: Finest tolerance and the substeps per period of which a fit of the width is made.
+FIT_TOLERANCE, FIT_SUBSTEPS = 0.9e-6, (20.0, 80.0)
 #: Samples in a beat for the readers that need no whole periods.
 PER_BEAT = 8
 #: Held steps per period of a drive that the tool generates.
@@ -113,31 +118,52 @@ def _windows(scene: Scene, fine: Fineness) -> Iterator[tuple[str, float, int]]:
 
 
 def _amplitudes(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setting]:
-    """Solver x resolution x start x window; solvers that are slow read in one way only."""
-    windows = list(_windows(scene, fine))
-    settled = (bool(scene.start), 0.0 if scene.start else scene.settling_s(1e-4))
+    """Solver x resolution x start x window."""
     for solver in scene.solvers:
-        stepped = solver.kind == SUBSTEPS
-        kept = [w for w in windows if w[0] == COHERENT and w[2] == (64 if scene.modes else 7)]
-        for resolution in _resolutions(solver, quick):
-            for start in _starts(scene, fine):
-                few = stepped or (solver.kind and start != settled)
-                for window in (kept or windows[:1]) if few else windows:
-                    yield _setting(scene, solver, resolution, start, window)
-            if stepped and not scene.linear:
-                # from the averaged orbit, of which only the error has to settle
-                for left in (1e-2, 1e-4, 1e-7):
-                    start = (True, scene.settling_s(left))
-                    yield _setting(scene, solver, resolution, start, (kept or windows)[0])
-        if stepped and scene.linear and scene.name != "string":
-            middle = _resolutions(solver, quick)[len(_resolutions(solver, quick)) // 2]
-            for window in windows:
-                yield _setting(scene, solver, middle, (False, scene.settling_s(1e-4)), window)
+        if solver.kind == SUBSTEPS:
+            yield from _stepped(scene, solver, fine, quick)
+        else:
+            yield from _free(scene, solver, fine, quick)
     if scene.held:
+        window = next(_windows(scene, fine))
         held = Solver("fmu", kind=HELD)
         for count in HELD_STEPS:
             for start in _starts(scene, fine):
-                yield _setting(scene, held, float(count), start, windows[0])
+                yield _setting(scene, held, float(count), start, window)
+
+
+def _free(scene: Scene, solver: Solver, fine: Fineness, quick: bool) -> Iterator[Setting]:
+    """A solver whose steps are its own: every window; one of them where it has not settled."""
+    windows = list(_windows(scene, fine))
+    settled = (bool(scene.start), 0.0 if scene.start else scene.settling_s(1e-4))
+    for resolution in _resolutions(solver, quick):
+        for start in _starts(scene, fine):
+            few = bool(solver.kind) and start != settled
+            for window in [_usual_window(scene)] if few else windows:
+                yield _setting(scene, solver, resolution, start, window)
+
+
+def _stepped(scene: Scene, solver: Solver, fine: Fineness, quick: bool) -> Iterator[Setting]:
+    """A solver with a fixed substep: one window, because every one of them is a long run."""
+    window = _usual_window(scene)
+    starts = list(_starts(scene, fine))
+    if not (scene.linear or quick):
+        starts = [(False, scene.settling_s(left)) for left in STEPPED_LEFT]
+    if not scene.linear:
+        # from the averaged orbit, of which only the error has to settle
+        starts += [(True, scene.settling_s(left)) for left in ORBIT_LEFT]
+    resolutions = _resolutions(solver, quick)
+    for resolution in resolutions:
+        for start in starts:
+            yield _setting(scene, solver, resolution, start, window)
+    if scene.linear and not scene.high_q:
+        middle = resolutions[len(resolutions) // 2]
+        for other in _windows(scene, fine):
+            yield _setting(scene, solver, middle, (False, scene.settling_s(1e-4)), other)
+
+
+def _usual_window(scene: Scene) -> tuple[str, float, int]:
+    return COHERENT, period_s(scene), 64 if scene.modes is not None else 7
 
 
 def _plain_window(scene: Scene) -> tuple[str, float, int]:
@@ -148,10 +174,9 @@ def _width_by_sweep(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setti
     """Points of a sweep x settling x solver; every point is a run."""
     window = _plain_window(scene)
     for solver in scene.solvers:
-        if solver.kind == SUBSTEPS and scene.name == "string":
+        if solver.kind == SUBSTEPS and scene.high_q:
             continue  # the amplitudes show what it costs; a sweep of it costs as many times more
-        chosen = [r for r in _resolutions(solver, quick) if solver.kind != SUBSTEPS or r <= 160.0]
-        for resolution in chosen:
+        for resolution in filter(partial(_fitted, solver), _resolutions(solver, quick)):
             for start in _starts(scene, fine):
                 if solver.kind == SUBSTEPS and start[1] > scene.settling_s(0.9e-6):
                     continue
@@ -162,13 +187,20 @@ def _width_by_sweep(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setti
                     )
 
 
+def _fitted(solver: Solver, resolution: float) -> bool:
+    """Whether fits are made at this resolution: the finest ones cost most and show nothing new."""
+    if solver.kind == SUBSTEPS:
+        return resolution in FIT_SUBSTEPS or resolution in solver.quick
+    return not solver.kind or resolution > FIT_TOLERANCE
+
+
 def _width_by_peaks(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setting]:
     """Points about the maximum x Jacobian step x iterations, at few settlings of each solver."""
     window = _plain_window(scene)
     nodes = fine.nodes if scene.linear else (0,)
     first = scene.solvers[0]
     for solver in scene.solvers:
-        if solver.kind == SUBSTEPS and scene.name in ("string", "duffing-string"):
+        if solver.kind == SUBSTEPS and scene.high_q:
             continue
         full = solver is first
         starts = list(_starts(scene, fine))
@@ -176,15 +208,12 @@ def _width_by_peaks(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setti
             starts = [s for s in starts if s[1] in (scene.settling_s(1e-4), scene.settling_s(1e-6))]
         elif not full or solver.kind:
             starts = starts[:1]
-        resolutions = [
-            r for r in _resolutions(solver, quick) if solver.kind != SUBSTEPS or 20 <= r <= 80
-        ]
-        for resolution in resolutions:
+        for resolution in filter(partial(_fitted, solver), _resolutions(solver, quick)):
             for start in starts:
                 varied = full and start == starts[0] and not solver.kind
                 for count in nodes if varied else nodes[1:2] or nodes[:1]:
                     for step in fine.jacobian_steps if varied else (1e-2, 1e-4):
-                        for iterations in fine.iterations if solver.kind != SUBSTEPS else (1, 3):
+                        for iterations in fine.iterations if varied else (1, 2, 3):
                             yield _setting(
                                 scene, solver, resolution, start, window, WIDTH_PEAKS,
                                 points=count, jacobian_step=step, iterations=iterations,

@@ -72,7 +72,8 @@ def plan_scene(bench: Bench, accuracy: float, limit_s: float) -> Planned:
     for driven in scene.drives:
         start = {**scene.values, **driven.values, **every}
         drive = Drive(
-            start, driven.tones_hz, (scene.output,), input=scene.input, level=scene.level,
+            start, driven.tones_hz, (driven.output or scene.output,),
+            input=scene.input, level=scene.level,
             steps_per_period=scene.held or 100,
         )  # fmt: skip
         plans.append(

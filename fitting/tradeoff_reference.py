@@ -45,7 +45,7 @@ def references_of(bench: Bench, *, quick: bool = False) -> list[Reference]:
         return _of_campaign(bench)
     if scene.linear:
         return exact_references(scene)
-    peaks = _averaged(bench) if scene.name == "duffing-string" else _refined(bench, quick)
+    peaks = _averaged(bench) if scene.high_q else _refined(bench, quick)
     return [peaks, _of_width(bench, peaks)]
 
 

@@ -10,6 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from fitting.errors import BadInput
 from fitting.exact_modes import line_width_hz
 from fitting.labdata import BoundCampaign, FmuChoice
@@ -18,6 +20,9 @@ from fitting.notation import hertz
 from fitting.scaling import half_power_width
 from fitting.tradeoff_records import Scalar
 from fitting.units import convert
+
+#: Line width over the highest frequency below which a scene is one of high Q.
+HIGH_Q = 1e-4
 
 
 @dataclass(frozen=True)
@@ -38,10 +43,11 @@ class Solver:
 
 @dataclass(frozen=True)
 class Drive:
-    """One run of the scene: tones in Hz and what they set in the FMU."""
+    """One run of the scene: tones in Hz, what they set in the FMU, the output ("": the scene's)."""
 
     tones_hz: tuple[float, ...]
     values: Mapping[str, Scalar]
+    output: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,11 @@ class Scene:
         tones = self.drives[0].tones_hz
         return sum(tones) / len(tones)
 
+    @property
+    def high_q(self) -> bool:
+        """Whether carrier-resolved steps to the end of the transient are millions."""
+        return self.width_hz < HIGH_Q * self.fastest_hz
+
     def settling_s(self, left: float) -> float:
         """Time after which exp(-pi w t) is that, s."""
         return math.log(1.0 / left) / (math.pi * self.width_hz)
@@ -99,7 +110,8 @@ class Scene:
 TIMEOUT_S = 3600.0
 #: Substeps per period of the fastest eigenfrequency.
 SUBSTEPS = (10.0, 14.0, 20.0, 28.0, 40.0, 57.0, 80.0, 160.0, 320.0, 640.0)
-TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
+CUBIC_SUBSTEPS = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0)
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 
 LINEAR_SOLVERS = (
     Solver("exact", {"solver": 0}),
@@ -114,8 +126,8 @@ DUFFING_SOLVERS = (
         (1e-1, 1e-3, 1e-6),
     ),
     Solver(
-        "rk4", {"solver": 2, "tolerance": 1e-3}, "substeps per period", "rk4_substep", SUBSTEPS,
-        (14.0, 40.0),
+        "rk4", {"solver": 2, "tolerance": 1e-3}, "substeps per period", "rk4_substep",
+        CUBIC_SUBSTEPS, (14.0, 40.0),
     ),
 )  # fmt: skip
 
@@ -189,10 +201,8 @@ def scene_of_campaign(
     Its FMU is taken as it is: without the names of solver settings there is one solver.
 
     Raises:
-        BadInput: a campaign without experiments, or with no way to know its line width.
+        BadInput: no way to know the campaign's line width.
     """
-    if not bound.experiments:
-        raise BadInput(f"{bound.path}: has no experiments, wanted one at least for a trade-off")
     width = bound.line_width_hz
     if width is None and bound.sweep is not None:
         width = half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
@@ -206,17 +216,16 @@ def scene_of_campaign(
     values.update(dict.fromkeys(drive.amplitudes, drive.level))
     values.update(bound.alternatives[0])
     values.update({p.name: p.reference for p in bound.parameters})
-    tones = [tone for e in bound.experiments for tone in e.tones_hz]
     sweep = bound.sweep
-    return Scene(
+    fitted = {p.name: p.reference for p in bound.parameters}
+    drives = tuple(Drive(e.tones_hz, {**e.settings, **fitted}, e.output) for e in bound.experiments)
+    tones = [tone for d in drives for tone in d.tones_hz]
+    scene = Scene(
         name="campaign", title=bound.title,
         description=f"{bound.path.name} at the reference values of its parameters",
         fmu=fmu, values=values,
-        drives=tuple(
-            Drive(e.tones_hz, {**e.settings, **{p.name: p.reference for p in bound.parameters}})
-            for e in bound.experiments
-        ),
-        output=bound.output, width_hz=width, fastest_hz=max(tones),
+        drives=drives,
+        output=bound.output, width_hz=width, fastest_hz=max(tones, default=0.0),
         solvers=tuple(solvers) or (Solver("fmu"),), linear=False, steady=bound.steady_start,
         tone=drive.frequencies[0] if drive.kind == "tones" else "", tone_unit=drive.frequency_unit,
         levels=drive.amplitudes, level=drive.level, input=drive.input,
@@ -225,6 +234,11 @@ def scene_of_campaign(
         sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
         synthetic=bound.synthetic,
     )  # fmt: skip
+    if drives or sweep is None:
+        return scene
+    # a campaign of a sweep alone: a single tone at its maximum
+    top = float(sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))])
+    return replace(scene, drives=(single_tone(scene, top),), fastest_hz=top)
 
 
 def single_tone(scene: Scene, tone_hz: float) -> Drive:

@@ -12,6 +12,7 @@ from fitting.tradeoff_front import Choice, choices, pareto
 from fitting.tradeoff_records import (
     COHERENT,
     QUANTITIES,
+    WIDTH_SWEEP,
     Measurement,
     Setting,
     Study,
@@ -66,8 +67,9 @@ def words(setting: Setting) -> str:
         parts.append("periodic start")
     if setting.settle_s:
         parts.append(f"settled {time_text(setting.settle_s)}")
-    window = "whole periods" if setting.reader == COHERENT else f"window {setting.reader}"
-    parts.append(f"{setting.samples} samples in {time_text(setting.window_s)}, {window}")
+    if setting.quantity != WIDTH_SWEEP:
+        window = "whole periods" if setting.reader == COHERENT else f"window {setting.reader}"
+        parts.append(f"{setting.samples} samples in {time_text(setting.window_s)}, {window}")
     if setting.sweep_points:
         parts.append(f"{setting.sweep_points} sweep points")
     if setting.iterations:
