@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from fitting.continuation import Chain, ContinuationStep, Outcome, Schedule, distance, equal_j
 from fitting.evaluator import Evaluator
+from fitting.noise import noise_of
 from fitting.notation import probability
 from fitting.objective import Measured, Objective, Point, j_reg, weights
 from fitting.parameters import (
@@ -83,11 +84,12 @@ def solution_of(
     nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
     final, matrix = evaluator.point(x), evaluator.jacobian(x)
     structure = _sweep_structure(objective.measured, final, matrix)
+    common = noise_of(objective, final).common
     errors = covariance(
         matrix, final.residuals, objective.measured.rows_sigma, prior_widths(parameters), nu,
         scale_sigma,
         slice(objective.measured.peaks_v.size, None),
-        structure.widening if structure is not None else 1.0,
+        structure.widening if structure is not None else 1.0, common,
     )  # fmt: skip
     held = weights(objective, nu, misfit)
     return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held)

@@ -10,6 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fitting.bench_noise import (
+    Noise,
+    bind_noise,
+    scale_parameter,
+    sweep_scale_sigma,
+    sweep_sigmas,
+)
 from fitting.budget import Hints
 from fitting.campaign_binder import Binder, bind_hints
 from fitting.campaign_data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
@@ -92,7 +99,7 @@ class BoundCampaign:
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after),
-    ``drift_units`` to its unit;
+    ``drift_units`` to its unit; ``noise`` is the declared one;
     ``notes`` are sentences for the report; ``files`` all files read; ``hints`` say what is known
     of the FMU's accuracy and of what may be left out.
     """
@@ -119,6 +126,7 @@ class BoundCampaign:
     files: tuple[Path, ...]
     drift_units: Mapping[str, str] = field(default_factory=dict)
     hints: Hints = field(default_factory=Hints)
+    noise: Noise = field(default_factory=Noise)
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -137,7 +145,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)
     drive = _bind_drive(campaign, binder)
-    drift = bind_drift(campaign, binder)
+    drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived:
         binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
@@ -153,7 +161,11 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         drive=drive,
         experiments=experiments,
         sweep=_bind_sweep(campaign, binder),
-        parameters=(*_bind_parameters(campaign, binder), *drift.parameters),
+        parameters=(
+            *_bind_parameters(campaign, binder),
+            *drift.parameters,
+            *_free_scale(campaign, noise),
+        ),
         derived=file.derived,
         alternatives=_bind_alternatives(campaign, binder),
         continuation=file.continuation,
@@ -164,6 +176,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         files=campaign.files,
         drift_units={name: variables[name].unit or "1" for name in drift.ends},
         hints=bind_hints(file.accuracy, binder),
+        noise=noise,
     )
     _check_conflicts(bound)
     return bound
@@ -191,6 +204,30 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
         f"'{output.name}'."
     )
     return in_other_unit(campaign, factor, unit)
+
+
+def _bind_noise(campaign: Campaign) -> Noise:
+    declared = campaign.file.experiments or campaign.file.sweep
+    if declared is None:
+        return Noise()
+    noise = bind_noise(campaign.file.noise, declared.format.amplitude, campaign.amplitude_unit)
+    unknown = [e.label for e in campaign.experiments if not np.all(e.sigmas_v > 0.0)]
+    if noise.outliers == "huber" and unknown and not noise.declared:
+        raise BadInput(
+            f'{campaign.path}: [noise] outliers = "huber" wants the noise of every peak, unknown '
+            f"for '{unknown[0]}'; wanted peak_sigmas, or relative or absolute in [noise]"
+        )
+    return noise
+
+
+def _free_scale(campaign: Campaign, noise: Noise) -> list[Parameter]:
+    """The parameter of a scale that is fitted with the rest."""
+    choice, sweep = campaign.file.sweep, campaign.sweep
+    if choice is None or sweep is None or choice.scale != "free":
+        return []
+    spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
+    sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
+    return [scale_parameter(sigma, swept=choice.use == "fit")]
 
 
 def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:

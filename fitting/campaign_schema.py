@@ -10,20 +10,22 @@ from typing import Any
 from fitting.amplitudes import Amplitude, declared_amplitude
 from fitting.campaign_accuracy import AccuracyChoice, read_accuracy
 from fitting.campaign_drift import DriftChoice, drift_choice
+from fitting.campaign_noise import NoiseChoice, noise_choice
 from fitting.campaign_section import Section, Written, as_written
 from fitting.combinations import Combination, lines_to_read
 from fitting.errors import BadInput
 from fitting.instruments import LAYOUTS, Selection
+from fitting.measured import SCALES
 from fitting.peaks import BACKGROUNDS, FLOOR_KINDS
 from fitting.tables import parse_toml
 
 TOP_KEYS = (
-    "title", "synthetic", "fmu", "observe", "drive", "experiments", "drift", "sweep", "parameters",
+    "title", "synthetic", "fmu", "observe", "drive", "experiments", "drift", "noise", "sweep",
+    "parameters",
     "derived", "alternatives", "continuation", "accuracy", "design",
 )  # fmt: skip
 TRACE_KEYS = ("layout", "amplitude", "impedance", "columns", "trace", "chunk")
 MISFITS = ("slack", "absolute", "squares")
-SCALES = ("maximum", "fit", "none")
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,7 @@ class CampaignFile:
     drive: DriveChoice
     experiments: ExperimentsChoice | None
     drift: DriftChoice
+    noise: NoiseChoice
     sweep: SweepChoice | None
     parameters: tuple[ParameterChoice, ...]
     derived: tuple[str, ...]
@@ -160,6 +163,7 @@ def read_campaign_file(path: Path) -> CampaignFile:
         drive=drive,
         experiments=_experiments(top, len(drive.read)) if "experiments" in top else None,
         drift=drift_choice(top),
+        noise=noise_choice(top),
         sweep=_sweep(top) if "sweep" in top else None,
         parameters=_parameters(top),
         derived=top.sub("derived", ("outputs",)).texts("outputs", ()),

@@ -9,8 +9,9 @@ import numpy as np
 from fitting.assembly import Solution
 from fitting.errors import BadInput
 from fitting.labdata import BoundCampaign
+from fitting.noise import noise_of, outlier_sentences, prior_precision
 from fitting.notation import hertz
-from fitting.parameters import Parameter
+from fitting.parameters import Parameter, prior_widths
 from fitting.result import OffsetResult
 from fitting.uncertainty import in_words
 from fitting.units import convert
@@ -52,6 +53,14 @@ def offset_results(solution: Solution) -> tuple[OffsetResult, ...]:
             )
         )
     return tuple(found)
+
+
+def outlier_warnings(bound: BoundCampaign, solution: Solution) -> list[str]:
+    """Peaks that the fit misses by much more than their noise, by name."""
+    point = solution.final
+    sigma = noise_of(solution.objective, point).sigma
+    precision = prior_precision(prior_widths(solution.parameters), solution.nu)
+    return outlier_sentences(bound, point.residuals, sigma, solution.matrix, precision)
 
 
 def _goes_to(parameter: Parameter) -> tuple[str, ...]:

@@ -15,9 +15,11 @@ from pathlib import Path
 import numpy as np
 
 import fitting
+from fitting.bench_noise import maximum_sigma, sweep_sigmas
 from fitting.continuation import Schedule
 from fitting.interior_point import SolveSettings
 from fitting.labdata import BoundCampaign
+from fitting.noise import peak_sigmas
 from fitting.objective import Measured
 from fitting.records import to_plain
 from fitting.result import Provenance
@@ -65,15 +67,24 @@ def options_of(bound: BoundCampaign, *, quick: bool = False) -> Options:
 def measured_of(bound: BoundCampaign) -> Measured:
     """Peaks and sweep of a campaign as the objective wants them."""
     peaks = [e.peaks_v for e in bound.experiments]
-    sigmas = [e.sigmas_v for e in bound.experiments]
-    sweep = bound.sweep
+    sweep, noise = bound.sweep, bound.noise
     return Measured(
         peaks_v=np.concatenate(peaks) if peaks else np.empty(0),
-        sigmas_v=np.concatenate(sigmas) if sigmas else np.empty(0),
+        sigmas_v=peak_sigmas(bound)[0],
         sweep_v=sweep.amplitude_v if sweep is not None else np.empty(0),
         scale=sweep.scale if sweep is not None else "none",
         fit_sweep=sweep is not None and sweep.use == "fit",
-        weigh=any(p.prior_sigma is not None for p in bound.parameters),
+        weigh=noise.declared
+        or noise.outliers != "keep"
+        or any(p.prior_sigma is not None for p in bound.parameters),
+        outliers=noise.outliers,
+        sweep_sigmas_v=sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
+        if sweep is not None
+        else np.empty(0),
+        sweep_known=noise.declared,
+        maximum_sigma=maximum_sigma(sweep.frequency_hz, sweep.amplitude_v, noise)
+        if sweep is not None
+        else 0.0,
     )
 
 
@@ -113,6 +124,7 @@ def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) ->
             "tolerance": schedule.tolerance,
             "starts": schedule.starts,
             "misfit": solve.misfit,
+            "peak_noise": peak_sigmas(bound)[1],
             "optimality_absolute": solve.absolute,
             "optimality_relative": solve.relative,
         },

@@ -19,85 +19,22 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from fitting.measured import SCALES as SCALES
+from fitting.measured import Measured as Measured
 from fitting.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.response import Evaluation, Response
-from fitting.scaling import chi_of_maxima, chi_of_sweep, laboratory_maximum
+from fitting.scaling import chi_of_maxima, chi_of_sweep, chi_robust
 
 FloatArray = npt.NDArray[np.float64]
 #: A weight for all variables, or one for each, (n,).
 Nu = float | FloatArray
 
-SCALES = ("maximum", "fit", "none")
 #: Share of the data that may be left where a point still counts as following them.
 PLATEAU = 0.5
 #: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
 SMALLEST_MISFIT = 1e-3
 #: Relative noise of a row, for the weight of a prior, where nobody knows it.
 ASSUMED_NOISE = 0.01
-#: Residuals beyond this many standard deviations count linearly with outliers = "huber".
-HUBER = 1.345
-OUTLIERS = ("keep", "huber")
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Laboratory values that the model is held against, amplitudes in V peak.
-
-    `peaks_v`, `sigmas_v` (n_peaks,) in the order experiments x tones; `sweep_v` (n_sweep,);
-    `scale` "maximum" (Algorithm 1), "fit" (least squares over the sweep) or "none" (the model
-    answers in their unit); `fit_sweep` makes every sweep point a residual row, relative to
-    `maximum_v`; `weigh` and `outliers` change the misfit "squares", see there.
-
-    Raises:
-        ValueError: shapes that differ, a peak that is not positive, a scale without a sweep.
-    """
-
-    peaks_v: FloatArray
-    sigmas_v: FloatArray
-    sweep_v: FloatArray
-    scale: str = "maximum"
-    fit_sweep: bool = False
-    maximum_v: float = 0.0
-    weigh: bool = False
-    outliers: str = "keep"
-
-    def __post_init__(self) -> None:
-        if self.peaks_v.shape != self.sigmas_v.shape:
-            raise ValueError(f"{self.peaks_v.size} peaks, but {self.sigmas_v.size} sigmas")
-        if not np.all(np.isfinite(self.peaks_v)) or np.any(self.peaks_v <= 0.0):
-            raise ValueError("a measured peak is not positive and finite")
-        if self.scale not in SCALES:
-            raise ValueError(f"scale {self.scale!r} is none of {', '.join(SCALES)}")
-        if self.sweep_v.size == 0 and (self.scale != "none" or self.fit_sweep):
-            raise ValueError("a scale or a fit of the sweep needs a sweep")
-        if self.peaks_v.size == 0 and not self.fit_sweep:
-            raise ValueError("neither peaks nor a fitted sweep: nothing to minimise")
-        if self.sweep_v.size and self.maximum_v <= 0.0:
-            peak = laboratory_maximum(np.arange(self.sweep_v.size, dtype=float), self.sweep_v)
-            object.__setattr__(self, "maximum_v", peak.value_v)
-
-    @property
-    def rows_sigma(self) -> FloatArray:
-        """Relative standard deviation of each residual row, (n_rows,); zero where unknown."""
-        peaks = np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
-        return np.concatenate([peaks, np.zeros(self.sweep_v.size)]) if self.fit_sweep else peaks
-
-    def squares(self, residuals: FloatArray) -> tuple[float, FloatArray]:
-        """Misfit "squares" of rows (m,), and the weights (m,) that its gradient 2 J^T w r has.
-
-        sum r^2; with `weigh`, if every sigma is known, sum w r^2, w = sigma^-2/mean(sigma^-2), and
-        with outliers = "huber" rows beyond 1.345 sigma count linearly (P. Huber, Robust
-        Statistics, 1981).
-        """
-        sigma = self.rows_sigma
-        if not (self.weigh and np.all(sigma > 0.0)):
-            return float(np.dot(residuals, residuals)), np.ones(residuals.size)
-        weights = sigma**-2 / np.mean(sigma**-2)
-        if self.outliers != "huber":
-            return float(np.sum(weights * residuals**2)), weights
-        far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)
-        value = np.sum(weights * residuals**2 * (2.0 * far - 1.0) / far**2)
-        return float(value), weights / far
 
 
 @dataclass(frozen=True)
@@ -115,7 +52,8 @@ class Point:
     """One evaluated search vector: `residuals` (n_rows,), `simulated_v` = chi z (n_peaks,).
 
     `scale_bias` is the relative error that the simulated grid leaves in chi, `runs` the number of
-    simulations it took; `squares` and `row_weights` (n_rows,) are those of `Measured.squares`.
+    simulations it took; `squares` and `row_weights` (n_rows,) are those of `Measured.squares`;
+    `chis` the scales of all campaigns of a joint fit, `chi` the first.
     """
 
     x: FloatArray
@@ -127,6 +65,7 @@ class Point:
     runs: int = 0
     squares: float = float("nan")
     row_weights: FloatArray = field(default_factory=lambda: np.empty(0))
+    chis: tuple[float, ...] = ()
 
     @property
     def j_fit(self) -> float:
@@ -174,8 +113,10 @@ def scale_factor(measured: Measured, evaluation: Evaluation) -> tuple[float, flo
     """
     if measured.scale == "none":
         return 1.0, 0.0
-    if measured.scale == "fit":
+    if measured.scale in ("fit", "free"):
         return chi_of_sweep(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
+    if measured.scale == "robust":
+        return chi_robust(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
     maximum = evaluation.sweep_maximum
     if maximum is None:
         raise ValueError("the response has no sweep maximum, which the scale needs")
@@ -183,18 +124,42 @@ def scale_factor(measured: Measured, evaluation: Evaluation) -> tuple[float, flo
     return chi_of_maxima(measured.maximum_v, maximum.value), bias
 
 
-def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
-    measured = objective.measured
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of one campaign at one point, with its scale."""
+
+    peaks: FloatArray
+    sweep: FloatArray
+    simulated_v: FloatArray
+    chi: float
+    bias: float
+
+
+def _rows(measured: Measured, evaluation: Evaluation, factor: float) -> _Rows:
     chi, bias = scale_factor(measured, evaluation)
+    chi *= factor
     simulated = chi * evaluation.peaks
-    rows = (simulated - measured.peaks_v) / measured.peaks_v
+    sweep = np.empty(0)
     if measured.fit_sweep:
         # relative to the maximum: the far wings of a resonance are noise, not information
         sweep = (chi * evaluation.sweep_amplitudes - measured.sweep_v) / measured.maximum_v
-        rows = np.concatenate([rows, sweep])
-    p = to_model(objective.parameters, x)
+    peaks = (simulated - measured.peaks_v) / measured.peaks_v
+    return _Rows(peaks, sweep, simulated, chi, bias)
+
+
+def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
+    measured, p = objective.measured, to_model(objective.parameters, x)
+    parts, answers = measured.parts or (measured,), evaluation.parts or (evaluation,)
+    free = iter([float(v) for q, v in zip(objective.parameters, p, strict=True)
+                 if q.role == "scale"])  # fmt: skip
+    factors = [float(np.exp(next(free))) if part.scale == "free" else 1.0 for part in parts]
+    made = [_rows(*each) for each in zip(parts, answers, factors, strict=True)]
+    rows = np.concatenate([*(m.peaks for m in made), *(m.sweep for m in made)])
     squares = measured.squares(rows)
-    return Point(x.copy(), p, rows, chi, simulated, bias, evaluation.runs, *squares)
+    return Point(
+        x.copy(), p, rows, made[0].chi, np.concatenate([m.simulated_v for m in made]),
+        max(m.bias for m in made), evaluation.runs, *squares, tuple(m.chi for m in made),
+    )  # fmt: skip
 
 
 def evaluate_many(objective: Objective, xs: Sequence[FloatArray]) -> list[Point]:

@@ -353,7 +353,12 @@ def _response_words(
     measured, final = np.array(curves.measured_v), np.array(curves.final_v)
     rms = float(np.sqrt(np.mean(((final - measured) / np.max(measured)) ** 2)))
     role = "is fitted point by point" if sweep.use == "fit" else "sets the scale χ only"
-    kind = {"maximum": "from the ratio of the maxima", "fit": "by least squares"}
+    kind = {
+        "maximum": "from the ratio of the maxima",
+        "fit": "by least squares",
+        "robust": "by Huber's estimate",
+        "free": "fitted with the rest",
+    }
     how = kind.get(result.scale.kind, "not scaled")
     caption = (
         f"Frequency response as measured ({len(measured)} points), which {role} (χ {how}), and as "

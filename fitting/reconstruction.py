@@ -18,6 +18,7 @@ from fitting.data_warnings import data_warnings
 from fitting.evaluator import Counts, Evaluator
 from fitting.job import Identity, Options, measured_of, provenance_of
 from fitting.labdata import BoundCampaign
+from fitting.noise import chi_sigmas, strongest
 from fitting.objective import Measured, Objective, make_objective, unexplained
 from fitting.response import Response
 from fitting.result import (
@@ -187,7 +188,7 @@ def _finish(
     maximum = _maximum(bound)
     chain = outcome.best or outcome.chains[0]
     evaluator, misfit = Evaluator(objective), options.solve.misfit
-    sigma = _scale_sigma(objective.measured, maximum)
+    sigma = strongest(chi_sigmas(objective.measured))
     solution = assembly.solution_of(evaluator, chain, options.schedule, sigma, misfit)
     parameters = assembly.parameter_results(solution)
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
@@ -196,6 +197,7 @@ def _finish(
     line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     offsets = corrections.offset_results(solution)
     said += corrections.drift_warnings(bound, offsets, _width_hz(bound, line))
+    said += corrections.outlier_warnings(bound, solution)
     warnings = data_warnings(bound, maximum, solution.final.scale_bias)
     warnings += [*said, *_ties(alternatives)]
     warnings += line_warnings(line, fitted=objective.measured.fit_sweep) if line else []
@@ -282,15 +284,6 @@ def _maximum(bound: BoundCampaign) -> LaboratoryMaximum | None:
     return laboratory_maximum(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
 
 
-def _scale_sigma(measured: Measured, maximum: LaboratoryMaximum | None) -> float:
-    """Relative standard deviation of chi: of one point, or of the whole sweep's fit."""
-    if maximum is None or measured.scale == "none":
-        return 0.0
-    if measured.scale == "maximum":
-        return maximum.sigma
-    return maximum.scatter / float(np.linalg.norm(measured.sweep_v / measured.maximum_v))
-
-
 def _scale(
     measured: Measured, solution: assembly.Solution, maximum: LaboratoryMaximum | None
 ) -> Scale:
@@ -308,12 +301,13 @@ def _scale(
 def _peaks(bound: BoundCampaign, solution: assembly.Solution) -> tuple[Peak, ...]:
     rows = []
     k = 0
+    sigmas = solution.objective.measured.sigmas_v
     for experiment in bound.experiments:
         for i, tone in enumerate(experiment.read_hz):
             rows.append(
                 Peak(
                     experiment.label, float(tone), float(experiment.peaks_v[i]),
-                    float(experiment.sigmas_v[i]), float(solution.initial.simulated_v[k]),
+                    float(sigmas[k]), float(solution.initial.simulated_v[k]),
                     float(solution.final.simulated_v[k]),
                 )
             )  # fmt: skip

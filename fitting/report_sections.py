@@ -182,6 +182,8 @@ def _scale_sentence(result: Result) -> str:
     kinds = {
         "maximum": "ratio of the maxima of measured and simulated sweep (Algorithm 1)",
         "fit": "least squares over the whole sweep",
+        "robust": "Huber's estimate over the whole sweep",
+        "free": "fitted with the rest, the whole sweep its prior",
     }
     scale = result.scale
     if scale.kind not in kinds:

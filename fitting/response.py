@@ -24,13 +24,14 @@ class Evaluation:
     `peaks` (n_peaks,) in the order experiments x tones; `sweep_amplitudes` (n_sweep,) at the
     laboratory's frequencies, empty where the objective does not use them; `sweep_maximum` the
     maximum of the simulated sweep (None without a sweep that is scaled by its maximum); `runs`
-    the simulations it took.
+    the simulations it took; `parts` the answers of the campaigns of a joint fit, one by one.
     """
 
     peaks: FloatArray
     sweep_amplitudes: FloatArray
     sweep_maximum: Maximum | None
     runs: int = 0
+    parts: tuple[Evaluation, ...] = ()
 
 
 class Response(Protocol):

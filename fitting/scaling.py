@@ -253,6 +253,37 @@ def chi_of_sweep(laboratory_v: FloatArray, simulated: FloatArray) -> float:
     return _ratio(largest, height) * float(np.dot(measured, shape) / np.dot(shape, shape))
 
 
+def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:
+    """Scale of a whole sweep by Huber's estimate, both of shape (n,).
+
+    chi minimises sum rho((L - chi S)/s), rho quadratic within 1.345 s and linear beyond, s the
+    median absolute residual over 0.6745: single bad points (a burst, a spurious line, a jump of the
+    sample) do not carry it away.
+
+    Raises:
+        ValueError: shapes that differ.
+        NoScale: as `chi_of_sweep`.
+
+    Source: P. Huber, Robust Statistics (1981), section 7.
+    """
+    chi = chi_of_sweep(laboratory_v, simulated)
+    largest, height = float(np.max(laboratory_v)), float(np.max(simulated))
+    measured, shape = laboratory_v / largest, simulated / height
+    slope = float(np.dot(measured, shape) / np.dot(shape, shape))
+    for _ in range(200):
+        left = np.abs(measured - slope * shape)
+        spread = float(np.median(left)) / 0.6745
+        if spread <= 1e-14:  # an exact fit of half the points is the answer
+            break
+        weight = np.minimum(1.0, 1.345 * spread / np.maximum(left, np.finfo(float).tiny))
+        moved = float(np.dot(weight * measured, shape) / np.dot(weight * shape, shape))
+        done = abs(moved - slope) <= 1e-13 * abs(slope)
+        slope = moved
+        if done:
+            break
+    return chi * slope / float(np.dot(measured, shape) / np.dot(shape, shape))
+
+
 def nodes_around(frequency_hz: float, spacing_hz: float, points: int = FINE_POINTS) -> FloatArray:
     """`points` equidistant frequencies centred on one, shape (points,), Hz."""
     offsets = np.arange(points) - 0.5 * (points - 1)

@@ -79,6 +79,7 @@ def covariance(
     scale_sigma: float = 0.0,
     swept: slice = slice(0, 0),
     widening: float = 1.0,
+    common: FloatArray | None = None,
 ) -> Covariance:
     """Linearised covariance at a solution (see the module).
 
@@ -93,18 +94,21 @@ def covariance(
         widths: u - l of the box in x, shape (n,).
         nu: last regularisation.
         scale_sigma: relative standard deviation of chi.
+        common: columns of errors that rows share, shape (m, k), in place of scale_sigma.
         swept: the rows of the sweep.
         widening: of the sweep, see `fitting.structure.residual_structure`.
     """
     m, n = matrix.shape
     sigma = row_sigmas(sigmas, residuals)
-    common = scale_sigma**2 * np.ones((m, m))
-    factor = np.linalg.cholesky(np.diag(sigma**2) + common)
+    if common is None:
+        common = np.full((m, 1), scale_sigma)
+    shared = common @ common.T
+    factor = np.linalg.cholesky(np.diag(sigma**2) + shared)
     chi_square = float(np.sum(np.linalg.solve(factor, residuals) ** 2))
     inflation = max(1.0, float(np.sqrt(chi_square / max(m - n, 1))))
     if widening > 1.0:
         sigma[swept] *= widening
-        factor = np.linalg.cholesky(np.diag(sigma**2) + common)
+        factor = np.linalg.cholesky(np.diag(sigma**2) + shared)
     white = np.linalg.solve(factor, matrix)
     root = 1.0 / np.sqrt(12.0 / widths**2 + nu)
     # singular values keep the small ones apart from rounding, F + P would not

@@ -17,20 +17,24 @@ LADDER = (
     "laboratory_plan",
     "budget duffing_laboratory exact_modes files fmu.description fmu.records parameters peaks "
     "response spectrum tables units",
+    "measured",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
     "campaign_accuracy campaign_drift tradeoff_records",
+    "campaign_noise",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_front tradeoff_memory tradeoff_reading",
     "plots_tradeoff synthesis_plan tradeoff_tables",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation linear_program plan_search "
     "uncertainty",
     "drifting gauss_newton",
+    "bench_noise",
     "campaign_binding fmu.worker interior_point likelihood ranges",
     "continuation descent fmu.process labdata",
     "nu_choice profiles tradeoff_scenes",
     "exploration",
     "identifiability verdicts",
+    "noise",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "
     "plots_history sweep_line",
     "corrections",
