@@ -108,7 +108,7 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
 def _places(
     bound: BoundCampaign, weighed: Weighed, chosen: Sequence[int]
 ) -> tuple[PlacePoint, ...]:
-    before, after = weighed.sigmas([]), weighed.sigmas(chosen)
+    along = np.array([weighed.sigmas(chosen[:rank]) for rank in range(len(chosen) + 1)])
     names = [parameter.name for parameter in bound.parameters]
     points = []
     for k, place in enumerate(weighed.places):
@@ -116,7 +116,7 @@ def _places(
         points.append(
             PlacePoint(
                 dict(place.alternative), dict(zip(names, map(float, p), strict=True)),
-                float(weighed.values[k]), float(before[k]), float(after[k]),
+                float(weighed.values[k]), tuple(map(float, along[:, k])),
             )
         )  # fmt: skip
     return tuple(points)

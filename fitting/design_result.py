@@ -68,14 +68,14 @@ class Kind:
 class PlacePoint:
     """A point at which the design was judged.
 
-    The `target` there and its sigma `before` and `after`; NaN where it has no value.
+    The `target` there and its `sigmas`, first with the data so far and then after every proposed
+    measurement; NaN where it has no value.
     """
 
     alternative: Mapping[str, Scalar]
     parameters: Mapping[str, float]
     target: float
-    before: float
-    after: float
+    sigmas: tuple[float, ...]
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from fitting.cli import main as fmu_fit
 from fitting.design_result import Design, read_design
 from fitting.fmu import FmuWorkers
-from fitting.synthesis import read_bench
-from fitting.synthesis_plan import CAMPAIGN_NAME
+from fitting.synthesis import CAMPAIGN_NAME, read_bench
 from tests.design_laboratories import Laboratory
 
 ROOT = Path(__file__).resolve().parents[1]

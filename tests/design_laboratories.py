@@ -94,9 +94,7 @@ class Laboratory:
         whole = found + np.diag(self.prior**-2.0)
         return float(np.sqrt(gradient @ np.linalg.solve(whole, gradient)))
 
-    def refit(
-        self, starts: Sequence[FloatArray], target: str, errors: dict[str, float]
-    ) -> Refit:
+    def refit(self, starts: Sequence[FloatArray], target: str, errors: dict[str, float]) -> Refit:
         """Least squares over both series from several parameters, the best end of them.
 
         Of ends that fit alike (theta and theta + pi/2 with d1 and d2 swapped are one damping
@@ -118,7 +116,7 @@ class Laboratory:
         """Levenberg-Marquardt in units of the prior, V at the start and again at the first end."""
         place, square = Place(self.bound.alternatives[0], np.array(x)), np.inf
         for _ in range(2):
-            factor = np.linalg.cholesky(self.covariance(place, errors))
+            factor = np.asarray(np.linalg.cholesky(self.covariance(place, errors)), dtype=float)
             square, place = self._levenberg(place, factor)
         return square, place
 
@@ -144,6 +142,5 @@ class Laboratory:
 
     def _white(self, place: Place, factor: FloatArray) -> tuple[FloatArray, FloatArray]:
         rows, slopes = self.rows(place)
-        return np.linalg.solve(factor, rows), np.linalg.solve(factor, slopes) * self.prior
-
-
+        white = np.linalg.solve(factor, np.column_stack([rows, slopes * self.prior]))
+        return np.asarray(white[:, 0], dtype=float), np.asarray(white[:, 1:], dtype=float)

@@ -52,7 +52,13 @@ def synthesize(*words: str | Path) -> int:
 def test_what_is_written(proposed: Path, design: Design) -> None:
     names = {p.relative_to(proposed).as_posix() for p in proposed.rglob("*") if p.is_file()}
     campaign = {"campaign/campaign.toml", "campaign/experiments.csv", "campaign/sweep.csv"}
-    assert {"design.json", "design.csv", *campaign} <= names
+    assert {"design.json", "design.csv", "report.html", *campaign} <= names
+    figures = [name for name in names if name.startswith("figures/")]
+    assert len(figures) == 4
+    page = (proposed / "report.html").read_text()
+    assert "SYNTHETIC DATA" in page
+    assert page.count("<figure") == 2
+    assert "nan" not in page.lower().replace("nanometre", "")
     assert design.target == "lambda"
     assert design.unit == "Hz"
     assert design.improvement > 10.0

@@ -12,16 +12,20 @@ import pytest
 
 from fitting.campaign_section import Section
 from fitting.design import Question, Weighed, chosen_by, weigh
+from fitting.design_campaign import campaign_files
 from fitting.design_candidates import Limits, Setup, as_campaign, setups_of
 from fitting.design_choice import exhaustive, greedy, losses
 from fitting.design_information import Place, Series, prior_sigmas, unmeasured
 from fitting.design_limits import KEYS, limits_of
 from fitting.design_proposal import propose
 from fitting.errors import BadInput
+from fitting.files import write_all
 from fitting.fmu import FmuWorkers
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.parameters import to_model, to_search
+from fitting.synthesis import read_bench
 from tests import closed_form
+from tests.design_laboratories import Laboratory
 
 Q1 = Path(__file__).parents[1] / "data" / "string_q1" / "campaign.toml"
 TRUTH = np.array([1.9498, 120.0, 90.0])
@@ -154,6 +158,31 @@ def test_greedy_is_near_the_best_of_all(weighed: Weighed, criterion: str) -> Non
         for how in (greedy, exhaustive)
     }
     assert math.exp(values["exhaustive"] - values["greedy"]) >= 0.9
+
+
+def test_laboratories_that_follow_the_advice(
+    bound: BoundCampaign, workers: FmuWorkers, weighed: Weighed, limits: Limits, tmp_path: Path
+) -> None:
+    """Refitted to its own q1 series and the proposed measurements, lambda scatters as expected.
+
+    The benchmark tests/bench_design.py does so for a hundred of them.
+    """
+    design = propose(bound, weighed, limits, Question("lambda"), "Hz", {})
+    write_all(tmp_path / "plan", campaign_files(design, bound, limits, tmp_path / "plan", "a test"))
+    bench = read_bench(Q1.parent / "truth.toml")
+    starts = [np.array([1.6, 250.0, 90.0]), np.array([2.6, 60.0, 200.0])]
+    found = []
+    for seed in range(11, 20):
+        plan = tmp_path / "plan" / "campaign.toml"
+        laboratory = Laboratory(bench, plan, seed, tmp_path, workers)
+        errors = dict(limits.setting_sigmas)
+        found.append(laboratory.refit(starts, "lambda", errors).target)
+    gradient = weighed.problem.gradients[0, :3] / prior_sigmas(bound.parameters)
+    expected = laboratory.expected(TRUTH, gradient, errors)
+    assert expected == pytest.approx(design.proposals[-1].expected.at, rel=0.3)
+    assert 1.0 / 1.5 < np.std(found, ddof=1) / expected < 1.5
+    true = math.sqrt(-0.5 * math.sin(2 * TRUTH[0]) * (7.0276e6**2 - 6.94026e6**2))
+    assert np.mean(found) == pytest.approx(true, abs=3.0 * expected / math.sqrt(len(found)))
 
 
 def test_nothing_measurable_is_said(

@@ -47,7 +47,7 @@ LADDER = (
     "tradeoff_study",
     "design_limits design_points",
     "design",
-    "design_campaign design_proposal",
+    "design_campaign design_proposal plots_design report_design",
     "commands.check commands.design commands.reconstruct commands.simulate commands.synthesize "
     "commands.tradeoff",
     "cli",

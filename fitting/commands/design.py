@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import shlex
 import sys
@@ -113,6 +114,12 @@ def _write(
     print("\n".join(table(design)))
     print(f"\nwritten: {', '.join(str(path) for path in written)}")
     print(f"for the laboratory: {folder / 'campaign.toml'}, peaks to be filled in")
+    if not args.no_report:
+        # matplotlib takes a second to import: only where something is drawn
+        plots = importlib.import_module("fitting.plots_design")
+        figures = plots.save_figures(design, out / "figures")
+        page = importlib.import_module("fitting.report_design").write_report(design, figures, out)
+        print(f"report: {page}")
 
 
 def _question(
