@@ -17,7 +17,7 @@ import fitting
 from fitting.errors import BadInput, FmuFailure
 
 #: Each is a module of `fitting.commands` with NAME, SUMMARY, EXAMPLE, add_arguments and run.
-COMMANDS = ("reconstruct", "design", "simulate", "synthesize", "tradeoff", "check")
+COMMANDS = ("reconstruct", "design", "simulate", "sweep", "synthesize", "tradeoff", "check")
 
 BAD_INPUT, FMU_FAILED, INTERRUPTED = 2, 3, 130
 

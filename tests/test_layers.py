@@ -40,16 +40,16 @@ LADDER = (
     "corrections",
     "fmu inference plots_reconstruction reconstruction report_tables",
     "batch drive report_drift report_plan tradeoff_bench",
-    "drive_lines driving report_sections tradeoff_grid tradeoff_quantities",
+    "drive_lines drive_options driving frf report_sections tradeoff_grid tradeoff_quantities",
     "campaign_plan drive_plan tradeoff_reference",
-    "fmu_job plots_drive report tradeoff_extrapolation tradeoff_plan",
+    "fmu_job plots_drive plots_frf report tradeoff_extrapolation tradeoff_plan",
     "design_candidates design_choice design_information design_result report_tradeoff "
     "tradeoff_study",
     "design_limits design_points",
     "design",
     "design_campaign design_proposal plots_design report_design",
-    "commands.check commands.design commands.reconstruct commands.simulate commands.synthesize "
-    "commands.tradeoff",
+    "commands.check commands.design commands.reconstruct commands.simulate commands.sweep "
+    "commands.synthesize commands.tradeoff",
     "cli",
     "__main__",
 )

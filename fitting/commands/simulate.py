@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -15,9 +13,10 @@ from numpy.typing import NDArray
 from fitting.combinations import combination_name
 from fitting.drive import Drive, DriveResult, simulate_drive
 from fitting.drive_lines import MixedLine, mixed_peaks
+from fitting.drive_options import first_output, other_tones, start_values
 from fitting.errors import BadInput, StartValue
 from fitting.files import write_whole
-from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.notation import hertz
 from fitting.options import positive_quantity, positive_time, quantity, whole_number
 from fitting.progress import status_line
@@ -29,9 +28,6 @@ EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" -
 
 DEFAULT_TONES = ("u1", "u2")
 MOST_MIXED = 4
-TONE_NAME = re.compile(r"(.*?)(\d+)")
-#: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
-AMPLITUDE_STEM = "A"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -106,40 +102,9 @@ def run(args: argparse.Namespace) -> int:
     return 1
 
 
-def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, StartValue]:
-    """Start values from texts "NAME=VALUE" with written units, in the FMU's units."""
-    values: dict[str, StartValue] = {}
-    for text in assignments:
-        name, found, value = text.partition("=")
-        name = name.strip()
-        if not (name and found):
-            raise BadInput(f"--set {text}: wanted NAME=VALUE")
-        values[name] = _value(value.strip(), description.variable(name))
-    return values
-
-
-def _value(text: str, variable: FmuVariable) -> StartValue:
-    where = f"--set {variable.name}"
-    if variable.kind == "String":
-        return text
-    if variable.kind == "Boolean":
-        if text.lower() not in ("true", "false", "1", "0"):
-            raise BadInput(f"{where}: found {text!r}, wanted true or false")
-        return text.lower() in ("true", "1")
-    if variable.kind == "Integer":
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not number.is_integer():
-            raise BadInput(f"{where}: found {text!r}, wanted a whole number")
-        return int(number)
-    return quantity(text, variable.unit or "1", where=where)
-
-
 def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
     values = start_values(args.set, description)
-    outputs = _listed(args.outputs) or _first_output(description)
+    outputs = _listed(args.outputs) or first_output(description)
     if (args.input is None) != (args.drive is None):
         raise BadInput("--input and --drive: found one of them, wanted both or none")
     level = 1.0
@@ -175,15 +140,6 @@ def _settling(text: str) -> float:
     if time_s < 0.0:
         raise BadInput(f"--settle: found {text!r}, wanted a time of at least 0")
     return time_s
-
-
-def _first_output(description: FmuDescription) -> tuple[str, ...]:
-    for variable in description.variables.values():
-        if (variable.causality, variable.kind) == ("output", "Real") and (
-            variable.variability == "continuous"
-        ):
-            return (variable.name,)
-    raise BadInput(f"{description.path}: has no continuous Real output, wanted --outputs")
 
 
 def _tone_names(args: argparse.Namespace, description: FmuDescription) -> tuple[str, ...]:
@@ -305,24 +261,6 @@ def _advice(args: argparse.Namespace, drive: Drive, description: FmuDescription)
         lines += [
             f"{name} is not among the tones {', '.join(names)}: if the FMU drives with it as well, "
             f"wanted it in --tones, or --set {amplitude}=0"
-            for name, amplitude in _other_tones(names, drive.start_values, description)
+            for name, amplitude in other_tones(names, drive.start_values, description)
         ]
     return lines
-
-
-def _other_tones(
-    names: tuple[str, ...], values: Mapping[str, StartValue], description: FmuDescription
-) -> list[tuple[str, str]]:
-    """Parameters named like the tones, but for their number, with amplitudes that are not zero."""
-    stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}
-    found = []
-    for name, variable in description.variables.items():
-        match = TONE_NAME.fullmatch(name)
-        if match is None or match[1] not in stems or name in names:
-            continue
-        amplitude = description.variables.get(AMPLITUDE_STEM + match[2])
-        if amplitude is None or not variable.can_be_started:
-            continue
-        if values.get(amplitude.name, amplitude.start):
-            found.append((name, amplitude.name))
-    return found

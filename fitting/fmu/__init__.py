@@ -9,7 +9,7 @@ from fitting.fmu.description import (
     read_description,
     validation_problems,
 )
-from fitting.fmu.records import Counts, InputSignal, Run
+from fitting.fmu.records import Counts, InputSignal, Leg, Run, row_times
 from fitting.fmu.workers import FmuWorkers
 
 __all__ = [
@@ -18,7 +18,9 @@ __all__ = [
     "FmuVariable",
     "FmuWorkers",
     "InputSignal",
+    "Leg",
     "Run",
     "read_description",
+    "row_times",
     "validation_problems",
 ]

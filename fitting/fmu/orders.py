@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.errors import BadInput, StartValue
 from fitting.fmu.description import FmuDescription, FmuVariable
-from fitting.fmu.records import Run, Tone
+from fitting.fmu.records import Leg, Run, Tone
 
 
 class Group(NamedTuple):
@@ -33,6 +33,7 @@ class Layout(NamedTuple):
     columns: tuple[tuple[int, ...], ...]
     outputs: tuple[str, ...]
     input: Group | None
+    moved: Group | None = None
 
 
 class Order(NamedTuple):
@@ -47,9 +48,15 @@ class Order(NamedTuple):
     allow_nan: bool
     tones: tuple[Tone, ...] = ()
     step_s: float = 0.0
+    legs: tuple[Leg, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Samples in all."""
+        return self.samples + sum(leg.samples for leg in self.legs)
 
 
-_Key = tuple[tuple[str, ...], tuple[str, ...], str | None]
+_Key = tuple[tuple[str, ...], tuple[str, ...], str | None, str]
 
 
 class Orders:
@@ -76,7 +83,7 @@ class Orders:
         read, and a value of the wrong type.
         """
         signal = run.input_signal
-        key = (tuple(run.start_values), run.outputs, signal.name if signal else None)
+        key = (tuple(run.start_values), run.outputs, signal.name if signal else None, run.moved)
         number = self._numbers.get(key)
         if number is None:
             number = self._add(key, run.start_values)
@@ -96,10 +103,11 @@ class Orders:
             run.allow_nan,
             signal.tones if signal else (),
             signal.step_s if signal else 0.0,
+            run.legs,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, StartValue]) -> int:
-        names, outputs, input_name = key
+        names, outputs, input_name, moved = key
         for name in (*names, *([input_name] if input_name else [])):
             if name not in self._defaults and self._remember(self._variable_to_set(name)):
                 self._numbers.clear()  # from now on every layout sets this one as well
@@ -116,6 +124,7 @@ class Orders:
                 columns=tuple(tuple(outputs.index(name) for name in g.names) for g in gets),
                 outputs=outputs,
                 input=self._input(input_name) if input_name else None,
+                moved=self._moved(moved) if moved else None,
             )
         )
         self._numbers[key] = len(self.layouts) - 1
@@ -133,6 +142,16 @@ class Orders:
             raise BadInput(
                 f"{self._description.path}: {name!r} is a {variable.kind} {variable.causality}, "
                 "wanted a Real input for the drive"
+            )
+        return Group(variable.fmi_type, (name,), (variable.value_reference,))
+
+    def _moved(self, name: str) -> Group:
+        variable = self._description.variable(name)
+        free = variable.causality == "input" or variable.variability == "tunable"
+        if variable.kind != "Real" or not free:
+            raise BadInput(
+                f"{self._description.path}: {name!r} is a {variable.variability} {variable.kind} "
+                f"{variable.causality}, wanted a tunable Real parameter to move during a run"
             )
         return Group(variable.fmi_type, (name,), (variable.value_reference,))
 

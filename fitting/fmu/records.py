@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from fitting.errors import BadInput, StartValue
 
@@ -47,6 +48,26 @@ class InputSignal:
 
 
 @dataclass(frozen=True)
+class Leg:
+    """What follows in a run: a tunable variable moved to ``value``, settling and samples again.
+
+    Raises BadInput for numbers that are not finite or not positive.
+    """
+
+    value: float
+    settle_s: float
+    sample_step_s: float
+    samples: int
+
+    def __post_init__(self) -> None:
+        numbers = (self.value, self.settle_s, self.sample_step_s)
+        if not (all(map(math.isfinite, numbers)) and self.settle_s >= 0 and self.samples >= 1):
+            raise BadInput(f"{self!r}: wanted finite numbers, a time and a sample at least")
+        if not self.sample_step_s > 0:
+            raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
+
+
+@dataclass(frozen=True)
 class Run:
     """One simulation of an FMU.
 
@@ -58,8 +79,11 @@ class Run:
     ``start_values`` are set before initialisation; ``outputs`` are read at every sample.
     ``allow_nan``: an output that is not a finite number is handed back instead of being a failure.
 
-    Raises BadInput for times that are not finite or not positive, and for a step that does not
-    divide them.
+    ``legs`` go on from the last sample without a new start, so that a tone that is ``moved`` keeps
+    its phase and the state its branch; their samples follow in the result.
+
+    Raises BadInput for times that are not finite or not positive, for a step that does not divide
+    them, and for legs beside a signal or without a start value of what they move.
     """
 
     start_values: Mapping[str, StartValue]
@@ -70,8 +94,19 @@ class Run:
     start_time_s: float = 0.0
     input_signal: InputSignal | None = None
     allow_nan: bool = False
+    moved: str = ""
+    legs: tuple[Leg, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Samples in all."""
+        return self.samples + sum(leg.samples for leg in self.legs)
 
     def __post_init__(self) -> None:
+        if self.legs and (self.input_signal is not None or self.moved not in self.start_values):
+            raise BadInput(
+                f"legs move {self.moved!r}: wanted a start value of it, and no input signal"
+            )
         if not (math.isfinite(self.settle_s) and self.settle_s >= 0):
             raise BadInput(f"settle_s is {self.settle_s!r}, wanted a time of at least 0")
         if self.samples < 1:
@@ -96,6 +131,31 @@ class Run:
                     f"{name} = {time_s!r} s is {count:.9g} steps of {step_s!r} s, wanted a whole "
                     "number"
                 )
+
+
+class Timed(Protocol):
+    """What times of samples follow from; a run, and what a worker makes of it."""
+
+    @property
+    def start_time_s(self) -> float: ...  # noqa: D102
+    @property
+    def settle_s(self) -> float: ...  # noqa: D102
+    @property
+    def sample_step_s(self) -> float: ...  # noqa: D102
+    @property
+    def samples(self) -> int: ...  # noqa: D102
+    @property
+    def legs(self) -> tuple[Leg, ...]: ...  # noqa: D102
+
+
+def row_times(run: Timed) -> list[float]:
+    """Time of every row of a run's result, s."""
+    first = run.start_time_s + run.settle_s
+    times = [first + j * run.sample_step_s for j in range(run.samples)]
+    for leg in run.legs:
+        first = times[-1] + leg.settle_s
+        times += [first + j * leg.sample_step_s for j in range(leg.samples)]
+    return times
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def _repeat(
 
 
 def _differing(a: Order, b: Order) -> set[Place]:
-    if a.values == b.values and a.tones == b.tones:
+    if a.values == b.values and a.tones == b.tones and a.legs == b.legs:
         return set()
     places: set[Place] = {
         (group, position)
@@ -119,6 +119,8 @@ def _differing(a: Order, b: Order) -> set[Place]:
     }
     if a.tones != b.tones:
         places.add("tones")
+    if a.legs != b.legs:
+        places.add("legs")
     return places
 
 

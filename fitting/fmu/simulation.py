@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fitting.fmu.interface import Access, CallFailed, Interface
 from fitting.fmu.orders import Layout, Order
+from fitting.fmu.records import row_times
 from fitting.fmu.signal import held_values
 
 FloatArray = NDArray[np.float64]
@@ -26,6 +27,7 @@ class Binding(NamedTuple):
     sets: tuple[Access, ...]
     gets: tuple[Access, ...]
     input: Access | None
+    moved: Access | None = None
 
 
 def bind(fmu: Interface, layout: Layout) -> Binding:
@@ -35,6 +37,7 @@ def bind(fmu: Interface, layout: Layout) -> Binding:
         tuple(fmu.access("Set", group) for group in layout.sets),
         tuple(fmu.access("Get", group) for group in layout.gets),
         fmu.access("Set", layout.input) if layout.input else None,
+        fmu.access("Set", layout.moved) if layout.moved else None,
     )
 
 
@@ -44,14 +47,16 @@ def simulate(fmu: Interface, binding: Binding, order: Order) -> FloatArray:
     Raises CallFailed for a status that is not OK or a warning, for a step that ends early and,
     unless ``order.allow_nan``, for an output that is not a finite number.
     """
-    result = np.empty((order.samples, len(binding.layout.outputs)))
+    result = np.empty((order.rows, len(binding.layout.outputs)))
     for access, values in zip(binding.sets, order.values, strict=True):
         fmu.set(access, values)
     read = _reader(fmu, binding, result)
     fmu.enter_initialisation(order.start_time_s)
     if binding.input is None:
         fmu.leave_initialisation()
-        _stride(fmu, order, read)
+        now = _stride(fmu, order, read)
+        if binding.moved is not None:
+            _follow(fmu, binding.moved, order, read, now)
     else:
         _stride_with_input(fmu, binding.input, order, read)
     fmu.terminate()
@@ -65,11 +70,26 @@ def steps_of(order: Order) -> int:
     if order.step_s:
         lead, each = _whole_steps(order)
         return lead + each * (order.samples - 1)
-    return order.samples - 1 + bool(order.settle_s)
+    legs = sum(leg.samples - 1 + bool(leg.settle_s) for leg in order.legs)
+    return order.samples - 1 + bool(order.settle_s) + legs
 
 
-def _stride(fmu: Interface, order: Order, read: Reader) -> None:
-    """One step to each sample."""
+def _follow(fmu: Interface, moved: Access, order: Order, read: Reader, now: float) -> None:
+    """Legs after the first stretch: move the variable, one step to each of their samples."""
+    row = order.samples
+    for leg in order.legs:
+        fmu.set(moved, (leg.value,))
+        first = now + leg.settle_s
+        for j in range(leg.samples):
+            then = first + j * leg.sample_step_s
+            if then > now:
+                fmu.step(now, then - now)
+            read(row)
+            row, now = row + 1, then
+
+
+def _stride(fmu: Interface, order: Order, read: Reader) -> float:
+    """One step to each sample; the time of the last."""
     step = order.sample_step_s
     first = now = order.start_time_s + order.settle_s
     if order.settle_s:
@@ -80,6 +100,7 @@ def _stride(fmu: Interface, order: Order, read: Reader) -> None:
         fmu.step(now, then - now)
         read(j)
         now = then
+    return now
 
 
 def _stride_with_input(fmu: Interface, drive: Access, order: Order, read: Reader) -> None:
@@ -134,5 +155,5 @@ def _reader(fmu: Interface, binding: Binding, result: FloatArray) -> Reader:
 
 def _not_finite(outputs: tuple[str, ...], order: Order, result: FloatArray) -> str:
     j, column = np.argwhere(~np.isfinite(result))[0]
-    at = order.start_time_s + order.settle_s + int(j) * order.sample_step_s
+    at = row_times(order)[int(j)]
     return f"output {outputs[column]} is {result[j, column]} at t = {at!r} s"

@@ -201,7 +201,7 @@ class FmuWorkers:
         todo = job.todo[number]
         position = 0
         for i in todo[: reply.done]:
-            shape = (job.orders[i].samples, len(job.runs[i].outputs))
+            shape = (job.orders[i].rows, len(job.runs[i].outputs))
             size = shape[0] * shape[1]
             job.results[i] = reply.results[position : position + size].reshape(shape)
             position += size
