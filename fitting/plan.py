@@ -194,8 +194,9 @@ def _incoherent(
 def _best_step(tones: tuple[float, ...], samples: int, span_s: float) -> tuple[float, float]:
     """Least condition number of a tone fit over windows of about a span, and its sampling step."""
     steps = np.linspace(0.8, 2.5, 400) * span_s / samples
-    designs = np.stack([_design(tones, np.arange(samples, dtype=float) * step) for step in steps])
-    conditions = np.linalg.cond(designs)
+    times = np.arange(samples, dtype=float) * steps[:, np.newaxis]
+    # all at once: step by step a thousand experiments would be planned for minutes
+    conditions = np.linalg.cond(_design(tones, times.ravel()).reshape(steps.size, samples, -1))
     k = int(np.argmin(conditions))
     return float(conditions[k]), float(steps[k])
 
