@@ -24,7 +24,7 @@ from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
 
 from fitting.evaluator import Evaluator, total
 from fitting.gauss_newton import finish_squares
-from fitting.linear_program import follow, promised_decrease
+from fitting.linear_program import follow, promised_decrease, with_slacks
 from fitting.objective import Nu, j_reg
 
 FloatArray = npt.NDArray[np.float64]
@@ -221,16 +221,14 @@ def _slack_problem(
     n = x0.size
     rows = np.abs(evaluator.point(x0).residuals)
     m = rows.size
-    identity = np.eye(m)
     curvature = np.diag(np.concatenate([np.full(n, nu), np.zeros(m)]))
 
     def bands(y: FloatArray) -> FloatArray:
         r, s = evaluator.point(np.array(y[:n])).residuals, y[n:]
         return np.concatenate([r - s, -r - s])
 
-    def band_slopes(y: FloatArray) -> FloatArray:
-        matrix = evaluator.jacobian(np.array(y[:n]))
-        return np.block([[matrix, -identity], [-matrix, -identity]])
+    def band_slopes(y: FloatArray) -> Any:
+        return with_slacks(evaluator.jacobian(np.array(y[:n])))
 
     free = np.full(m, np.inf)
     return {

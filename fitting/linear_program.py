@@ -11,10 +11,12 @@ point leaves, and stands in as referee for it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog
+from scipy.sparse import block_array, csr_array, eye_array
 
 from fitting.evaluator import Evaluator, total
 from fitting.objective import Nu
@@ -26,6 +28,8 @@ TEST_RADIUS = 1.0
 #: Second-order corrections tried before the radius is cut.
 CORRECTIONS = 3
 SMALLEST_RADIUS = 1e-9
+#: From so many rows on the bands of the slacks are sparse.
+MANY_ROWS = 100
 
 
 @dataclass(frozen=True)
@@ -77,11 +81,10 @@ def _scaled_step(
     """`linear_step` with rows over `size` and d over `radius`: its tolerances are absolute."""
     m, n = jacobian.shape
     a = jacobian * (radius / size)
-    identity = np.eye(m)
     box = [(max(-1.0, lo / radius), min(1.0, hi / radius)) for lo, hi in zip(*room, strict=True)]
     answer = linprog(
         np.concatenate([slope * (radius / size), np.ones(m)]),
-        np.block([[a, -identity], [-a, -identity]]),
+        with_slacks(a),
         np.concatenate([-rows, rows]) / size,
         bounds=[*box, *((0.0, None) for _ in range(m))],
         method="highs-ds",
@@ -91,6 +94,18 @@ def _scaled_step(
         return None
     step: FloatArray = np.clip(radius * answer.x[:n], *room)
     return step
+
+
+def with_slacks(matrix: FloatArray) -> Any:
+    """[[J, -I], [-J, -I]] of -s <= J x <= s, shape (2 m, n + m); sparse where there are many rows.
+
+    Dense, a thousand experiments would make it a hundred megabytes of zeros.
+    """
+    m = matrix.shape[0]
+    if m < MANY_ROWS:
+        return np.block([[matrix, -np.eye(m)], [-matrix, -np.eye(m)]])
+    j, identity = csr_array(matrix), eye_array(m, format="csr")
+    return block_array([[j, -identity], [-j, -identity]], format="csr")
 
 
 def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: Nu, misfit: str) -> float:
