@@ -56,7 +56,7 @@ def _warnings(study: Study) -> list[str]:
         f"{error_text(choice.planned)}."
         for quantity, rows in by_quantity(study).items()
         for choice in rows
-        if choice.planned is not None and not choice.kept
+        if choice.planned is not None and choice.kept is False
     ]
     return missed + [f"A setting failed: {text}" for text in failures(study.measurements)]
 

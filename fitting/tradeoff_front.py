@@ -30,8 +30,14 @@ class Choice:
 
     @property
     def kept(self) -> bool | None:
-        """Whether the plan's setting has the accuracy; None without a plan."""
-        return None if self.planned is None else self.planned.error <= self.accuracy
+        """Whether the plan's setting has the accuracy; None without a plan.
+
+        None as well where the reference's own error is larger: then nobody can tell.
+        """
+        if self.planned is None:
+            return None
+        good = self.planned.error <= self.accuracy
+        return None if self.planned.bounded and not good else good
 
 
 def pareto(measurements: Sequence[Measurement]) -> list[Measurement]:

@@ -97,8 +97,8 @@ def hints_of(scene: Scene, description: FmuDescription) -> Hints:
     tolerance = next((s.variable for s in scene.solvers if s.kind == "tolerance"), None)
     substep = next((s.variable for s in scene.solvers if s.kind == SUBSTEPS), None)
     periodic = (Reduction("periodic start", {scene.start: True}),) if scene.start else ()
-    if scene.modes is None:
-        return Hints(tolerance or None, substep or None)
+    if scene.hints is not None:
+        return scene.hints
     if scene.linear:
         return Hints(full=_choice(scene, scene.solvers[0]), reductions=periodic)
     bound = BOUND if BOUND in description.variables else None
@@ -109,6 +109,7 @@ def hints_of(scene: Scene, description: FmuDescription) -> Hints:
 def _choice(scene: Scene, solver: Solver) -> dict[str, Scalar]:
     """The start values by which solvers are told apart: those that all of them have."""
     common = set.intersection(*(set(s.values) for s in scene.solvers))
+    common -= {s.variable for s in scene.solvers}
     return {name: value for name, value in solver.values.items() if name in common}
 
 

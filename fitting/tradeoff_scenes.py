@@ -1,23 +1,21 @@
-"""The scenes in which accuracy is measured against cost: of the virtual laboratory, or a campaign.
+"""The scenes in which accuracy is measured against cost; those that are built in.
 
-The built-in scenes know their modes, so that there is a truth outside the simulator; a scene made
-of a user's campaign knows the campaign and nothing of what is behind it.
+They belong to the virtual laboratory: they know their modes, so that there is a truth outside the
+simulator.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
+from fitting.budget import Hints
 from fitting.errors import BadInput
 from fitting.exact_modes import line_width_hz
-from fitting.labdata import BoundCampaign, FmuChoice
+from fitting.labdata import FmuChoice
 from fitting.laboratory import TwoModes
 from fitting.notation import hertz
-from fitting.scaling import half_power_width
 from fitting.tradeoff_records import Scalar
 from fitting.units import convert
 
@@ -59,7 +57,8 @@ class Scene:
     Boolean for a periodic start ("": it has none), `steady` where it
     starts so anyway; `modes` the truth, None for a campaign, with the
     cubic coefficients in `values`; `tone` and `levels` the FMU's parameters for sweeps; `input` a
-    held input instead of tones of the FMU; `sweep` frequencies in Hz of a campaign's own sweep.
+    held input instead of tones of the FMU; `sweep_hz` frequencies of a
+    campaign's own sweep; `hints` what a campaign tells the plan.
     """
 
     name: str
@@ -86,6 +85,7 @@ class Scene:
     damping: tuple[str, ...] = ()
     sweep_values: Mapping[str, Scalar] = field(default_factory=dict)
     sweep_hz: tuple[float, ...] = ()
+    hints: Hints | None = None
     synthetic: bool = True
 
     @property
@@ -191,54 +191,6 @@ def scaled(scene: Scene, factor: float) -> Scene:
     """The scene with all damping, and so the line width, times a factor."""
     widths = {name: float(scene.values[name]) * factor for name in scene.damping}
     return replace(scene, values={**scene.values, **widths}, width_hz=scene.width_hz * factor)
-
-
-def scene_of_campaign(
-    bound: BoundCampaign, fmu: FmuChoice, solvers: Sequence[Solver] = ()
-) -> Scene:
-    """A user's campaign as a scene, at the reference values of its parameters.
-
-    Its FMU is taken as it is: without the names of solver settings there is one solver.
-
-    Raises:
-        BadInput: no way to know the campaign's line width.
-    """
-    width = bound.line_width_hz
-    if width is None and bound.sweep is not None:
-        width = half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    if width is None:
-        raise BadInput(
-            f"{bound.path}: [observe] has no line_width; wanted it, or a sweep, to know how long "
-            "the FMU takes to settle"
-        )
-    drive = bound.drive
-    values: dict[str, Scalar] = dict(bound.start_values)
-    values.update(dict.fromkeys(drive.amplitudes, drive.level))
-    values.update(bound.alternatives[0])
-    values.update({p.name: p.reference for p in bound.parameters})
-    sweep = bound.sweep
-    fitted = {p.name: p.reference for p in bound.parameters}
-    drives = tuple(Drive(e.tones_hz, {**e.settings, **fitted}, e.output) for e in bound.experiments)
-    tones = [tone for d in drives for tone in d.tones_hz]
-    scene = Scene(
-        name="campaign", title=bound.title,
-        description=f"{bound.path.name} at the reference values of its parameters",
-        fmu=fmu, values=values,
-        drives=drives,
-        output=bound.output, width_hz=width, fastest_hz=max(tones, default=0.0),
-        solvers=tuple(solvers) or (Solver("fmu"),), linear=False, steady=bound.steady_start,
-        tone=drive.frequencies[0] if drive.kind == "tones" else "", tone_unit=drive.frequency_unit,
-        levels=drive.amplitudes, level=drive.level, input=drive.input,
-        held=drive.samples_per_period if drive.kind == "input" else 0,
-        sweep_values=sweep.settings if sweep is not None else {},
-        sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
-        synthetic=bound.synthetic,
-    )  # fmt: skip
-    if drives or sweep is None:
-        return scene
-    # a campaign of a sweep alone: a single tone at its maximum
-    top = float(sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))])
-    return replace(scene, drives=(single_tone(scene, top),), fastest_hz=top)
 
 
 def single_tone(scene: Scene, tone_hz: float) -> Drive:

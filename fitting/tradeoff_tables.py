@@ -109,7 +109,7 @@ def choice_cells(choice: Choice) -> tuple[str, ...]:
         error_text(best) if best else "–",
         cost_text(best) if best else "–",
         words(plan.setting) if plan else "no promise",
-        error_text(plan) + ("" if choice.kept else " (missed)") if plan else "–",
+        error_text(plan) + ("" if choice.kept is not False else " (missed)") if plan else "–",
         cost_text(plan) if plan else "–",
         number(ratio, 2) if ratio is not None else "–",
     )
@@ -155,10 +155,8 @@ def terminal(study: Study) -> list[str]:
             cells = choice_cells(row)
             lines.append(f"  {cells[0]:>6}: {cells[3]:>9}  error {cells[2]:9}  {cells[1]}")
             if row.planned is not None:
-                lines.append(
-                    f"{'plan':>8}  {cells[6]:>9}  error {cells[5]:9}  {cells[4]} "
-                    f"({cells[7]} times the cheapest)"
-                )
+                times = "" if row.ratio is None else f" ({cells[7]} times the cheapest)"
+                lines.append(f"{'plan':>8}  {cells[6]:>9}  error {cells[5]:9}  {cells[4]}{times}")
         lines.append(f"  {reference_sentence(study, quantity)}")
     return lines
 

@@ -21,10 +21,10 @@ LADDER = (
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
     "campaign_accuracy campaign_drift tradeoff_records",
-    "campaign_noise",
+    "campaign_noise tradeoff_front tradeoff_memory tradeoff_reading",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
-    "synthesis tradeoff_front tradeoff_memory tradeoff_reading",
-    "plots_tradeoff synthesis_plan tradeoff_tables",
+    "synthesis tradeoff_tables",
+    "plots_tradeoff synthesis_plan",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation linear_program plan_search "
     "uncertainty",
     "drifting gauss_newton",
@@ -32,7 +32,7 @@ LADDER = (
     "campaign_binding fmu.worker interior_point likelihood ranges",
     "continuation descent fmu.process labdata",
     "nu_choice profiles tradeoff_scenes",
-    "exploration",
+    "exploration tradeoff_campaign",
     "identifiability verdicts",
     "noise",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "

@@ -284,6 +284,71 @@ def test_exact_solver_is_nearly_free_on_the_string(quick_run: Path) -> None:
     assert max(plain) > 0.05
 
 
+CAMPAIGN = """
+title = "Cubic sensor (synthetic)"
+synthetic = true
+[fmu]
+model = "DuffingOscillator"
+[fmu.start]
+theta = 0.0
+d2 = 20000.0
+eta_plus = 100000.0
+eta_minus = 130000.0
+alpha1 = 2e24
+alpha2 = 0.0
+[observe]
+output = "q1_hybrid"
+line_width = "20 kHz"
+[drive]
+kind = "tones"
+frequencies = ["u1", "u2"]
+amplitudes = ["A1", "A2"]
+[experiments]
+file = "experiments.csv"
+peaks = ["p1", "p2"]
+amplitude = "m peak"
+[[parameters]]
+name = "d1"
+unit = "Hz"
+lower = 5000
+upper = 50000
+start = 20000
+scale = 1000
+[accuracy]
+tolerance = "tolerance"
+substep = "rk4_substep"
+full = { solver = 2 }
+[[accuracy.reductions]]
+name = "averaged envelope"
+set = { solver = 1 }
+bound = "envelope_error"
+"""
+
+
+def test_a_campaigns_own_knobs_are_tried(tmp_path: Path) -> None:
+    """[accuracy] names solvers and what sets them; errors are from the finest of them."""
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN, "utf-8")
+    drives = "experiment,u1 (Hz),u2 (Hz),p1 (m),p2 (m)\n1,95000,105000,1e-10,1e-10\n"
+    (tmp_path / "experiments.csv").write_text(drives, "utf-8")
+    out = tmp_path / "out"
+    asked = ["--campaign", str(tmp_path / "campaign.toml"), "--accuracies", "1e-2"]
+    assert main(["tradeoff", *asked, "--quick", "--out", str(out)]) == 0
+    table = rows(out)
+    kinds = {(r["solver"], r["resolution_kind"]) for r in table}
+    for solver in ("full model", "averaged envelope"):
+        assert {(solver, "tolerance"), (solver, "substeps per period")} <= kinds
+    refined = {
+        float(r["resolution"]): float(r["error"])
+        for r in table
+        if (r["solver"], r["resolution_kind"]) == ("full model", "substeps per period")
+        and r["reader"] == "coherent"
+    }
+    assert refined[80.0] < refined[20.0] / 100.0
+    page = (out / "tradeoff.md").read_text("utf-8")
+    assert "the finest setting (full model) against the next finest" in page
+    assert {r["cost_is"] for r in table} == {"measured"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

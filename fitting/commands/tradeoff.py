@@ -22,8 +22,9 @@ from fitting.labdata import bind, read_campaign
 from fitting.options import whole_number
 from fitting.progress import status_line
 from fitting.records import to_plain
+from fitting.tradeoff_campaign import scene_of_campaign
 from fitting.tradeoff_records import QUANTITIES, Study
-from fitting.tradeoff_scenes import BUILT_IN, Scene, scene_named, scene_of_campaign
+from fitting.tradeoff_scenes import BUILT_IN, Scene, scene_named
 from fitting.tradeoff_study import Order, run_study
 from fitting.tradeoff_tables import csv_of, markdown, terminal
 
@@ -75,7 +76,8 @@ def run(args: argparse.Namespace) -> int:
     with FmuWorkers(fmu, workers=args.workers, timeout_s=choice.timeout_s) as workers:
         description = workers.description
         if campaign is not None:
-            scene = scene_of_campaign(bind(campaign, description.variables), choice)
+            bound = bind(campaign, description.variables)
+            scene = scene_of_campaign(bound, choice, description.variables)
         job = _job(scene, order, description)
         memory = memories.resume(args.out, job) if args.resume else memories.begin(args.out, job)
         if args.resume:
