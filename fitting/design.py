@@ -32,6 +32,7 @@ from fitting.job import measured_of
 from fitting.labdata import BoundCampaign
 from fitting.objective import evaluate_many
 from fitting.parameters import canonical, search_bounds, to_model, to_search
+from fitting.uncertainty import SMALLEST_SIGMA
 
 FloatArray = npt.NDArray[np.float64]
 Scalar = float | int | bool | str
@@ -155,7 +156,7 @@ def _scale_sigma(bound: BoundCampaign, data: Series) -> float:
     """Prior of the scale's logarithm; next to nothing where there is none or where it is fitted."""
     if any(parameter.role == "scale" for parameter in bound.parameters):
         return 1e-9
-    return max(scale_sigma(bound, data.measured), 1e-9)
+    return max(scale_sigma(data.measured), 1e-9)
 
 
 def _equal_fits(
@@ -171,7 +172,7 @@ def _equal_fits(
         start = Place(alternative, np.clip(to_search(bound.parameters, p), lower, upper))
     first = data.rows([start], steps, limits.setting_sigmas)[0]
     covariance = information_of_data(data, first, limits.setting_sigmas)[1]
-    terrain = Terrain(data, covariance + scale_sigma(bound, data.measured) ** 2, prior, steps)
+    terrain = Terrain(data, covariance + scale_sigma(data.measured) ** 2, prior, steps)
     given = settle(terrain, start)
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):
@@ -242,12 +243,12 @@ def _setup_rows(
             for s in (series, highest)
         )
         ratio = levels[-1] / levels[0]
-        linear = bool(np.all(np.abs(high / (ratio * low) - 1.0) <= LINEAR))
+        linear = bool(np.all(np.abs(high - ratio * low) <= LINEAR * ratio * low))
     if not linear:
         return _unmeasured(bound, workers, setups).rows(places, steps, limits.setting_sigmas), False
     index = {(s.tones_hz, s.output, tuple(s.settings.items())): i for i, s in enumerate(lowest)}
     source = np.array([index[s.tones_hz, s.output, tuple(s.settings.items())] for s in setups])
-    tones = len(bound.drive.frequencies)
+    tones = len(setups[0].experiment.read_hz)
     picked = (source[:, np.newaxis] * tones + np.arange(tones)).ravel()
     factors = np.repeat([s.level / levels[0] for s in setups], tones)
     return [
@@ -260,8 +261,8 @@ def _setup_rows(
 
 
 def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup]) -> Series:
-    tones = len(bound.drive.frequencies)
-    return Series(as_campaign(bound, setups), workers, unmeasured(bound, tones * len(setups)))
+    peaks = sum(len(setup.experiment.read_hz) for setup in setups)
+    return Series(as_campaign(bound, setups), workers, unmeasured(bound, peaks))
 
 
 def _weighed(
@@ -275,14 +276,16 @@ def _weighed(
     for count in limits.repeats:
         floor = limits.noise_floor_v / np.sqrt(count)
         sigmas = np.hypot(floor, limits.relative_noise * amplitudes)
-        seen = np.median(np.min(amplitudes / sigmas, axis=2), axis=0) >= LEAST_SIGNAL
+        above = np.min(amplitudes - LEAST_SIGNAL * sigmas, axis=2) >= 0.0
+        seen = (np.mean(above, axis=0) >= 0.5) & np.all(amplitudes > 0.0, axis=(0, 2))
         borne = np.max(amplitudes[0], axis=1) <= limits.largest_v
-        kept = np.flatnonzero(seen & borne)
+        kept = np.flatnonzero(seen & borne).tolist()
         for rank, row in enumerate(rows):
-            found = information_of_setups(row, sigmas[rank], limits.setting_sigmas)[kept]
+            relative = np.maximum(sigmas[rank, kept] / amplitudes[rank, kept], SMALLEST_SIGMA)
+            found = information_of_setups(row, relative, kept, limits.setting_sigmas)
             gains.append((count, rank, found * np.outer(unit, unit)))
         repeats += [count] * len(kept)
-        setup_of += [int(i) for i in kept]
+        setup_of += kept
     if not setup_of:
         raise BadInput(
             f"none of {len(setups)} setups can be measured: every peak is below "

@@ -24,7 +24,7 @@ CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME = "campaign.toml", "experiments.csv"
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?")
 #: Tables that are written anew.
 _REPLACED = ("experiments", "drift", "design")
-#: How the columns of peaks begin, before the name of the drive frequency.
+#: How the columns of peaks begin, before their number.
 PEAK = "peak_"
 #: Tones from here on are written in MHz.
 _MEGA = 1e6
@@ -70,7 +70,7 @@ def _campaign(
         if not written and name not in ("fmu", "fmu.start", "observe", "drive"):
             lines += _new_tables(design, bound, limits, raw)
             written = True
-        lines += _paths(name, block, bound, folder)
+        lines += _adapted(name, block, design, bound, folder)
     if not written:
         lines += _new_tables(design, bound, limits, raw)
     return "\n".join(lines).rstrip("\n") + "\n"
@@ -95,45 +95,52 @@ def _tables(text: str) -> list[tuple[str, list[str]]]:
     return tables
 
 
-def _paths(name: str, block: list[str], bound: BoundCampaign, folder: Path) -> list[str]:
-    """The lines of a table with its file named as seen from the new folder."""
-    if name not in ("fmu", "sweep"):
-        return block
+def _adapted(
+    name: str, block: list[str], design: Design, bound: BoundCampaign, folder: Path
+) -> list[str]:
+    """The lines of a table, what is different in the new campaign put right."""
+    values: dict[str, str] = {}
+    if name == "fmu" and "file" in parse_toml(bound.path)["fmu"]:
+        named = bound.path.parent / parse_toml(bound.path)["fmu"]["file"]
+        values["file"] = _toml(Path(os.path.relpath(named, folder)).as_posix())
+    if name == "sweep" and bound.sweep is not None:
+        values["file"] = (
+            f"{_toml(_sweep_name(bound.sweep))}  # take it anew if the gain has changed"
+        )
+        values["use"] = '"scale"'  # fitted once, in the campaign that it was taken for
+    tones = len(design.proposals[0].tones_hz)
+    if name == "drive" and tones < len(bound.drive.frequencies):
+        values["frequencies"] = _toml(bound.drive.frequencies[:tones])
+        values["amplitudes"] = _toml(bound.drive.amplitudes[:tones])
     changed = []
     for line in block:
-        match = re.match(r"(\s*file\s*=\s*)", line)
-        if match and bound.sweep is not None and name == "sweep":
-            named = _toml(_sweep_name(bound.sweep))
-            line = f"{match[1]}{named}  # as before: take it anew if the gain has changed"
-        elif match:
-            named = parse_toml(bound.path)["fmu"]["file"]
-            path = os.path.relpath(bound.path.parent / named, folder)
-            line = f"{match[1]}{_toml(Path(path).as_posix())}"
-        changed.append(line)
+        match = re.match(r"\s*(\w+)\s*=", line)
+        known = match is not None and match[1] in values
+        changed.append(f"{match[1]} = {values[match[1]]}" if match and known else line)
     return changed
 
 
 def _new_tables(
     design: Design, bound: BoundCampaign, limits: Limits, raw: Mapping[str, Any]
 ) -> list[str]:
-    names = bound.drive.frequencies
+    peaks = range(len(design.proposals[0].peaks_v))
     lines = [
         "[experiments]                      # what to measure: a row each, with its peaks",
         f'file = "{EXPERIMENTS_NAME}"',
-        f"peaks = {_toml([_peak(name) for name in names])}",
-        f"peak_sigmas = {_toml([_sigma(name) for name in names])}",
+        f"peaks = {_toml([_peak(k) for k in peaks])}",
+        f"peak_sigmas = {_toml([_sigma(k) for k in peaks])}",
         f"amplitude = {_toml(bound.amplitude_unit + ' peak')}",
         "",
     ]
     return lines + _drift(bound, raw) + _design(design, bound, limits)
 
 
-def _peak(name: str) -> str:
-    return PEAK + name
+def _peak(index: int) -> str:
+    return f"{PEAK}{index + 1}"
 
 
-def _sigma(name: str) -> str:
-    return f"sigma_{name}"
+def _sigma(index: int) -> str:
+    return f"sigma_{index + 1}"
 
 
 def _drift(bound: BoundCampaign, raw: Mapping[str, Any]) -> list[str]:
@@ -161,6 +168,7 @@ def _design(design: Design, bound: BoundCampaign, limits: Limits) -> list[str]:
         "least_spacing": f"{limits.least_spacing_hz!r} Hz",
         "farthest": f"{limits.farthest_hz!r} Hz",
         "both_sides": limits.both_sides,
+        "tones": limits.tones,
         "levels": list(limits.levels),
         "repeats": list(limits.repeats),
         "noise_floor": f"{limits.noise_floor_v!r} {unit}",
@@ -192,21 +200,23 @@ def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
         for name, value in base_settings(bound).items()
         if name not in bound.drifting and name not in drive.frequencies
     }
-    columns |= levels_and_more(bound, 1.0, design.proposals[0].settings)
-    head = ["experiment", *(f"{name} ({'MHz' if mega else 'Hz'})" for name in drive.frequencies)]
-    head += ["output", *columns]
-    head += [f"{_peak(name)} ({unit})" for name in drive.frequencies]
-    head += [f"{_sigma(name)} ({unit})" for name in drive.frequencies]
+    first = design.proposals[0]
+    columns |= levels_and_more(bound, len(first.tones_hz), 1.0, first.settings)
+    hertz_unit = "MHz" if mega else "Hz"
+    driven = drive.frequencies[: len(first.tones_hz)]
+    head = ["experiment", *(f"{name} ({hertz_unit})" for name in driven), "output", *columns]
+    head += [f"{_peak(k)} ({unit})" for k in range(len(first.peaks_v))]
+    head += [f"{_sigma(k)} ({unit})" for k in range(len(first.peaks_v))]
     lines = [
         "# Next measurements. Fill in the columns peak_*; replace sigma_* by what you find.",
         f"# Proposed by: {command}",
         ",".join(head),
     ]
     for p in design.proposals:
-        settings = {**columns, **levels_and_more(bound, p.level, p.settings)}
+        settings = {**columns, **levels_and_more(bound, len(p.tones_hz), p.level, p.settings)}
         tones = [repr(f / _MEGA if mega else f) for f in p.tones_hz]
         cells = [f"next{p.rank}", *tones, p.output, *map(_cell, settings.values())]
-        cells += ["" for _ in p.tones_hz]
+        cells += ["" for _ in p.peaks_v]
         cells += [f"{s / factor:.4g}" for s in p.sigmas_v]
         lines += [f"# {_what(p, design)}", ",".join(cells)]
     return "\n".join(lines) + "\n"

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fitting.combinations import Combination
 from fitting.errors import BadInput
 from fitting.labdata import BoundCampaign, Experiment
 from fitting.notation import hertz
@@ -35,7 +36,8 @@ class Limits:
         sigma^2 = noise_floor^2/repeats + (relative_noise A)^2
 
     and `setting_sigmas` are errors, in the FMU's unit, of what the laboratory believes of
-    quantities that drift: common to the tones of one experiment, new in the next.
+    quantities that drift: common to the tones of one experiment, new in the next. `tones` are
+    driven at once, one or two; `lines` are read at combinations of them, at the tones if empty.
     """
 
     outputs: tuple[str, ...]
@@ -52,6 +54,8 @@ class Limits:
     settings: Mapping[str, tuple[Scalar, ...]] = field(default_factory=dict)
     setting_sigmas: Mapping[str, float] = field(default_factory=dict)
     number: int = 6
+    tones: int = 2
+    lines: tuple[Combination, ...] = ()
 
     def sigma(self, amplitude_v: float, repeats: int) -> float:
         """Standard deviation of a peak, see the class; in the detector's unit."""
@@ -104,7 +108,7 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
         )
     base = base_settings(bound)
     return tuple(
-        _setup(bound, base, centre, tones, output, level, chosen)
+        _setup(bound, limits.lines, base, centre, tones, output, level, chosen)
         for (centre, tones), output, level, chosen in itertools.product(
             places, limits.outputs, limits.levels, combined
         )
@@ -123,13 +127,8 @@ def _tones(bound: BoundCampaign, limits: Limits, centre_hz: float) -> list[tuple
     reach = math.floor(limits.farthest_hz / step + 1e-9)
     stride = max(1, math.ceil((2 * reach + 1) / MOST_OFFSETS))
     offsets = [k for k in range(-reach, reach + 1) if k % stride == 0]
-    count = len(bound.drive.frequencies)
-    if count == 1:
+    if limits.tones == 1:
         return [(middle + k * step,) for k in offsets if middle + k * step > 0.0]
-    if count > 2:
-        raise BadInput(
-            f"{bound.path}: [drive] frequencies: {count} tones; a design places one or two"
-        )
     pairs = [
         (middle + low * step, middle + high * step)
         for low, high in itertools.combinations(offsets, 2)
@@ -140,11 +139,12 @@ def _tones(bound: BoundCampaign, limits: Limits, centre_hz: float) -> list[tuple
 
 
 def levels_and_more(
-    bound: BoundCampaign, level: float, chosen: Mapping[str, Scalar]
+    bound: BoundCampaign, tones: int, level: float, chosen: Mapping[str, Scalar]
 ) -> dict[str, Scalar]:
-    """What a setup sets beside its tones: drive amplitudes, and what was chosen of other values."""
+    """What a setup sets beside its tones: drive amplitudes (zero of tones that are not driven)."""
     names = bound.drive.amplitudes if bound.drive.kind == "tones" else ()
-    return {**dict.fromkeys(names, level * bound.drive.level), **chosen}
+    amplitudes = {name: level * bound.drive.level * (k < tones) for k, name in enumerate(names)}
+    return {**amplitudes, **chosen}
 
 
 def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
@@ -159,17 +159,21 @@ def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
 
 
 def _setup(
-    bound: BoundCampaign, base: Mapping[str, Scalar], centre_hz: float,
-    tones: tuple[float, ...], output: str, level: float, chosen: Mapping[str, Scalar],
+    bound: BoundCampaign, lines: Sequence[Combination], base: Mapping[str, Scalar],
+    centre_hz: float, tones: tuple[float, ...], output: str, level: float,
+    chosen: Mapping[str, Scalar],
 ) -> Setup:  # fmt: skip
     drive = bound.drive
-    settings = {**base, **levels_and_more(bound, level, chosen)}
+    settings = {**base, **levels_and_more(bound, len(tones), level, chosen)}
     if drive.kind == "tones":
-        for name, tone in zip(drive.frequencies, tones, strict=True):
+        for name, tone in zip(drive.frequencies, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"
             settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
-    blank = np.full(len(tones), np.nan)
-    experiment = Experiment("", settings, tones, blank, blank, 0.0, None, output=output)
+    read = tuple(line.frequency_hz(tones) for line in lines)
+    blank = np.full(len(read or tones), np.nan)
+    experiment = Experiment(
+        "", settings, tones, blank, blank, 0.0, None, lines_hz=read, output=output
+    )
     return Setup(tones, centre_hz, output, level, dict(chosen), experiment)
 
 

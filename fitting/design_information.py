@@ -22,6 +22,7 @@ from fitting.batch import Workers
 from fitting.driving import FmuResponse
 from fitting.job import measured_of
 from fitting.labdata import BoundCampaign, Experiment
+from fitting.noise import chi_sigmas, strongest
 from fitting.objective import (
     Measured,
     Objective,
@@ -33,7 +34,6 @@ from fitting.objective import (
 )
 from fitting.parameters import Parameter, search_bounds
 from fitting.planning import plan_campaign
-from fitting.scaling import laboratory_maximum
 from fitting.uncertainty import row_sigmas
 
 FloatArray = npt.NDArray[np.float64]
@@ -125,7 +125,7 @@ class Series:
             response = replace(own, bound=replace(self.bound, experiments=moved))
             point = evaluate_many(replace(objective, response=response), [place.x])[0]
             ends.append(point.simulated_v)
-        return np.asarray(np.log(ends[0] / ends[1]) / (2.0 * shift))
+        return _log_ratio(ends[0], ends[1]) / (2.0 * shift)
 
 
 def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
@@ -138,10 +138,16 @@ def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
 def _by_x(points: Sequence[Point]) -> FloatArray:
     """d ln(simulated)/dx (m, n) from the points of a stencil."""
     columns = [
-        np.log(above.simulated_v / below.simulated_v) / np.max(np.abs(above.x - below.x))
+        _log_ratio(above.simulated_v, below.simulated_v) / np.max(np.abs(above.x - below.x))
         for above, below in zip(points[0::2], points[1::2], strict=True)
     ]
     return np.stack(columns, axis=1)
+
+
+def _log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+    """ln(above/below); zero where an output does not answer at all (it says nothing)."""
+    silent = (above <= 0.0) | (below <= 0.0)
+    return np.asarray(np.log(np.where(silent, 1.0, above) / np.where(silent, 1.0, below)))
 
 
 def unmeasured(bound: BoundCampaign, peaks: int) -> Measured:
@@ -166,14 +172,9 @@ def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray
     return np.asarray(1.0 / np.sqrt(12.0 / widths**2 + held))
 
 
-def scale_sigma(bound: BoundCampaign, measured: Measured) -> float:
-    """Relative standard deviation of the scale that measured sweeps leave; zero without a scale."""
-    if bound.sweep is None or measured.scale == "none":
-        return 0.0
-    top = laboratory_maximum(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    if measured.scale == "maximum":
-        return top.scatter
-    return top.scatter * top.value_v / float(np.linalg.norm(bound.sweep.amplitude_v))
+def scale_sigma(measured: Measured) -> float:
+    """Relative standard deviation of the scale; zero without one, and where it is fitted."""
+    return strongest(chi_sigmas(measured))
 
 
 def noise_covariance(
@@ -213,8 +214,7 @@ def information_of_data(
     held = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
     index = np.repeat(np.arange(len(experiments)), [len(e.peaks_v) for e in experiments])
     residuals = np.concatenate([rows.residuals, rows.swept_residuals])
-    given = np.zeros(residuals.size)
-    given[:count] = np.nan_to_num(measured.sigmas_v / measured.peaks_v, nan=0.0)
+    given = measured.rows_sigma
     sigmas = np.concatenate(
         [row_sigmas(given[part], residuals[part]) for part in (slice(count), slice(count, None))]
     )
@@ -231,12 +231,16 @@ def information_of_data(
 
 
 def information_of_setups(
-    rows: Rows, sigmas_v: FloatArray, setting_sigmas: Mapping[str, float]
+    rows: Rows, relative: FloatArray, kept: Sequence[int], setting_sigmas: Mapping[str, float]
 ) -> FloatArray:
-    """Information (setups, n + 1, n + 1); `sigmas_v` (setups, tones) of the peaks."""
-    setups, tones = sigmas_v.shape
-    relative = sigmas_v / rows.amplitude_v.reshape(setups, tones)
+    """Information (kept, n + 1, n + 1) of the setups kept.
+
+    `relative` (kept, tones) are the relative standard deviations of their peaks.
+    """
+    tones = relative.shape[1]
     held = np.array(list(setting_sigmas.values()))
-    by_setting = rows.by_setting.reshape(setups, tones, -1)
+    shape = (rows.amplitude_v.size // tones, tones)
+    by_setting = rows.by_setting.reshape(*shape, rows.by_setting.shape[1])[list(kept)]
+    by_x = rows.by_x.reshape(*shape, rows.by_x.shape[1])[list(kept)]
     covariance = noise_covariance(relative, by_setting, held, np.ones((tones, tones)))
-    return information(_with_scale(rows.by_x.reshape(setups, tones, -1)), covariance)
+    return information(_with_scale(by_x), covariance)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from functools import reduce
 from itertools import pairwise
-from math import gcd
 from pathlib import Path
 
 import numpy as np
 
 from fitting.campaign_binder import Binder
 from fitting.campaign_section import Section, Written, as_written, in_unit
+from fitting.combinations import Combination
 from fitting.design_candidates import Limits, Scalar
 from fitting.errors import BadInput
 from fitting.labdata import BoundCampaign
@@ -24,7 +25,7 @@ from fitting.variables import READABLE, SETTABLE, VariableLike
 KEYS = (
     "outputs", "centres", "frequency_step", "least_spacing", "farthest", "both_sides", "levels",
     "repeats", "noise_floor", "relative_noise", "largest", "settings", "setting_sigma", "number",
-    "target", "criterion", "averaged",
+    "target", "criterion", "averaged", "tones",
 )  # fmt: skip
 #: Drive levels and numbers of averaged spectra that are tried where nothing is said.
 LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
@@ -46,9 +47,12 @@ def design_section(path: Path) -> Section:
 
 
 def limits_of(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], section: Section
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    section: Section,
+    read: tuple[Combination, ...] = (),
 ) -> Limits:
-    """Limits of a bound campaign's instrument from a table [design].
+    """Limits of a bound campaign's instrument from a table [design]; `read` are its lines.
 
     What it does not say is taken from the campaign: outputs like the observed one (same unit, same
     name but for digits), resonances at the sweep's maximum and at every drifting frequency, the
@@ -67,7 +71,7 @@ def limits_of(
     number = section.integer("number", Limits.number, least=1)
     if number > MOST_NUMBER:
         raise BadInput(f"{section.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
-    relative = section.number("relative_noise", RELATIVE_NOISE)
+    relative = section.number("relative_noise", bound.noise.relative or RELATIVE_NOISE)
     if relative < 0.0:
         raise BadInput(f"{section.where('relative_noise')}: found {relative}, wanted zero or more")
     return Limits(
@@ -85,7 +89,21 @@ def limits_of(
         settings=_settings(variables, section),
         setting_sigmas=_setting_sigmas(bound, variables, section),
         number=number,
+        tones=_tones(bound, section),
+        lines=() if all(line.order == 1 for line in read) else read,
     )
+
+
+def _tones(bound: BoundCampaign, section: Section) -> int:
+    """Tones that are driven at once: the campaign's, one where it has a sweep only."""
+    usual = len(bound.drive.frequencies) if bound.experiments else 1
+    tones = section.integer("tones", usual, least=1)
+    if tones > min(2, len(bound.drive.frequencies)):
+        raise BadInput(
+            f"{section.where('tones')}: {tones} tones; a design places one or two, as many as "
+            "[drive] has at most"
+        )
+    return tones
 
 
 class _Frequencies:
@@ -157,9 +175,9 @@ def _own_grid(bound: BoundCampaign, centres: tuple[float, ...]) -> tuple[float, 
     steps = [b - a for a, b in pairwise(tones)]
     spacings = [b - a for e in bound.experiments for a, b in pairwise(sorted(e.tones_hz))]
     if not steps:
-        width = _width(bound)
-        return 0.1 * width, 0.2 * width, 1.5 * width
-    step = float(reduce(gcd, steps))
+        step = _round(0.1 * _width(bound))
+        return step, 2.0 * step, 15.0 * step
+    step = float(reduce(math.gcd, steps))
     middles = [0.5 * (min(e.tones_hz) + max(e.tones_hz)) for e in bound.experiments]
     farthest = max(
         abs(f - m) for e, m in zip(bound.experiments, middles, strict=True) for f in e.tones_hz
@@ -168,6 +186,12 @@ def _own_grid(bound: BoundCampaign, centres: tuple[float, ...]) -> tuple[float, 
         farthest = max(min(abs(f - c) for c in centres) for f in tones)
     step = max(step, farthest / 50.0)
     return step, min(spacings, default=step), max(farthest, 2.0 * step)
+
+
+def _round(value: float) -> float:
+    """Down to one digit, a number that a dial shows."""
+    place = 10.0 ** math.floor(math.log10(value))
+    return math.floor(value / place) * place
 
 
 def _width(bound: BoundCampaign) -> float:
@@ -182,7 +206,9 @@ def _width(bound: BoundCampaign) -> float:
 
 
 def _own_noise(bound: BoundCampaign) -> float:
-    """Median standard deviation of the peaks, in the detector's unit; zero where none is known."""
+    """Noise that is declared, else the peaks' median; the detector's unit; zero if unknown."""
+    if bound.noise.absolute_v > 0.0:
+        return bound.noise.absolute_v
     sigmas = np.concatenate([e.sigmas_v for e in bound.experiments] or [np.zeros(0)])
     known = sigmas[np.isfinite(sigmas) & (sigmas > 0.0)]
     if known.size:

@@ -91,7 +91,12 @@ def settle(terrain: Terrain, place: Place) -> Fitted:
 
 
 def walk(terrain: Terrain, start: Fitted, seed: int) -> list[Fitted]:
-    """Points of equal fit that walkers reach from one, the start not among them."""
+    """Points of equal fit that walkers reach from one, the start not among them.
+
+    None where the data hold every direction better than the prior does.
+    """
+    if start.matrix.shape[0] >= len(terrain.prior) and _held(start.matrix).all():
+        return []
     rng = np.random.default_rng(seed)
     walkers = [start] * WALKERS
     headings = list(rng.standard_normal((WALKERS, len(terrain.prior))))
@@ -118,6 +123,10 @@ def _correction(fitted: Fitted, damping: float) -> FloatArray:
     left, singular, right = np.linalg.svd(fitted.matrix, full_matrices=False)
     held = np.where(singular >= HELD, singular / (singular**2 + damping), 0.0)
     return np.asarray(-right.T @ (held * (left.T @ fitted.rows)))
+
+
+def _held(matrix: FloatArray) -> npt.NDArray[np.bool_]:
+    return np.linalg.svd(matrix, compute_uv=False) >= HELD
 
 
 def _along_the_fit(matrix: FloatArray, heading: FloatArray) -> FloatArray:

@@ -55,7 +55,10 @@ def propose(
         valueless=int(np.count_nonzero(~known)),
         setups=len(weighed.setups),
         candidates=weighed.problem.candidates,
-        sentences=(*_sentences(weighed, limits, question), *_doubts(weighed, chosen, question)),
+        sentences=(
+            *_sentences(weighed, chosen, limits, question),
+            *_doubts(weighed, chosen, question),
+        ),
         limits=_limits(bound, limits),
         provenance=dict(provenance),
     )
@@ -137,13 +140,18 @@ def _doubts(weighed: Weighed, chosen: Sequence[int], question: Question) -> list
     ]
 
 
-def _sentences(weighed: Weighed, limits: Limits, question: Question) -> tuple[str, ...]:
+def _sentences(
+    weighed: Weighed, chosen: Sequence[int], limits: Limits, question: Question
+) -> tuple[str, ...]:
     """What was assumed, and what a reader must know to judge the figures."""
     count, none = weighed.spread_values.size, int(np.sum(~np.isfinite(weighed.spread_values)))
     said = [
         f"Expected errors are those of the problem linearised at {len(weighed.places)} points: the "
         "given one, and others far from it that fit the data as well. The choice is the best on "
         "average over them."
+        if len(weighed.places) > 1
+        else "The data so far hold every parameter: expected errors are those of the problem "
+        "linearised at the given point."
     ]
     if none:
         said.append(
@@ -155,14 +163,15 @@ def _sentences(weighed: Weighed, limits: Limits, question: Question) -> tuple[st
             f"Before anything is measured, {question.target} is taken to be known to its standard "
             "deviation over these points, where the linearised prior says more."
         )
-    if max(limits.levels) > 1.0:
+    highest = max(weighed.setups[weighed.setup_of[i]].level for i in chosen)
+    if highest > 1.0:
         how = (
             "the model's amplitudes are proportional to it"
             if weighed.linear
             else "the model is not linear in it"
         )
         said.append(
-            f"Drive levels up to {max(limits.levels):g} times the campaign's are proposed; {how}. "
+            f"Drive levels up to {highest:g} times the campaign's are proposed; {how}. "
             "Whether source and resonator bear it, where an output that is not observed may be "
             "resonant, is for the laboratory to say: [design] levels."
         )
@@ -183,7 +192,8 @@ def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
         "frequency step": hertz(limits.frequency_step_hz),
         "least spacing of tones": hertz(limits.least_spacing_hz),
         "farthest detuning": hertz(limits.farthest_hz),
-        "tones on both sides": "yes" if limits.both_sides else "not required",
+        "tones at once": f"{limits.tones}"
+        + (", on both sides" if limits.both_sides and limits.tones > 1 else ""),
         "drive levels": listed(f"{level:g}" for level in limits.levels) + " times the campaign's",
         "spectra averaged": listed(str(count) for count in limits.repeats),
         "noise of a peak": f"{quantity(limits.noise_floor_v, float('nan'), unit)} and "

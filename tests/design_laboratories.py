@@ -76,7 +76,7 @@ class Laboratory:
         m, n = len(blocks[0]), len(blocks[1])
         whole = np.zeros((m + n, m + n))
         whole[:m, :m], whole[m:, m:] = blocks
-        return whole + scale_sigma(self.bound, self.series[0].measured) ** 2
+        return whole + scale_sigma(self.series[0].measured) ** 2
 
     def rows(self, place: Place) -> tuple[FloatArray, FloatArray]:
         """Residuals and their Jacobian in x of both series."""

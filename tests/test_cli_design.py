@@ -73,7 +73,7 @@ def test_the_campaign_wants_peaks_and_nothing_else(proposed: Path, tmp_path: Pat
     """The reader asks for the first missing peak; filled in, it is a campaign with these rows."""
     folder = tmp_path / "filled"
     shutil.copytree(proposed / "campaign", folder)
-    with pytest.raises(BadInput, match=r"experiments.csv: row \d+, column 'peak_u1'"):
+    with pytest.raises(BadInput, match=r"experiments.csv: row \d+, column 'peak_1'"):
         read_campaign(folder / "campaign.toml")
     rows = folder / "experiments.csv"
     rows.write_text(rows.read_text().replace(",,,", ",1.5,2.5,"))
@@ -158,7 +158,7 @@ def test_measured_peaks_are_not_written_over(
     rows = tmp_path / "campaign" / "experiments.csv"
     rows.write_text(rows.read_text().replace(",,,", ",1.5,,", 1))
     assert main(["design", str(Q1 / "campaign.toml"), "--out", str(tmp_path)]) == 2
-    assert "column 'peak_u1' holds measured peaks" in capsys.readouterr().err
+    assert "column 'peak_1' holds measured peaks" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

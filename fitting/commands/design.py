@@ -27,7 +27,7 @@ from fitting.files import write_all, write_whole
 from fitting.fmu import FmuWorkers
 from fitting.fmu_job import provide_fmu
 from fitting.labdata import BoundCampaign, bind, read_campaign
-from fitting.notation import number, prefixed
+from fitting.notation import hertz, number, prefixed
 from fitting.options import whole_number
 from fitting.result import Result, read_result
 from fitting.tables import read_table
@@ -86,7 +86,8 @@ def run(args: argparse.Namespace) -> int:
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         description = workers.description
         bound = bind(campaign, description.variables)
-        limits = limits_of(bound, description.variables, section)
+        read = campaign.file.drive.read
+        limits = limits_of(bound, description.variables, section, read)
         if args.number is not None:
             limits = replace(limits, number=args.number)
         question = _question(args, bound, section, fitted)
@@ -225,7 +226,7 @@ def table(design: Design) -> list[str]:
         tones = ", ".join(f"{f - p.centre_hz:+.4g}" for f in p.tones_hz)
         level = f" x{p.level:g}" if p.level != 1.0 else ""
         more = "".join(f" {name}={value}" for name, value in p.settings.items())
-        what = f"{p.rank} {p.output} at {p.centre_hz / 1e6:.6g} MHz ({tones} Hz){level}{more}"
+        what = f"{p.rank} {p.output} at {hertz(p.centre_hz, digits=6)} ({tones} Hz){level}{more}"
         what += f" avg {p.repeats}" if p.repeats > 1 else ""
         e = p.expected
         lines.append(f"{what:52} {shown(e.at):>8} {shown(e.mean):>8} {shown(e.worst):>8}")
