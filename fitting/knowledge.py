@@ -90,7 +90,8 @@ class NuChoice:
     """nu as the data would choose it, beside the schedule; NaN where a criterion chooses none.
 
     `corner` of the L-curve, `discrepancy` the largest nu whose chi square noise explains
-    (`allowed`), `last` the schedule's. `sentences` say so.
+    (`allowed`), `last` the schedule's. `sentences` say so. `prior` and `widths` are reference and
+    box width of the parameters.
     """
 
     rows: tuple[NuRow, ...]
@@ -99,6 +100,8 @@ class NuChoice:
     allowed: float
     last: float
     sentences: tuple[str, ...]
+    prior: Mapping[str, float]
+    widths: Mapping[str, float]
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def choose_nu(
         FmuFailure: the model failed at one of the levels.
     """
     if not steps:
-        return NuChoice((), math.nan, math.nan, math.nan, math.nan, ())
+        return NuChoice((), math.nan, math.nan, math.nan, math.nan, (), {}, {})
     surface = Surface(likelihood)
     xs = [np.array(step.x) for step in steps]
     samples = surface([Request(tuple(xs), outputs=False)])[0]
@@ -65,6 +65,8 @@ def choose_nu(
     allowed = float(chdtri(m, 1.0 - ALLOWED_P))
     corner = corner_of(rows)
     discrepancy = max((row.nu for row in rows if row.chi_square <= allowed), default=math.nan)
+    prior = {p.name: p.reference for p in likelihood.parameters}
+    widths = {p.name: p.upper - p.lower for p in likelihood.parameters}
     return NuChoice(
         rows,
         corner,
@@ -72,6 +74,8 @@ def choose_nu(
         allowed,
         rows[-1].nu,
         _sentences(rows, corner, discrepancy, allowed),
+        prior,
+        widths,
     )
 
 

@@ -9,6 +9,7 @@ from fitting.labdata import BoundCampaign
 from fitting.plots_campaign import draw_drive, draw_response, draw_spectra
 from fitting.plots_deviation import draw_improvement, draw_over_frequency, draw_per_experiment
 from fitting.plots_history import draw_convergence, draw_derived
+from fitting.plots_knowledge import knowledge_figures
 from fitting.plots_style import Drawing, FigureFile, save, style
 from fitting.result import Result
 
@@ -24,7 +25,10 @@ def write_figures(result: Result, bound: BoundCampaign, out_dir: Path) -> list[F
         BadInput: the folder cannot be written.
     """
     with style():
-        return [save(draw(result, bound), out_dir / FOLDER) for draw in figures_of(result, bound)]
+        drawn = [draw(result, bound) for draw in figures_of(result, bound)]
+        if result.knowledge is not None:
+            drawn += knowledge_figures(result.knowledge, bound.title, synthetic=bound.synthetic)
+        return [save(drawing, out_dir / FOLDER) for drawing in drawn]
 
 
 def figures_of(

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fitting import report_tables as tables
+from fitting.knowledge import Knowledge
 from fitting.labdata import BoundCampaign
 from fitting.notation import listed, number, plain, prefixed, quantity, span
 from fitting.plots_style import FigureFile
 from fitting.report_drift import offset_table
+from fitting.report_knowledge import FIGURES, knowledge_tables, knowledge_words
 from fitting.report_plan import plan_table, remarks
 from fitting.report_tables import Table
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
@@ -43,6 +45,7 @@ def sections_of(
 
     made = [
         _found(result),
+        knowledge_section(result.knowledge, take(*FIGURES)),
         _derived(result, bound, take("6_derived_per_experiment")),
         _experiments(result, bound, take("1_drive", "2_spectra")),
         _response(result, bound, take("8_frequency_response")),
@@ -59,6 +62,18 @@ def sections_of(
     if shelf:
         made.append(Section("figures", "Further figures", figures=tuple(shelf.values())))
     return tuple(section for section in made if section is not None)
+
+
+def knowledge_section(
+    knowledge: Knowledge | None, figures: tuple[FigureFile, ...]
+) -> Section | None:
+    """What the data determine; None where no profiles were walked."""
+    if knowledge is None:
+        return None
+    said, points = knowledge_words(knowledge)
+    return Section(
+        "knowledge", "What the data determine", said, points, knowledge_tables(knowledge), figures
+    )
 
 
 def _found(result: Result) -> Section:

@@ -143,8 +143,10 @@ def _verdict(
         return IDENTIFIABLE[2], "every value around its period fits"
     open_ = [end for end in ends if end != "crossed"]
     if len(open_) == 2:
+        if open_ == ["bound", "bound"]:
+            return IDENTIFIABLE[2], "both ends of its range fit"
         said = " and ".join(dict.fromkeys(ENDS_IN_WORDS[end] for end in open_))
-        return IDENTIFIABLE[2], f"the interval does not end on either side ({said})"
+        return IDENTIFIABLE[2], f"the data end it on neither side: {said}"
     word = in_words(1.0 - share**2)
     reason = f"the 95 % interval is {percent} of the range without data"
     if open_:

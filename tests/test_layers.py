@@ -25,13 +25,13 @@ LADDER = (
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_tables",
     "plots_tradeoff synthesis_plan",
-    "campaign_data duffing_synthesis fmu.reuse fmu.simulation linear_program plan_search "
-    "uncertainty",
+    "campaign_data duffing_synthesis fmu.reuse fmu.simulation knowledge_words linear_program "
+    "plan_search plots_knowledge uncertainty",
     "drifting gauss_newton",
     "bench_noise",
     "campaign_binding fmu.worker interior_point likelihood ranges",
     "continuation descent fmu.process labdata",
-    "nu_choice profiles tradeoff_scenes",
+    "bootstrap nu_choice profiles tradeoff_scenes",
     "exploration tradeoff_campaign",
     "identifiability verdicts",
     "noise",
@@ -39,17 +39,17 @@ LADDER = (
     "plots_history sweep_line",
     "corrections",
     "fmu inference plots_reconstruction reconstruction report_tables",
-    "batch drive report_drift report_plan tradeoff_bench",
+    "batch drive report_drift report_knowledge report_plan tradeoff_bench",
     "drive_lines drive_options driving frf report_sections tradeoff_grid tradeoff_quantities",
     "campaign_plan drive_plan tradeoff_reference",
-    "fmu_job plots_drive plots_frf report tradeoff_extrapolation tradeoff_plan",
+    "fmu_job identification plots_drive plots_frf report tradeoff_extrapolation tradeoff_plan",
     "design_candidates design_choice design_information design_result report_tradeoff "
     "tradeoff_study",
     "design_limits design_points",
     "design",
     "design_campaign design_proposal plots_design report_design",
-    "commands.check commands.design commands.reconstruct commands.simulate commands.sweep "
-    "commands.synthesize commands.tradeoff",
+    "commands.check commands.design commands.identify commands.reconstruct commands.simulate "
+    "commands.sweep commands.synthesize commands.tradeoff",
     "cli",
     "__main__",
 )

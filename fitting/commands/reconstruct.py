@@ -17,6 +17,7 @@ from fitting.evaluator import MISFITS
 from fitting.fmu import FmuWorkers
 from fitting.fmu_job import identify_fmu, provide_fmu, reconstruct_through
 from fitting.job import Options, job_of, options_of
+from fitting.knowledge_words import knowledge_lines
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.options import relative_accuracy, whole_number
 from fitting.reconstruction import Hooks, Progress
@@ -198,6 +199,8 @@ def table(result: Result) -> list[str]:
         lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
     if result.line is not None:
         lines += line_sentences(result.line)
+    if result.knowledge is not None:
+        lines += ["", *knowledge_lines(result.knowledge), ""]
     cost = result.evaluations
     lines.append(
         f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
