@@ -17,7 +17,16 @@ import fitting
 from fitting.errors import BadInput, FmuFailure
 
 #: Each is a module of `fitting.commands` with NAME, SUMMARY, EXAMPLE, add_arguments and run.
-COMMANDS = ("reconstruct", "design", "simulate", "sweep", "synthesize", "tradeoff", "check")
+COMMANDS = (
+    "reconstruct",
+    "identify",
+    "design",
+    "simulate",
+    "sweep",
+    "synthesize",
+    "tradeoff",
+    "check",
+)
 
 BAD_INPUT, FMU_FAILED, INTERRUPTED = 2, 3, 130
 

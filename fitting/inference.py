@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -16,17 +17,18 @@ import numpy.typing as npt
 
 from fitting import identifiability
 from fitting.assembly import Solution, verdict_sentences
+from fitting.bootstrap import bootstrap as bootstrap_of
 from fitting.descent import Optimum, most_likely
 from fitting.errors import FmuFailure
 from fitting.exploration import Found, explore, other_minima
 from fitting.knowledge import Effort, Equivalent, Knowledge, Profile
 from fitting.likelihood import Surface, likelihood_of
+from fitting.noise import RowNoise, noise_of
 from fitting.nu_choice import choose_nu
-from fitting.objective import Objective
+from fitting.objective import Objective, evaluate_many
 from fitting.profiles import ROOT_95, Stop
 from fitting.ranges import OutputRange, output_ranges
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
-from fitting.uncertainty import row_sigmas
 from fitting.verdicts import profiles as profiles_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -39,20 +41,12 @@ BUDGET = 12000
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Relative noise of the rows: `sigma` (m,), `common` columns (m, k), least `widening`."""
-
-    sigma: FloatArray
-    common: FloatArray
-    widening: float = 1.0
-
-
-@dataclass(frozen=True)
 class Asked:
-    """What is asked of the inference: units of outputs, seed, evaluations at most, other starts.
+    """What is asked of the inference: units of outputs, seed, evaluations at most, bootstrap.
 
-    `others` are search vectors that are known to fit (other starts, say), with where they are from;
-    `alternatives` points of other models that fit as well. `data` as in `Knowledge`.
+    `others` are search vectors to begin at besides; `alternatives` points of other models that fit
+    as well. Without `data` the measurements are taken to be what the model says at the solution.
+    `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -61,10 +55,12 @@ class Asked:
     others: Sequence[FloatArray] = ()
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
+    bootstrap: int = 0
+    executor: Executor | None = None
 
 
 def know(
-    objective: Objective, solution: FloatArray, noise: Noise, asked: Asked | None = None
+    objective: Objective, solution: FloatArray, noise: RowNoise, asked: Asked | None = None
 ) -> Knowledge:
     """Verdict, interval and profile for every parameter and derived output.
 
@@ -80,16 +76,23 @@ def know(
     asked = asked or Asked()
     parameters = objective.parameters
     ranges = output_ranges(objective.response, parameters, asked.seed, [solution])
-    surface = Surface(
-        likelihood_of(objective, noise.sigma, noise.common, tuple(ranges)), asked.budget
-    )
-    optimum = most_likely(surface, [solution, *asked.others], noise.widening)
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(ranges))
+    if not asked.data:
+        [point] = evaluate_many(objective, [solution])
+        likelihood = replace(likelihood, shift=point.residuals)
+    surface = Surface(likelihood, asked.budget)
+    optimum = most_likely(surface, [solution, *asked.others])
     found = _explored(surface, optimum, ranges, asked.seed)
     optimum = found.optimum
     equivalents = (*identifiability.equivalents(found), *asked.alternatives)
     profiles = profiles_of(found, equivalents, asked.units)
     directions = identifiability.directions(surface, optimum)
     idle = identifiability.without_effect(surface, optimum, profiles)
+    resampled = None
+    if asked.bootstrap > 1:
+        resampled = bootstrap_of(
+            optimum.likelihood, optimum.local, profiles, asked.bootstrap, asked.seed, asked.executor
+        )
     spent = Effort(surface.evaluations, surface.derived, surface.runs)
     named = [p.name for p in parameters]
     return Knowledge(
@@ -104,6 +107,7 @@ def know(
         equivalents=equivalents,
         sentences=identifiability.sentences(optimum, profiles, directions, idle, equivalents),
         effort=spent,
+        bootstrap=resampled,
     )
 
 
@@ -155,17 +159,19 @@ def _moved(
     return moved, tuple(stop for stop in fitting if stop.delta <= ROOT_95**2)
 
 
-def inform(result: Result, solution: Solution, scale_sigma: float, budget: int = BUDGET) -> Result:
+def inform(
+    result: Result, solution: Solution, *, budget: int = BUDGET, bootstrap: int = 0
+) -> Result:
     """The result with what the data determine: verdicts and intervals are those of the profiles.
 
     A failure or an interruption on the way costs the profiles, not the result: it then keeps its
     linearised errors, and a warning says so.
     """
     objective, chosen = solution.objective, solution.final
-    noise = _noise(solution, scale_sigma)
+    noise = noise_at(solution)
     asked = Asked(
         {name: d.unit for name, d in result.derived.items()}, result.provenance.seed, budget,
-        alternatives=_alternatives(result),
+        alternatives=_alternatives(result), bootstrap=bootstrap,
     )  # fmt: skip
     try:
         knowledge = know(objective, chosen.x, noise, asked)
@@ -178,13 +184,14 @@ def inform(result: Result, solution: Solution, scale_sigma: float, budget: int =
     return informed(result, replace(knowledge, nu=nu))
 
 
-def _noise(solution: Solution, scale_sigma: float) -> Noise:
-    """Noise of the rows at a solution, as its covariance has it."""
-    measured, rows = solution.objective.measured, solution.final.residuals
-    sigma = row_sigmas(measured.rows_sigma, rows)
-    if solution.structure is not None:
-        sigma[measured.peaks_v.size :] *= solution.structure.widening
-    return Noise(sigma, np.full((sigma.size, 1), scale_sigma))
+def noise_at(solution: Solution) -> RowNoise:
+    """Noise of the rows at a solution; a sweep whose residuals hang together weighs less."""
+    noise = noise_of(solution.objective, solution.final)
+    if solution.structure is None:
+        return noise
+    sigma = noise.sigma.copy()
+    sigma[solution.objective.measured.peaks_v.size :] *= solution.structure.widening
+    return RowNoise(sigma, noise.common)
 
 
 def _alternatives(result: Result) -> tuple[Equivalent, ...]:

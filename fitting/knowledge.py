@@ -163,3 +163,14 @@ class Knowledge:
     def profiles(self) -> dict[str, Profile]:
         """Parameters and derived outputs together."""
         return {**self.parameters, **self.derived}
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What `fmu-fit identify` writes: where it set out from (`at`), and what it found."""
+
+    title: str
+    synthetic: bool
+    at: str
+    knowledge: Knowledge
+    provenance: Mapping[str, str]

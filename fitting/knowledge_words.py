@@ -57,7 +57,7 @@ def knowledge_lines(knowledge: Knowledge) -> list[str]:
         lines += [f"  {said}" for said in bootstrap_lines(knowledge.bootstrap)]
     spent = knowledge.effort
     lines.append(f"  {spent.evaluations} evaluations, {spent.fmu_runs} FMU runs for this")
-    return lines
+    return [line.replace("\u00a0", " ") for line in lines]
 
 
 def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:

@@ -75,12 +75,12 @@ class Memory(Protocol):
 class Hooks:
     """Watching and resuming, and what is asked of the data at the end, all optional.
 
-    `inform(result, solution, scale_sigma)` adds what the data determine to the result.
+    `inform(result, solution)` adds what the data determine to the result.
     """
 
     progress: Callable[[Progress], None] = lambda state: None
     memory: Memory | None = None
-    inform: Callable[[Result, assembly.Solution, float], Result] | None = None
+    inform: Callable[[Result, assembly.Solution], Result] | None = None
     clock: Callable[[], float] = time.perf_counter
 
 
@@ -122,9 +122,9 @@ def reconstruct(
     if not outcomes:
         raise KeyboardInterrupt
     del objectives[len(outcomes) :]
-    result, solution, sigma = _finish(bound, identity, options, objectives, outcomes)
+    result, solution = _finish(bound, identity, options, objectives, outcomes)
     if hooks.inform is not None and result.status != STATUSES[2]:
-        result = hooks.inform(result, solution, sigma)
+        result = hooks.inform(result, solution)
     return replace(result, seconds=hooks.clock() - begun)
 
 
@@ -182,7 +182,7 @@ class _Watch:
 def _finish(
     bound: BoundCampaign, identity: Identity, options: Options, objectives: list[Objective],
     outcomes: list[Outcome],
-) -> tuple[Result, assembly.Solution, float]:  # fmt: skip
+) -> tuple[Result, assembly.Solution]:  # fmt: skip
     reported = _best_alternative(outcomes)
     objective, outcome = objectives[reported], outcomes[reported]
     maximum = _maximum(bound)
@@ -228,7 +228,7 @@ def _finish(
         line=line,
         offsets=offsets,
     )
-    return result, solution, sigma
+    return result, solution
 
 
 def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:

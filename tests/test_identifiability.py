@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from fitting.cli import main
-from fitting.inference import Asked, Noise, know
+from fitting.inference import Asked, know
 from fitting.knowledge import Knowledge
+from fitting.noise import RowNoise
 from fitting.objective import Measured, Objective, evaluate_many, make_objective
 from fitting.parameters import Parameter, to_search
 from fitting.records import to_plain
@@ -54,7 +55,9 @@ def learn(
     objective = make_objective(response, closed_form.string_parameters(), measured)
     sigma = measured.rows_sigma
     x = to_search(objective.parameters, np.array(start))
-    knowledge = know(objective, x, Noise(sigma, np.zeros((sigma.size, 1))), Asked({"lambda": "Hz"}))
+    knowledge = know(
+        objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), Asked({"lambda": "Hz"})
+    )
     return objective, knowledge
 
 
@@ -140,7 +143,7 @@ def test_a_parameter_without_effect_is_named() -> None:
     )
     objective = make_objective(response, closed_form.string_parameters()[1:], measured)
     sigma = measured.rows_sigma
-    knowledge = know(objective, np.zeros(2), Noise(sigma, np.zeros((sigma.size, 1))))
+    knowledge = know(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
     assert knowledge.without_effect == ("d2",)
     assert knowledge.parameters["d1"].verdict == "determined"
     assert knowledge.parameters["d2"].verdict == "not determined"
@@ -162,7 +165,7 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     parameter = Parameter("k", "", -3.0, 3.0, 1.0, 0.0, 1.0)
     measured = Measured(np.full(6, 2.25), np.full(6, 0.02), np.empty(0), "none")
     objective = make_objective(Square(), (parameter,), measured)  # type: ignore[arg-type]
-    knowledge = know(objective, np.array([1.4]), Noise(np.full(6, 0.01), np.zeros((6, 1))))
+    knowledge = know(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
     k = knowledge.parameters["k"]
     assert k.best == pytest.approx(1.5, abs=1e-3)
     assert k.interval95[0] < -1.49 < 1.49 < k.interval95[1]

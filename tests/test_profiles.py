@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from fitting.inference import Asked, Noise, know
+from fitting.inference import Asked, know
 from fitting.knowledge import Knowledge
+from fitting.noise import RowNoise
 from fitting.objective import Measured, Objective, make_objective
 from fitting.parameters import Parameter, to_search
 from fitting.ranges import output_ranges
@@ -20,7 +21,7 @@ from tests import closed_form, single_line
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
     sigma = objective.measured.rows_sigma
     x = to_search(objective.parameters, np.array(start))
-    return know(objective, x, Noise(sigma, np.zeros((sigma.size, 1))), Asked(budget=budget))
+    return know(objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), Asked(budget=budget))
 
 
 def half(interval: tuple[float, float]) -> float:

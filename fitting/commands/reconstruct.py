@@ -10,6 +10,7 @@ import os
 import shlex
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from fitting import checkpoint, inference
@@ -52,6 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
     )
+    parser.add_argument(
+        "--bootstrap", type=whole_number(2), metavar="N",
+        help="refit N synthetic data sets drawn at the solution (none)",
+    )  # fmt: skip
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
 
@@ -78,7 +83,9 @@ def run(args: argparse.Namespace) -> int:
             print(f"{len(memory)} finished levels found in {memory.path}")
         shown = _Line(sys.stderr.isatty())
         try:
-            inform = None if args.no_profiles else inference.inform
+            inform = None
+            if not args.no_profiles:
+                inform = partial(inference.inform, bootstrap=args.bootstrap or 0)
             hooks = Hooks(progress=shown, memory=memory, inform=inform)
             result = reconstruct_through(workers, bound, identity, options, hooks)
         except KeyboardInterrupt:
@@ -111,7 +118,7 @@ def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
 
 def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, args.campaign.as_posix()]
-    for name in ("out", "workers", "accuracy", "misfit", "seed", "starts"):
+    for name in ("out", "workers", "accuracy", "misfit", "seed", "starts", "bootstrap"):
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]
