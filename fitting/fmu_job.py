@@ -20,6 +20,7 @@ from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.job import Identity, Options
 from fitting.labdata import BoundCampaign, FmuChoice
 from fitting.parameters import starts
+from fitting.planning import plan_campaign
 from fitting.reconstruction import Hooks, reconstruct
 from fitting.result import Result
 
@@ -81,8 +82,8 @@ def reconstruct_through(
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: the campaign cannot be planned (see `planning.plan_campaign`).
     """
+    _refuse_other_drives(bound, workers)
     plan = measured_plan(bound, workers, workers.description.variables)
-    _refuse_other_drives(FmuResponse(bound, workers, plan, bound.alternatives[0]))
     result = reconstruct(
         bound,
         lambda alternative: FmuResponse(bound, workers, plan, alternative),
@@ -111,13 +112,18 @@ def reconstruct_through(
     return replace(result, warnings=tuple(warnings), provenance=provenance, plan=plan.record)
 
 
-def _refuse_other_drives(response: FmuResponse) -> None:
+def _refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
     """A tone that the campaign does not know of falls onto those that it reads.
+
+    Asked before the plan is measured, which would wait for such an output to settle.
 
     Raises:
         BadInput: the output moves with every amplitude of the campaign at zero.
     """
-    bound = response.bound
+    draft = plan_campaign(bound)
+    if not (bound.steady_start or draft.settle_s > 0.0):
+        return  # it may move because it has not settled
+    response = FmuResponse(bound, workers, draft, bound.alternatives[0])
     try:
         share = response.undriven(starts(bound.parameters))
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked

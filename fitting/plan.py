@@ -32,6 +32,8 @@ LARGEST_CONDITION = 3.0
 #: Bits of a binary grain within the length of a run: times on it, and their differences, are
 #: doubles without rounding, so that an FMU is asked for the very times that the fit assumes.
 GRAIN_BITS = 50
+#: Largest grain, as a share of a step, to which the step is rounded.
+LARGEST_GRAIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -212,6 +214,8 @@ def _aligned(
         reason += f"; the drive is held over steps of {grain:.6g} s"
         return Window(tones, settle_s, step_s, samples, coherent, held, reason)
     grain = 2.0 ** (math.frexp(settle_s + samples * step_s)[1] - GRAIN_BITS)
+    if grain > LARGEST_GRAIN * step_s:  # so late that no grain of a double divides the step
+        return Window(tones, settle_s, step_s, samples, coherent, held, reason)
     step_s, settle_s = round(step_s / grain) * grain, math.ceil(settle_s / grain) * grain
     return Window(tones, settle_s, step_s, samples, coherent, held, reason)
 

@@ -142,11 +142,12 @@ def read(window: Window, values: FloatArray) -> Reading:
     """The tones in sampled values (samples, outputs)."""
     fitted = window.projector @ values
     rest = values - window.design @ fitted
+    largest = np.max(np.abs(values), axis=0)  # squares of shares stay numbers, whatever the unit
     condition = float(np.linalg.norm(window.projector, 2) * math.sqrt(window.samples))
     return Reading(
         fitted[1::2] - 1j * fitted[2::2],
-        np.sqrt(np.mean(rest**2, axis=0)),
-        np.max(np.abs(values), axis=0),
+        largest * np.sqrt(np.mean((rest / np.where(largest > 0.0, largest, 1.0)) ** 2, axis=0)),
+        largest,
         condition,
     )
 
