@@ -35,6 +35,7 @@ from fitting.result import (
     StartResult,
 )
 from fitting.structure import Structure, residual_structure
+from fitting.symmetry import secants
 from fitting.uncertainty import Covariance, covariance, in_words
 
 FloatArray = npt.NDArray[np.float64]
@@ -48,7 +49,8 @@ class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
     `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there; `structure` that
-    of the sweep's residuals, None where the sweep is not fitted; `held` the weights nu_i (n,).
+    of the sweep's residuals, None where the sweep is not fitted; `held` the weights nu_i (n,);
+    `beside` the points that tell of variables without a first-order effect (`symmetry.secants`).
     """
 
     objective: Objective
@@ -60,6 +62,7 @@ class Solution:
     errors: Covariance
     structure: Structure | None
     held: FloatArray
+    beside: Mapping[int, FloatArray]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -85,14 +88,15 @@ def solution_of(
     final, matrix = evaluator.point(x), evaluator.jacobian(x)
     structure = _sweep_structure(objective.measured, final, matrix)
     common = noise_of(objective, final).common
+    seen, beside = secants(evaluator, x, matrix)
     errors = covariance(
-        matrix, final.residuals, objective.measured.rows_sigma, prior_widths(parameters), nu,
+        seen, final.residuals, objective.measured.rows_sigma, prior_widths(parameters), nu,
         scale_sigma,
         slice(objective.measured.peaks_v.size, None),
         structure.widening if structure is not None else 1.0, common,
     )  # fmt: skip
     held = weights(objective, nu, misfit)
-    return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held)
+    return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held, beside)
 
 
 def _sweep_structure(measured: Measured, final: Point, matrix: FloatArray) -> Structure | None:
@@ -155,6 +159,9 @@ def derived_results(
     n = len(parameters)
     nodes = []
     for i in range(n):
+        if i in solution.beside:  # as the covariance saw it
+            nodes += [solution.beside[i], x]
+            continue
         step = min(1e-4, 0.25 * float(upper[i] - lower[i]))
         for sign in (1.0, -1.0):
             moved = x.copy()

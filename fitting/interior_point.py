@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from fitting.evaluator import Evaluator, total
 from fitting.gauss_newton import finish_squares
 from fitting.linear_program import follow, promised_decrease, with_slacks
 from fitting.objective import Nu, j_reg
+from fitting.symmetry import off_symmetry
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -123,7 +125,13 @@ def _attempt(evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSet
     begun = _value(evaluator, start, nu, settings)
     promise = _promise(evaluator, start, nu, settings)
     if promise <= _tolerance(begun, settings):
-        return Solve(start, promise, "optimal", "the start is optimal already", 0, 0)
+        least = begun - _tolerance(begun, settings)
+        value = partial(_value, evaluator, nu=nu, settings=settings)
+        beside = off_symmetry(evaluator, start, value, least)
+        if beside is None:
+            return Solve(start, promise, "optimal", "the start is optimal already", 0, 0)
+        start, begun = beside, value(beside)
+        promise = _promise(evaluator, start, nu, settings)
     # a barrier of 2m + 2n terms costs (2m + 2n) mu at its minimum: no more than there is to gain
     terms = 2 * (evaluator.point(start).residuals.size + start.size)
     barrier = float(np.clip(promise / terms, 1e-9, settings.barrier))
