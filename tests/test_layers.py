@@ -26,7 +26,7 @@ LADDER = (
     "synthesis tradeoff_tables",
     "plots_tradeoff synthesis_plan",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation knowledge_words linear_program "
-    "plan_search plots_knowledge uncertainty",
+    "plan_search plots_knowledge symmetry uncertainty",
     "drifting gauss_newton",
     "bench_noise",
     "campaign_binding fmu.worker interior_point likelihood ranges",
