@@ -100,6 +100,7 @@ class BoundCampaign:
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after),
     ``drift_units`` to its unit; ``noise`` is the declared one;
+    ``members`` are the campaigns of a joint one (`fitting.joint_campaign`), which has no sweep;
     ``notes`` are sentences for the report; ``files`` all files read; ``hints`` say what is known
     of the FMU's accuracy and of what may be left out.
     """
@@ -127,6 +128,7 @@ class BoundCampaign:
     drift_units: Mapping[str, str] = field(default_factory=dict)
     hints: Hints = field(default_factory=Hints)
     noise: Noise = field(default_factory=Noise)
+    members: tuple[BoundCampaign, ...] = ()
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:

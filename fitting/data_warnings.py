@@ -18,9 +18,9 @@ def data_warnings(
 ) -> list[str]:
     """Sentences on peaks, on the measured maximum and on the simulated one's bias."""
     said = weak_peaks(bound)
-    if maximum is None:
+    if maximum is None and not bound.members:
         said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
-    elif bound.sweep is not None and bound.sweep.scale == "maximum":
+    elif maximum is not None and bound.sweep is not None and bound.sweep.scale == "maximum":
         said += maximum_warnings(maximum)
     if scale_bias > bound.accuracy:
         said.append(

@@ -18,11 +18,14 @@ from fitting.driving import FmuResponse
 from fitting.errors import BadInput, FmuFailure
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.job import Identity, Options
+from fitting.joint_campaign import columns_of, series_names
+from fitting.joint_response import JointResponse
 from fitting.labdata import BoundCampaign, FmuChoice
 from fitting.parameters import starts
-from fitting.planning import plan_campaign
+from fitting.planning import Plan, plan_campaign
 from fitting.reconstruction import Hooks, reconstruct
-from fitting.result import Result
+from fitting.response import Response
+from fitting.result import Result, Scalar
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -82,19 +85,27 @@ def reconstruct_through(
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: the campaign cannot be planned (see `planning.plan_campaign`).
     """
-    _refuse_other_drives(bound, workers)
-    plan = measured_plan(bound, workers, workers.description.variables)
-    result = reconstruct(
-        bound,
-        lambda alternative: FmuResponse(bound, workers, plan, alternative),
-        replace(identity, plan=plan.sentences),
-        options,
-        hooks,
-    )
-    response = FmuResponse(bound, workers, plan, result.alternative)
+    members = bound.members or (bound,)
+    for member in members:
+        _refuse_other_drives(member, workers)
+    plans = [measured_plan(m, workers, workers.description.variables) for m in members]
+    sentences = _sentences(bound, plans)
+
+    def responses(alternative: Mapping[str, Scalar]) -> tuple[FmuResponse, ...]:
+        pairs = zip(members, plans, strict=True)
+        return tuple(FmuResponse(member, workers, plan, alternative) for member, plan in pairs)
+
+    def respond(alternative: Mapping[str, Scalar]) -> Response:
+        parts = responses(alternative)
+        return JointResponse(parts, columns_of(bound)) if bound.members else parts[0]
+
+    result = reconstruct(bound, respond, replace(identity, plan=sentences), options, hooks)
     reported = _reported(result, bound)
-    misfit = response.misfit(reported)
-    here = _said_at(reported, response, workers)
+    columns = columns_of(bound) if bound.members else (tuple(range(reported.size)),)
+    parts = responses(result.alternative)
+    asked = [(part, reported[list(own)]) for part, own in zip(parts, columns, strict=True)]
+    misfit = max(part.misfit(p) for part, p in asked)
+    here = _said_at(asked, workers)
     warnings = [*result.warnings, *(f"The FMU says: {_in_short(alike)}" for alike in here.values())]
     if misfit > max(100.0 * bound.accuracy, 1e-4):
         warnings.append(
@@ -104,12 +115,22 @@ def reconstruct_through(
     reuse = workers.reuse_note
     provenance = replace(
         result.provenance,
-        plan=(*plan.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
+        plan=(*sentences, f"{reuse[0].upper()}{reuse[1:]}."),
         notes=_said_elsewhere(workers.warnings, here),
     )
-    if plan.budget is not None:
-        warnings += plan.budget.warnings
-    return replace(result, warnings=tuple(warnings), provenance=provenance, plan=plan.record)
+    for plan in plans:
+        warnings += plan.budget.warnings if plan.budget is not None else ()
+    return replace(
+        result, warnings=tuple(dict.fromkeys(warnings)), provenance=provenance, plan=plans[0].record
+    )
+
+
+def _sentences(bound: BoundCampaign, plans: Sequence[Plan]) -> tuple[str, ...]:
+    """What the plan says, of every campaign."""
+    if not bound.members:
+        return tuple(plans[0].sentences)
+    pairs = zip(series_names(bound.members), plans, strict=True)
+    return tuple(f"{name}: {said}" for name, plan in pairs for said in plan.sentences)
 
 
 def _refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
@@ -136,16 +157,21 @@ def _refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
         )
 
 
-def _said_at(p: FloatArray, response: FmuResponse, workers: FmuWorkers) -> dict[str, list[str]]:
-    """What the FMU warns of at the parameters p, by kind.
+def _said_at(
+    asked: Sequence[tuple[FmuResponse, FloatArray]], workers: FmuWorkers
+) -> dict[str, list[str]]:
+    """What the FMU warns of at the parameters of each response, by kind.
 
     The runs were all made before, so that none is made of other parameters to try a reset.
     """
-    response.derived_many([p])
-    response.misfit(p)
-    said = list(workers.latest_warnings)
-    response.derived_many([p])
-    return _by_kind([*said, *(text for text in workers.latest_warnings if text not in said)])
+    said: list[str] = []
+    for response, p in asked:
+        response.derived_many([p])
+        response.misfit(p)
+        said += workers.latest_warnings
+        response.derived_many([p])
+        said += workers.latest_warnings
+    return _by_kind(list(dict.fromkeys(said)))
 
 
 def _said_elsewhere(warnings: Sequence[str], here: Mapping[str, list[str]]) -> tuple[str, ...]:

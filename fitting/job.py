@@ -19,6 +19,7 @@ from fitting.bench_noise import maximum_sigma, sweep_sigmas
 from fitting.continuation import Schedule
 from fitting.interior_point import SolveSettings
 from fitting.labdata import BoundCampaign
+from fitting.measured import join_measured
 from fitting.noise import peak_sigmas
 from fitting.objective import Measured
 from fitting.records import to_plain
@@ -66,6 +67,8 @@ def options_of(bound: BoundCampaign, *, quick: bool = False) -> Options:
 
 def measured_of(bound: BoundCampaign) -> Measured:
     """Peaks and sweep of a campaign as the objective wants them."""
+    if bound.members:
+        return join_measured([measured_of(member) for member in bound.members])
     peaks = [e.peaks_v for e in bound.experiments]
     sweep, noise = bound.sweep, bound.noise
     return Measured(

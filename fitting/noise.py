@@ -77,6 +77,10 @@ def _along_scale(measured: Measured, point: Point, part: int) -> FloatArray:
 
 def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
     """Standard deviations of all peaks (n_peaks,), NaN where unknown, and a sentence on them."""
+    if bound.members:
+        each = [peak_sigmas(member) for member in bound.members]
+        told = dict.fromkeys(sentence for _, sentence in each)
+        return np.concatenate([sigmas for sigmas, _ in each]), " ".join(told)
     floors = [e.sigmas_v for e in bound.experiments]
     peaks = [e.peaks_v for e in bound.experiments]
     if not peaks:

@@ -13,10 +13,12 @@ from typing import Protocol
 import numpy as np
 
 from fitting import assembly, corrections
+from fitting.consistency import consistency, warnings_of
 from fitting.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
 from fitting.data_warnings import data_warnings
 from fitting.evaluator import Counts, Evaluator
 from fitting.job import Identity, Options, measured_of, provenance_of
+from fitting.joint_campaign import series_names
 from fitting.labdata import BoundCampaign
 from fitting.noise import chi_sigmas, strongest
 from fitting.objective import Measured, Objective, make_objective, unexplained
@@ -25,6 +27,7 @@ from fitting.result import (
     STATUSES,
     AlternativeResult,
     Cost,
+    OffsetResult,
     Peak,
     Result,
     Scalar,
@@ -123,6 +126,10 @@ def reconstruct(
         raise KeyboardInterrupt
     del objectives[len(outcomes) :]
     result, solution = _finish(bound, identity, options, objectives, outcomes)
+    if bound.members:
+        joint = consistency(bound, solution)
+        said = (*warnings_of(joint), *result.warnings, *bound.notes)
+        result = replace(result, joint=joint, warnings=said)
     if hooks.inform is not None and result.status != STATUSES[2]:
         result = hooks.inform(result, solution)
     return replace(result, seconds=hooks.clock() - begun)
@@ -196,7 +203,7 @@ def _finish(
     said = assembly.warning_sentences(solution, outcome, parameters, derived)
     line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     offsets = corrections.offset_results(solution)
-    said += corrections.drift_warnings(bound, offsets, _width_hz(bound, line))
+    said += _drift_warnings(bound, offsets, line)
     said += corrections.outlier_warnings(bound, solution)
     warnings = data_warnings(bound, maximum, solution.final.scale_bias)
     warnings += [*said, *_ties(alternatives)]
@@ -229,6 +236,21 @@ def _finish(
         offsets=offsets,
     )
     return result, solution
+
+
+def _drift_warnings(
+    bound: BoundCampaign, offsets: tuple[OffsetResult, ...], line: SweepLine | None
+) -> list[str]:
+    """Of a campaign, or of each campaign of a joint one."""
+    if not bound.members:
+        return corrections.drift_warnings(bound, offsets, _width_hz(bound, line))
+    said = []
+    for name, member in zip(series_names(bound.members), bound.members, strict=True):
+        own = tuple(o for o in offsets if o.experiments[0].startswith(f"{name}/"))
+        shape = line_of_sweep(member.sweep) if member.sweep is not None else None
+        told = corrections.drift_warnings(member, own, _width_hz(member, shape))
+        said += [f"{name}: {text}" for text in told]
+    return said
 
 
 def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
@@ -288,7 +310,7 @@ def _scale(
     measured: Measured, solution: assembly.Solution, maximum: LaboratoryMaximum | None
 ) -> Scale:
     return Scale(
-        kind=measured.scale,
+        kind="one per campaign" if measured.parts else measured.scale,
         initial=solution.initial.chi,
         final=solution.final.chi,
         grid_bias=solution.final.scale_bias,

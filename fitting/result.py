@@ -14,6 +14,7 @@ from pathlib import Path
 
 from fitting.budget import PlanRecord
 from fitting.files import write_whole
+from fitting.joint_result import ExternalTest, JointResult
 from fitting.knowledge import Knowledge
 from fitting.records import read_json, write_json
 
@@ -318,6 +319,8 @@ class Result:
     provenance: Provenance
     line: SweepLine | None = None
     offsets: tuple[OffsetResult, ...] = ()
+    joint: JointResult | None = None
+    external: tuple[ExternalTest, ...] = ()
     knowledge: Knowledge | None = None
     plan: PlanRecord | None = None
 

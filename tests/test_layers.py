@@ -13,11 +13,13 @@ ROOT = Path(__file__).parents[1]
 #: A module imports only from rows above its own; a new module takes its place in the table.
 LADDER = (
     "errors",
+    "joint_result",
     "fmu.log knowledge laboratory leastsq lockstep notation progress scaling structure variables",
     "laboratory_plan",
     "budget duffing_laboratory exact_modes files fmu.description fmu.records parameters peaks "
     "response spectrum tables units",
     "measured",
+    "joint_response",
     "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
     "options plan records",
     "campaign_accuracy campaign_drift tradeoff_records",
@@ -25,6 +27,7 @@ LADDER = (
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_tables",
     "plots_tradeoff synthesis_plan",
+    "synthesis_cross",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation knowledge_words linear_program "
     "plan_search plots_knowledge symmetry uncertainty",
     "drifting gauss_newton",
@@ -34,14 +37,18 @@ LADDER = (
     "bootstrap nu_choice profiles tradeoff_scenes",
     "exploration tradeoff_campaign",
     "identifiability verdicts",
+    "joint_campaign",
     "noise",
     "assembly checkpoint data_warnings fmu.workers job planning plots_campaign plots_deviation "
     "plots_history sweep_line",
+    "consistency",
     "corrections",
     "fmu inference plots_reconstruction reconstruction report_tables",
     "batch drive report_drift report_knowledge report_plan tradeoff_bench",
+    "report_joint",
     "drive_lines drive_options driving frf report_sections tradeoff_grid tradeoff_quantities",
     "campaign_plan drive_plan tradeoff_reference",
+    "external",
     "fmu_job identification plots_drive plots_frf report tradeoff_extrapolation tradeoff_plan",
     "design_candidates design_choice design_information design_result report_tradeoff "
     "tradeoff_study",

@@ -9,17 +9,21 @@ import math
 import os
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from fitting import checkpoint, inference
+from fitting.errors import BadInput
 from fitting.evaluator import MISFITS
+from fitting.external import check_external, with_external
 from fitting.fmu import FmuWorkers
 from fitting.fmu_job import identify_fmu, provide_fmu, reconstruct_through
 from fitting.job import Options, job_of, options_of
+from fitting.joint_campaign import join_campaigns
 from fitting.knowledge_words import knowledge_lines
-from fitting.labdata import BoundCampaign, bind, read_campaign
+from fitting.labdata import BoundCampaign, Campaign, bind, read_campaign
 from fitting.options import relative_accuracy, whole_number
 from fitting.reconstruction import Hooks, Progress
 from fitting.report_plan import plan_line
@@ -34,8 +38,9 @@ EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument(
-        "campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file, as the README tells"
-    )
+        "campaign", type=Path, metavar="CAMPAIGN.toml", nargs="+",
+        help="campaign file, as the README tells; several of one sample are fitted together",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
     parser.add_argument(
         "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
@@ -46,6 +51,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=relative_accuracy("--accuracy"),
         help="wanted relative accuracy of simulated amplitudes (the campaign's)",
     )
+    parser.add_argument(
+        "--external", action="append", default=[], metavar="NAME=VALUE",
+        help='a value from elsewhere to test, as lambda="0.8604 MHz" or "0.8604 MHz +- 1 kHz"',
+    )  # fmt: skip
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
     parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
     parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
@@ -67,14 +76,15 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, data or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    campaign = read_campaign(args.campaign)
-    out: Path = args.out or Path("out") / args.campaign.resolve().parent.name
+    check_external(args.external)
+    campaigns = [read_campaign(path) for path in args.campaign]
+    campaign = one_fmu(campaigns)
+    folders = [path.resolve().parent.name for path in args.campaign]
+    out: Path = args.out or Path("out") / "+".join(dict.fromkeys(folders))
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
     count = args.workers or min(os.cpu_count() or 1, 8)
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
-        bound = bind(campaign, workers.description.variables)
-        if args.accuracy is not None:
-            bound = replace(bound, accuracy=args.accuracy)
+        bound = _bound(args, campaigns, workers)
         identity = identify_fmu(workers.description, _command(args))
         options = _options(args, bound)
         job = job_of(bound, identity, options)
@@ -93,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
             print("interrupted before the first level was finished: nothing to report")
             return 1
         shown.end()
+    result = with_external(result, args.external)
     files = write_result(result, out)
     print("\n".join(table(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
@@ -103,6 +114,32 @@ def run(args: argparse.Namespace) -> int:
     if not args.no_report:
         _report(result, bound, out)
     return 0 if result.status == "converged" else 1
+
+
+def _bound(
+    args: argparse.Namespace, campaigns: Sequence[Campaign], workers: FmuWorkers
+) -> BoundCampaign:
+    """The campaign, or all of them as one, in the units of the FMU."""
+    bounds = [bind(campaign, workers.description.variables) for campaign in campaigns]
+    if args.accuracy is not None:
+        bounds = [replace(bound, accuracy=args.accuracy) for bound in bounds]
+    return bounds[0] if len(bounds) == 1 else join_campaigns(bounds)
+
+
+def one_fmu(campaigns: Sequence[Campaign]) -> Campaign:
+    """The first campaign; raises BadInput where another one wants another FMU."""
+    first = campaigns[0]
+    for other in campaigns[1:]:
+        one, two = first.file.fmu, other.file.fmu
+        if (one.model, one.file and one.file.resolve()) != (
+            two.model,
+            two.file and two.file.resolve(),
+        ):
+            raise BadInput(
+                f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
+                f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
+            )
+    return first
 
 
 def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
@@ -117,11 +154,13 @@ def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
 
 
 def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME, args.campaign.as_posix()]
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
     for name in ("out", "workers", "accuracy", "misfit", "seed", "starts", "bootstrap"):
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]
+    for text in args.external:
+        words += ["--external", text]
     flags = [
         name for name in ("resume", "quick", "no_profiles", "no_report") if getattr(args, name)
     ]
@@ -196,6 +235,9 @@ def table(result: Result) -> list[str]:
         lines.append(f"{name:12} {value:>14} {d.unit:5} {_error(d.std):>9} {reference:>12}  {note}")
     lines += [f"{_named(o):12} {o.value:+14.5g} {o.unit:5} {_error(o.std):>9} {0.0:12.6g}  "
               f"{o.identifiable} ({o.shrinkage:.2f})" for o in result.offsets]  # fmt: skip
+    if result.joint is not None:
+        lines += ["", *(t.sentence for t in result.joint.tensions)]
+    lines += [test.sentence for test in result.external]
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
     for other in result.alternatives:
