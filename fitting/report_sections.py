@@ -13,6 +13,7 @@ from fitting.notation import listed, number, plain, prefixed, quantity, span
 from fitting.plots_style import FigureFile
 from fitting.report_drift import offset_table
 from fitting.report_knowledge import FIGURES, knowledge_tables, knowledge_words
+from fitting.report_joint import joint_sentences, joint_tables
 from fitting.report_plan import plan_table, remarks
 from fitting.report_tables import Table
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
@@ -46,6 +47,7 @@ def sections_of(
     made = [
         _found(result),
         knowledge_section(result.knowledge, take(*FIGURES)),
+        _agreement(result),
         _derived(result, bound, take("6_derived_per_experiment")),
         _experiments(result, bound, take("1_drive", "2_spectra")),
         _response(result, bound, take("8_frequency_response")),
@@ -74,6 +76,14 @@ def knowledge_section(
     return Section(
         "knowledge", "What the data determine", said, points, knowledge_tables(knowledge), figures
     )
+
+
+def _agreement(result: Result) -> Section | None:
+    """Campaigns that were fitted together, and values from elsewhere."""
+    said, shown = joint_sentences(result), joint_tables(result)
+    if not said and not shown:
+        return None
+    return Section("agreement", "Do the measurements agree?", (), said, shown)
 
 
 def _found(result: Result) -> Section:
