@@ -15,6 +15,7 @@ from fitting.files import write_all
 from fitting.laboratory import SERIES_THETA, Bench, measure, string_bench
 from fitting.options import whole_number
 from fitting.synthesis import CAMPAIGN_NAME, TRUTH_NAME, campaign_files, read_bench
+from fitting.synthesis_cross import cross_files
 from fitting.synthesis_plan import planned_files
 
 NAME = "synthesize"
@@ -78,6 +79,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=whole_number(0), default=1, help="seed of all noise (default 1)"
     )
+    parser.add_argument(
+        "--cross-mode",
+        action="store_true",
+        help="record the other mode at every drive pair too, by lock-in amplifiers",
+    )
+    parser.add_argument(
+        "--noise",
+        type=float,
+        metavar="X",
+        help="with --cross-mode: relative noise of every amplitude (default 0.01)",
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, text in _numbers().items():
         parser.add_argument(f"--{option}", type=float, metavar="X", help=text)
@@ -102,6 +114,7 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(f"--seed: found {args.seed}, wanted zero or more")
     if (args.plan is None) != (args.truth is None):
         raise BadInput("synthesize: --plan and --truth are wanted together")
+    _check_cross(args)
     if _is_duffing(args):
         hard = _duffing_bench(args)
         try:
@@ -115,11 +128,25 @@ def run(args: argparse.Namespace) -> int:
             write_all(folder, planned_files(args.plan, bench, args.seed, _command(args)))
             print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, the plan {args.plan}")
             return 0
-        files = campaign_files(measure(bench, args.seed), _command(args))
+        series = measure(bench, args.seed)
+        files = (
+            cross_files(series, 0.01 if args.noise is None else args.noise, _command(args))
+            if args.cross_mode
+            else campaign_files(series, _command(args))
+        )
         pairs = len(bench.pairs_hz)
     write_all(folder, files)
     print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, {pairs} drive pairs")
     return 0
+
+
+def _check_cross(args: argparse.Namespace) -> None:
+    if args.cross_mode and (args.plan is not None or args.series == DUFFING):
+        raise BadInput("--cross-mode: has no meaning here, only with --series q1|q2 or --like")
+    if args.noise is not None and not args.cross_mode:
+        raise BadInput("--noise: has no meaning here, only with --cross-mode")
+    if args.noise is not None and not 0.0 < args.noise < 0.5:
+        raise BadInput(f"--noise: found {args.noise}, wanted a share between 0 and 0.5")
 
 
 def _is_duffing(args: argparse.Namespace) -> bool:
@@ -185,6 +212,8 @@ def _command(args: argparse.Namespace) -> str:
         value = getattr(args, option.replace("-", "_"))
         if value is not None:
             words += [f"--{option}", repr(value)]
+    words += ["--cross-mode"] if args.cross_mode else []
+    words += ["--noise", repr(args.noise)] if args.noise is not None else []
     if args.reflection is not None:
         words.append("--reflection" if args.reflection else "--no-reflection")
     return shlex.join(words)
