@@ -12,8 +12,8 @@ from fitting.labdata import BoundCampaign
 from fitting.notation import listed, number, plain, prefixed, quantity, span
 from fitting.plots_style import FigureFile
 from fitting.report_drift import offset_table
-from fitting.report_knowledge import FIGURES, knowledge_tables, knowledge_words
 from fitting.report_joint import joint_sentences, joint_tables
+from fitting.report_knowledge import FIGURES, knowledge_tables, knowledge_words
 from fitting.report_plan import plan_table, remarks
 from fitting.report_tables import Table
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
