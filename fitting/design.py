@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from fitting.batch import Workers
 from fitting.design_candidates import Limits, Setup, as_campaign, setups_of
@@ -20,6 +21,7 @@ from fitting.design_information import (
     Place,
     Rows,
     Series,
+    information,
     information_of_data,
     information_of_setups,
     prior_sigmas,
@@ -107,18 +109,24 @@ def weigh(
     limits: Limits,
     question: Question,
     told: Callable[[str], None] = lambda state: None,
+    also: Sequence[BoundCampaign] = (),
 ) -> Weighed:
     """Information of the data so far and of every candidate, at points of equal fit.
 
+    The campaign is the one to be continued; what was measured in others (`also`, of the same FMU
+    and parameters, each with a scale of its own) counts as known.
+
     Raises:
-        BadInput: an unknown target, or no candidate within the limits.
+        BadInput: an unknown target, no candidate within the limits, or another campaign with other
+            parameters.
         FmuFailure: the FMU failed.
     """
     _check_target(bound, question.target)
     data = Series(bound, workers, measured_of(bound))
+    known = (data, *(_alike(other, bound, workers) for other in also))
     steps, prior = data.steps(), prior_sigmas(bound.parameters)
     told("points of equal fit")
-    given, others = _equal_fits(data, question, prior, steps, limits)
+    given, others = _equal_fits(known, question, prior, steps, limits)
     values = _values(data, question.target, [given, *others])
     useful = [p for p, v in zip(others, values[1:], strict=True) if np.isfinite(v)]
     judged = useful if question.criterion == "target" else others
@@ -127,12 +135,7 @@ def weigh(
     gradients = _gradients(data, question.target, places)
     scale = _scale_sigma(bound, data)
     unit = np.append(prior, scale)
-    base = np.stack(
-        [
-            information_of_data(data, rows, limits.setting_sigmas)[0]
-            for rows in data.rows(places, steps, limits.setting_sigmas)
-        ]
-    )
+    base = np.stack([_known(known, place, steps, limits) for place in places])
     told("candidates")
     setups = setups_of(bound, limits)
     rows, linear = _setup_rows(bound, workers, limits, setups, places, steps)
@@ -141,6 +144,32 @@ def weigh(
         np.column_stack([gradients * prior, np.zeros(len(places))]), tuple(places),
         _values(data, question.target, places), values, linear,
     )  # fmt: skip
+
+
+def _alike(other: BoundCampaign, bound: BoundCampaign, workers: Workers) -> Series:
+    """Another campaign's data, in the search vector of the first."""
+    names, wanted = ({p.name for p in b.parameters} for b in (other, bound))
+    if names != wanted:
+        raise BadInput(
+            f"{other.path}: fits {', '.join(sorted(names))}, but {bound.path} fits "
+            f"{', '.join(sorted(wanted))}; wanted the same parameters"
+        )
+    same = replace(other, parameters=bound.parameters, alternatives=bound.alternatives)
+    return Series(same, workers, measured_of(same))
+
+
+def _known(known: Sequence[Series], place: Place, steps: FloatArray, limits: Limits) -> FloatArray:
+    """Information (n + 1, n + 1) of all data at a place; only the first shares its scale."""
+    total = np.zeros(2 * (place.x.size + 1,))
+    for k, series in enumerate(known):
+        rows = series.rows([place], steps, limits.setting_sigmas)[0]
+        found, covariance, columns = information_of_data(series, rows, limits.setting_sigmas)
+        if k == 0:
+            total += found
+        else:
+            own = scale_sigma(series.measured) * columns[:, -1]
+            total[:-1, :-1] += information(columns[:, :-1], covariance + np.outer(own, own))
+    return total
 
 
 def _check_target(bound: BoundCampaign, target: str) -> None:
@@ -160,19 +189,23 @@ def _scale_sigma(bound: BoundCampaign, data: Series) -> float:
 
 
 def _equal_fits(
-    data: Series, question: Question, prior: FloatArray, steps: FloatArray, limits: Limits
-) -> tuple[Place, list[Place]]:
+    known: tuple[Series, ...], question: Question, prior: FloatArray, steps: FloatArray,
+    limits: Limits,
+) -> tuple[Place, list[Place]]:  # fmt: skip
     """The given point (the fit nearest to the references), and others that fit as well."""
-    bound = data.bound
+    bound = known[0].bound
     lower, upper = search_bounds(bound.parameters)
     if question.start is None:
         start = Place(bound.alternatives[0], np.clip(np.zeros(len(prior)), lower, upper))
     else:
         alternative, p = question.start
         start = Place(alternative, np.clip(to_search(bound.parameters, p), lower, upper))
-    first = data.rows([start], steps, limits.setting_sigmas)[0]
-    covariance = information_of_data(data, first, limits.setting_sigmas)[1]
-    terrain = Terrain(data, covariance + scale_sigma(data.measured) ** 2, prior, steps)
+    blocks = []
+    for series in known:
+        first = series.rows([start], steps, limits.setting_sigmas)[0]
+        covariance = information_of_data(series, first, limits.setting_sigmas)[1]
+        blocks.append(covariance + scale_sigma(series.measured) ** 2)
+    terrain = Terrain(known, block_diag(*blocks), prior, steps)
     given = settle(terrain, start)
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):

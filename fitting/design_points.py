@@ -44,9 +44,12 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Terrain:
-    """Where walkers walk: data, covariance of their rows (m, m), prior sigmas (n,), steps (n,)."""
+    """Where walkers walk: data, covariance of all their rows (m, m), prior sigmas and steps (n,).
 
-    series: Series
+    All series have the parameters of the first.
+    """
+
+    series: tuple[Series, ...]
     covariance: FloatArray
     prior: FloatArray
     steps: FloatArray
@@ -56,20 +59,26 @@ class Terrain:
         if not places:
             return []
         factor = np.linalg.cholesky(self.covariance)
-        objective = self.series.objective(places[0].alternative, self.steps)
-        nodes = [[place.x, *stencil(objective, place.x)] for place in places]
-        points = iter(evaluate_many(objective, [x for group in nodes for x in group]))
+        residuals: list[list[FloatArray]] = [[] for _ in places]
+        slopes: list[list[FloatArray]] = [[] for _ in places]
+        for series in self.series:
+            objective = series.objective(places[0].alternative, self.steps)
+            nodes = [[place.x, *stencil(objective, place.x)] for place in places]
+            points = iter(evaluate_many(objective, [x for group in nodes for x in group]))
+            for k, group in enumerate(nodes):
+                here, *around = (next(points) for _ in group)
+                residuals[k].append(here.residuals)
+                slopes[k].append(jacobian_of(around))
         found = []
-        for place, group in zip(places, nodes, strict=True):
-            here, *around = (next(points) for _ in group)
-            rows = np.linalg.solve(factor, here.residuals)
-            matrix = np.linalg.solve(factor, jacobian_of(around)) * self.prior
+        for place, some, matrices in zip(places, residuals, slopes, strict=True):
+            rows = np.linalg.solve(factor, np.concatenate(some))
+            matrix = np.linalg.solve(factor, np.concatenate(matrices)) * self.prior
             found.append(Fitted(place, float(rows @ rows), rows, matrix))
         return found
 
     def moved(self, fitted: Fitted, dy: FloatArray) -> Place:
         """The place dy prior standard deviations away, within the box."""
-        lower, upper = search_bounds(self.series.bound.parameters)
+        lower, upper = search_bounds(self.series[0].bound.parameters)
         x = np.clip(fitted.place.x + self.prior * dy, lower, upper)
         return Place(fitted.place.alternative, np.asarray(x))
 

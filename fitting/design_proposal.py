@@ -16,6 +16,9 @@ from fitting.parameters import canonical, to_model
 
 FloatArray = npt.NDArray[np.float64]
 
+#: A factor on the error that nobody calls useless.
+HELPFUL = 3.0
+
 
 def propose(
     bound: BoundCampaign,
@@ -131,7 +134,7 @@ def _doubts(weighed: Weighed, chosen: Sequence[int], question: Question) -> list
     if not np.isfinite(before[0]):
         return [f"{question.target} has no value, or none that can be differentiated, here."]
     gain, usual = float(before[0] / after[0]), float(np.nanmedian(before / after))
-    if gain > 0.3 * usual:
+    if gain > min(0.3 * usual, HELPFUL):
         return []
     return [
         f"At the given point itself the error of {question.target} falls by a factor of "

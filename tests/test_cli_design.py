@@ -17,7 +17,9 @@ from fitting.fmu.description import read_description
 from fitting.labdata import bind, read_campaign
 from fitting.laboratory import steady_state
 from fitting.laboratory_plan import Noise, Planned, measure_planned
+from fitting.records import write_json
 from fitting.synthesis import read_bench
+from tests.report_records import result_for
 
 DATA = Path(__file__).parents[1] / "data"
 Q1 = DATA / "string_q1"
@@ -106,6 +108,31 @@ def test_the_laboratory_measures_the_plan(
         twins = (tmp_path / folder / name for folder in ("lab", "twin"))
         assert len({twin.read_bytes() for twin in twins}) == 1
     assert "synthetic" in (tmp_path / "lab" / "experiments.csv").read_text().splitlines()[0]
+
+
+def test_it_sets_out_from_a_result(
+    proposed: Path, tmp_path: Path, oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The given point is the result's, its alternative too; one of another campaign is refused."""
+    bound = bind(read_campaign(Q1 / "campaign.toml"), read_description(oscillator_fmu).variables)
+    base = result_for(bound)
+    values = {"theta": 2.2, "d1": 160.0, "d2": 60.0}
+    known = base.parameters["d1"]
+    parameters = {name: replace(known, value=value) for name, value in values.items()}
+    fitted = replace(base, parameters=parameters, alternative={"reflection": True})
+    write_json(tmp_path / "result.json", fitted)
+    limits, result = proposed.parent / "limits.toml", tmp_path / "result.json"
+    words = ["design", Q1 / "campaign.toml", "--candidates", limits, "--at", result, "--number",
+             "1", "--target", "d2", "--criterion", "D", "--no-report"]  # fmt: skip
+    assert main([str(word) for word in (*words, "--out", tmp_path / "out")]) == 0
+    design = read_design(tmp_path / "out" / "design.json")
+    assert design.places[0].parameters == pytest.approx(values)
+    assert design.places[0].alternative == {"reflection": True}
+    assert (design.target, design.criterion, len(design.proposals)) == ("d2", "D", 1)
+    capsys.readouterr()
+    write_json(tmp_path / "result.json", base)
+    assert main([str(word) for word in (*words, "--out", tmp_path / "out")]) == 2
+    assert "has no parameter 'd2'" in capsys.readouterr().err
 
 
 def test_noise_of_planned_peaks() -> None:

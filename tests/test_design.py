@@ -148,6 +148,27 @@ def test_the_expected_error_falls_tenfold(
     assert min(k.best for k in more_of_the_same) > 0.99 * design.before.mean
 
 
+def test_both_lines_known_the_cross_mode_is_what_is_missing(
+    bound: BoundCampaign, workers: FmuWorkers, limits: Limits
+) -> None:
+    """With the q2 series beside, one mode at the other's resonance settles it (section 4)."""
+    path = Q1.parents[1] / "string_q2" / "campaign.toml"
+    other = bind(read_campaign(path), workers.description.variables)
+    question = Question("lambda", start=(bound.alternatives[0], TRUTH))
+    weighed = weigh(bound, workers, limits, question, also=[other])
+    design = propose(bound, weighed, limits, question, "Hz", {})
+    first = design.proposals[0]
+    assert (first.output, first.centre_hz > 7e6) in (("q2_hybrid", False), ("q1_hybrid", True))
+    assert design.before.at / first.expected.at > 5.0
+    ps = np.array([to_model(bound.parameters, place.x) for place in weighed.places])
+    both = [np.diag(closed_form.damping(p[0], p[1], p[2], reflection=False)) for p in ps]
+    assert np.array(both)[1:, 0] == pytest.approx(94.1, abs=2.0)
+    assert np.ptp(np.array(both)[1:, 1]) < 8.0
+    more = replace(other, parameters=other.parameters[:2])
+    with pytest.raises(BadInput, match="fits d1, theta, but"):
+        weigh(bound, workers, limits, question, also=[more])
+
+
 @pytest.mark.parametrize("criterion", ["D", "target"])
 def test_greedy_is_near_the_best_of_all(weighed: Weighed, criterion: str) -> None:
     """Nine tenths of it, on a dozen candidates of which three are taken."""

@@ -43,8 +43,12 @@ CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument(
-        "campaign", type=Path, metavar="CAMPAIGN.toml", help="what has been measured so far"
+        "campaign", type=Path, metavar="CAMPAIGN.toml", help="the campaign that is to be continued"
     )
+    parser.add_argument(
+        "also", type=Path, metavar="MORE.toml", nargs="*",
+        help="further campaigns of the same FMU and parameters that have been measured",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, help="folder for results (out/next_<its folder>)")
     parser.add_argument(
         "--at", type=Path, metavar="RESULT.json",
@@ -76,6 +80,13 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     campaign = read_campaign(args.campaign)
+    others = [read_campaign(path) for path in args.also]
+    for other in others:
+        if (other.file.fmu.model, other.file.fmu.file) != (
+            campaign.file.fmu.model,
+            campaign.file.fmu.file,
+        ):
+            raise BadInput(f"{other.path}: [fmu]: wanted the FMU of {campaign.path}")
     out: Path = args.out or Path("out") / f"next_{args.campaign.resolve().parent.name}"
     section = design_section(args.candidates or args.campaign)
     fitted = read_result(args.at) if args.at is not None else None
@@ -92,7 +103,8 @@ def run(args: argparse.Namespace) -> int:
             limits = replace(limits, number=args.number)
         question = _question(args, bound, section, fitted)
         try:
-            weighed = weigh(bound, workers, limits, question, told)
+            also = [bind(other, description.variables) for other in others]
+            weighed = weigh(bound, workers, limits, question, told, also)
         finally:
             told.end()
         variable = description.variables[_variable(bound, question.target)]
@@ -176,7 +188,7 @@ def _refuse_filled(path: Path) -> None:
 
 
 def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME, args.campaign.as_posix()]
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
     for name in ("out", "at", "candidates", "target", "criterion", "number"):
         value = getattr(args, name)
         if value is not None:
