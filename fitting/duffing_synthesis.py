@@ -47,7 +47,6 @@ alpha2 = 0.0
 kappa = 0.0
 periodic_start = true              # the FMU begins on its periodic orbit: nothing to settle
 solver = 1                         # envelope
-tolerance = 1e-3                   # errors: 1e-5 of the tones, 1e-4 of the weakest lines
 
 [observe]
 output = "q1_hybrid"
@@ -106,7 +105,8 @@ misfit = "squares"
 starts = 1
 
 [accuracy]
-amplitude = 1e-4
+amplitude = 1e-3                   # a third of what a line is repeatable
+tolerance = "tolerance"            # the plan sets it
 """
 
 
