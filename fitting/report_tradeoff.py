@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from fitting.tradeoff_tables import (
     error_text,
     failures,
     reference_sentence,
+    time_text,
     words,
 )
 
@@ -38,14 +38,18 @@ def write_report(study: Study, figures: Sequence[FigureFile], folder: Path) -> P
 
 def render(study: Study, figures: Sequence[FigureFile]) -> str:
     """The report as HTML text."""
-    sections = [_accuracies(study), _picture(figures), _fronts(study), _origin(study)]
+    sections = [_accuracies(study), _picture(figures), _fronts(study)]
+    if study.notes:
+        sections.append(Section("plan", "What the plan says", points=study.notes))
+    sections.append(_origin(study))
+    described = f"{study.description[0].upper()}{study.description[1:]}"
     return page(
         f"{study.title}: accuracy against cost",
         "trade-off",
         sections,
         synthetic=study.synthetic,
         good=study.status == "finished",
-        status=(study.status, f"{study.description}. {study.message}"),
+        status=(study.status, f"{described}. {study.message}"),
         warnings=_warnings(study),
     )
 
@@ -107,7 +111,7 @@ def _fronts(study: Study) -> Section:
         rows = tuple(
             (
                 Cell(error_text(m)), Cell(cost_text(m)),
-                Cell(f"{m.seconds:.3g} s" if math.isfinite(m.seconds) else "–"),
+                Cell(time_text(m.seconds)),
                 Cell(str(m.runs)), Cell(str(m.steps)), Cell(str(m.reads)),
                 Cell(words(m.setting), mark="words"),
             )
@@ -124,4 +128,4 @@ def _fronts(study: Study) -> Section:
 def _origin(study: Study) -> Section:
     rows = tuple((Cell(key, head=True), Cell(value)) for key, value in study.provenance.items())
     table = Table("Provenance", (Cell("what"), Cell("value")), rows)
-    return Section("origin", "Where this comes from", points=study.notes, tables=(table,))
+    return Section("origin", "Where this comes from", tables=(table,))

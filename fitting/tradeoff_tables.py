@@ -83,7 +83,7 @@ def time_text(seconds: float) -> str:
     if not math.isfinite(seconds):
         return "–"
     factor, unit = prefixed(seconds, "s") if seconds < 1.0 else (1.0, "s")
-    return f"{number(seconds / factor, 3)} {unit}"
+    return f"{number(seconds / factor, 3)}\u00a0{unit}"
 
 
 def error_text(m: Measurement) -> str:
