@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -43,18 +44,22 @@ class Sampling:
         """Time of the last sample."""
         return self.settle_s + (self.samples - 1) * self.step_s
 
+    @cached_property
+    def _window(self) -> Window:
+        return Window(
+            self.tones_hz, self.settle_s, self.step_s, self.samples, True, self.held_steps, ""
+        )
+
     def amplitudes(self, samples: FloatArray) -> FloatArray:
         """Amplitudes (tones,) in the sampled values (samples,)."""
         if self.reader == COHERENT:
-            window = Window(
-                self.tones_hz, self.settle_s, self.step_s, self.samples, True, self.held_steps, ""
-            )
-            return tone_amplitudes(window, samples)
+            return tone_amplitudes(self._window, samples)
         return largest_lines(samples, self.step_s, self.tones_hz, flat=self.reader == FLAT_TOP)
 
 
+@lru_cache(maxsize=4096)
 def sample(
-    tones_hz: Sequence[float], settle_s: float, reader: str, window_s: float, samples: int,
+    tones_hz: tuple[float, ...], settle_s: float, reader: str, window_s: float, samples: int,
     held: int = 0,
 ) -> Sampling:  # fmt: skip
     """A sampling of about that many samples over about that long a window.
@@ -62,7 +67,7 @@ def sample(
     The coherent reader takes as many whole common periods as fit, one at least, and where the tones
     have none the plan's window for a fit of the tones. The other readers place the tones amid the
     band. `held` > 0: input steps per period of the fastest tone, of which a step and the settling
-    take a whole number.
+    take a whole number. Kept for who asks again: no cost of a simulation that is repeated.
     """
     tones = tuple(map(float, tones_hz))
     if reader != COHERENT:
