@@ -376,7 +376,8 @@ def _other_minima(solution: Solution, outcome: Outcome) -> list[str]:
         there = np.array(chain.steps[-1].x)
         apart = distance(solution.parameters, there, np.array(best.steps[-1].x))
         values = _named(solution.parameters, np.array(chain.steps[-1].parameters))
-        shown = ", ".join(f"{name} = {value:.7g}" for name, value in values.items())
+        own = [p.name for p in solution.parameters if not p.experiments]
+        shown = ", ".join(f"{name} = {values[name]:.7g}" for name in own)
         if equal_j(chain.steps[-1].j, best.steps[-1].j) and apart > APART:
             said.append(f"Start {chain.start + 1} found an equal J elsewhere: {shown}.")
         elif len(chain.steps) == len(best.steps):

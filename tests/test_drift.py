@@ -76,7 +76,7 @@ def test_offsets_take_up_a_drift_that_is_not_linear(oscillator_fmu: Path, tmp_pa
     """At half the bench's noise, where its peaks give the line width to 0.4 % (one sigma)."""
     away, widths = [], []
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        for seed, curvature in ((1, 20.0), (2, 30.0), (3, 40.0), (4, -30.0)):
+        for seed, curvature in ((1, -20.0), (2, 30.0), (3, 40.0)):
             series = series_of(curvature, seed)
             path = written(tmp_path / str(seed), campaign_files(series, "test"))
             if seed == 3:
