@@ -236,7 +236,9 @@ def _spectrum_panel(
     )  # fmt: skip
     gaps = [(s - p.measured_v) / p.measured_v for s, p in zip(raw, peaks, strict=True)]
     label = short(experiment.label, 22)
-    axes.set_title(f"{label}\n{', '.join(percent(g) for g in gaps)}", fontsize=8)
+    words = [percent(g) for g in gaps]
+    rows = [", ".join(words[k : k + 2]) for k in range(0, len(words), 2)]
+    axes.set_title("\n".join([label, *rows]), fontsize=8)
     plain_ticks(axes, x=4)
 
 
