@@ -224,7 +224,7 @@ def fit_resonance(
     `fitting.structure.residual_structure`.
 
     Raises:
-        BadInput: too few points, or no resonance within the sweep.
+        BadInput: too few points, no resonance within the sweep, or one that the points do not hold.
     """
     if background not in BACKGROUNDS:
         raise ValueError(f"background {background!r}, wanted one of {BACKGROUNDS}")
@@ -280,6 +280,11 @@ def _as_resonance(
         raise BadInput(
             f"{source}: no resonance between {frequency_hz[0]:.10g} and {frequency_hz[-1]:.10g} Hz "
             f"(the fit ended at {eta:.10g} Hz, width {width:.4g} Hz: {fit.message})"
+        )
+    if not np.all(np.isfinite(variance[:2])):
+        raise BadInput(
+            f"{source}: the sweep does not determine its line near {eta:.10g} Hz, width "
+            f"{width:.4g} Hz (a grid too coarse for it, or at the rounding of the frequencies)"
         )
     eta_std, log_width_std = width0 * math.sqrt(variance[0]), math.sqrt(variance[1])
     covariance = width0 * width * float(spread[0, 1])
