@@ -6,6 +6,7 @@ and all reasoning about periods and folding is in whole numbers.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ WORST_CONDITION = 1e3
 FAR_APART = 1e3
 #: Largest order of combinations of tones: within the band of the tones, and anywhere.
 NEAR_ORDER, ANY_ORDER = 41, 5
+#: Mixtures of more tones than these are not kept off them.
+MOST_MIXED = 4
 _SPLITTER = 134217729.0  # 2**27 + 1 cuts a double into two halves (Dekker 1971)
 
 
@@ -126,7 +129,9 @@ def plan_band(
 
     The window is the least number of common periods with five beats (for a single tone: 64 periods)
     unless ``window_s`` is given, and the number of samples the least at which the band is six times
-    as wide as the tones are apart, unless ``samples`` is given.
+    as wide as the tones are apart, unless ``samples`` is given. Among numbers of samples those are
+    passed over at which a harmonic or a mixture of the tones up to order 5 (3 f1, 2 f1 + f2), as a
+    nonlinear response has them, folds onto a tone; where there is no other, the first is taken.
 
     Raises BadInput for tones that are not different and positive, for a window that is not whole
     periods, and where no sampling up to 2**20 samples keeps the tones within one band.
@@ -153,10 +158,14 @@ def plan_band(
     if window > longest_s:
         return None
     halves = [int(2 * exact(tone) * window) for tone in tones]
-    for n in _candidates(halves) if samples is None else [samples]:
-        zone = _common_zone(halves, n)
-        if zone is not None:
-            return Band(tones, window, n, zone)
+    tried = _candidates(halves) if samples is None else [samples]
+    possible = (n for n in tried if _common_zone(halves, n) is not None)
+    first = next(possible, None)
+    if first is not None:
+        mixed = _mixtures([half // 2 for half in halves])
+        clean = (n for n in itertools.chain([first], possible) if not _folds(halves, mixed, n))
+        n = next(clean, first)
+        return Band(tones, window, n, _common_zone(halves, n) or 0)
     raise BadInput(
         f"{told(tones)}: no sampling of {float(window)!r} s "
         f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "
@@ -249,6 +258,24 @@ def _grown(seeds: set[int], steps: set[int], times: int, modulus: int) -> set[in
             break
         reached = reached | edge
     return reached
+
+
+def _mixtures(cycles: list[int]) -> set[int]:
+    """Periods of Σ k_i f_i in the window for 1 < Σ|k_i| <= 5, those that are a tone's left out."""
+    orders = range(-ANY_ORDER, ANY_ORDER + 1)
+    factors = itertools.product(orders, repeat=len(cycles)) if len(cycles) <= MOST_MIXED else []
+    reached = {
+        abs(sum(k * c for k, c in zip(ks, cycles, strict=True)))
+        for ks in factors
+        if 1 < sum(map(abs, ks)) <= ANY_ORDER
+    }
+    return reached - set(cycles)
+
+
+def _folds(halves: list[int], mixed: set[int], samples: int) -> bool:
+    """Whether one of the mixtures is seen where a tone is."""
+    tones = {min(half // 2 % samples, -(half // 2) % samples) for half in halves}
+    return any(min(m % samples, -m % samples) in tones for m in mixed)
 
 
 def _closest(tones: tuple[float, ...]) -> Fraction:

@@ -157,3 +157,16 @@ def test_fit_of_incommensurable_tones() -> None:
     assert np.argmax(np.abs(rest[:, 1])) == 7
     with pytest.raises(BadInput, match="tell them apart"):
         fit_tones((1.0, 1.0001), np.linspace(0, 1, 50), np.zeros((50, 1)))
+
+
+@pytest.mark.parametrize("first", range(1_000_000, 8_000_000, 237_137))
+def test_harmonics_and_mixtures_stay_off_the_tones(first: int) -> None:
+    """(cos a + cos b)^3 has lines of 9/4 at either tone; 3 f1 or 2 f1 + f2 would add 1/4 or 3/4."""
+    for gap in (1, 2, 10, 20, 200, 1000):
+        band = plan_band((float(first), float(first + gap)), longest_s=100.0)
+        assert band is not None
+        j = np.arange(band.samples)
+        whole = [int(Fraction(tone) * band.window_s) for tone in (first, first + gap)]
+        a, b = (np.cos(2.0 * np.pi * (k * j % band.samples) / band.samples) for k in whole)
+        peaks = amplitude_spectrum(((a + b) ** 3)[:, np.newaxis])[list(band.bins()), 0]
+        assert peaks == pytest.approx([2.25, 2.25], abs=1e-9)
