@@ -19,6 +19,8 @@ from fitting.laboratory import steady_state
 from fitting.laboratory_plan import Noise, Planned, measure_planned
 from fitting.records import write_json
 from fitting.synthesis import read_bench
+from tests import test_swap
+from tests.cfmu_build import build_c_fmu
 from tests.report_records import result_for
 
 DATA = Path(__file__).parents[1] / "data"
@@ -133,6 +135,52 @@ def test_it_sets_out_from_a_result(
     write_json(tmp_path / "result.json", base)
     assert main([str(word) for word in (*words, "--out", tmp_path / "out")]) == 2
     assert "has no parameter 'd2'" in capsys.readouterr().err
+
+
+def test_a_foreign_fmu_driven_through_its_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No mode, no angle, an FMU by its path: single tones are proposed, and the campaign binds."""
+    fmu = build_c_fmu(tmp_path, reset="RESET_WORKS")
+    path = test_swap.campaign(tmp_path, fmu, "squares")
+    text = path.read_text()
+    path.write_text(text + '[design]\nnoise_floor = "2 uV"\nnumber = 2\nlevels = [1]\n')
+    words = ["design", path, "--target", "line_width", "--out", tmp_path / "out", "--no-report"]
+    assert main([str(word) for word in words]) == 0
+    assert "displacement at 3" in capsys.readouterr().out
+    design = read_design(tmp_path / "out" / "design.json")
+    assert design.unit == "Hz"
+    assert {len(p.tones_hz) for p in design.proposals} == {1}
+    folder = tmp_path / "out" / "campaign"
+    rows = folder / "experiments.csv"
+    rows.write_text(rows.read_text().replace(",,", ",0.5,"))
+    bound = bind(read_campaign(folder / "campaign.toml"), read_description(fmu).variables)
+    assert [e.tones_hz for e in bound.experiments] == [p.tones_hz for p in design.proposals]
+    file = read_campaign(folder / "campaign.toml").file.fmu.file
+    assert file is not None
+    assert file.samefile(fmu)
+
+
+def test_further_settings_are_tried_and_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A gain of the drive: |q2| at q1's resonance is clearer with the second mode driven less."""
+    table = '[design]\nfrequency_step = "100 Hz"\nlevels = [100]\nrepeats = [100]\nnumber = 2\n'
+    table += 'outputs = ["q2_hybrid"]\ncentres = ["6.9403 MHz"]\nboth_sides = true\n'
+    (tmp_path / "limits.toml").write_text(table + "[design.settings]\ng2 = [0.0, 1.0]\n")
+    words = ["design", Q1 / "campaign.toml", "--candidates", tmp_path / "limits.toml",
+             "--no-report", "--out", tmp_path / "out"]  # fmt: skip
+    assert main([str(word) for word in words]) == 0
+    design = read_design(tmp_path / "out" / "design.json")
+    assert design.setups == 2
+    assert {p.settings["g2"] for p in design.proposals} <= {0.0, 1.0}
+    plan = tmp_path / "out" / "campaign" / "campaign.toml"
+    lab = tmp_path / "lab"
+    assert synthesize("--plan", plan, "--truth", Q1 / "truth.toml", "--out", lab) == 0
+    for experiment, p in zip(
+        read_campaign(lab / "campaign.toml").experiments, design.proposals, strict=True
+    ):
+        assert experiment.settings["g2"].value == p.settings["g2"]
 
 
 def test_noise_of_planned_peaks() -> None:
