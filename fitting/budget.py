@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from fitting.errors import BadInput
 
@@ -137,7 +137,7 @@ def sentences_of(budget: Budget) -> tuple[str, ...]:
 
 def told(decision: Decision) -> str:
     """One decision as a line: subject, choice, reason."""
-    mark = " (as asked for)" if decision.forced else ""
+    mark = " (as asked for)" if decision.forced and decision.taken else ""
     most = f"; at most {decision.bound:.1e}" if decision.cost > 0.0 else ""
     return f"{decision.subject}: {decision.choice}{mark}; {decision.sentence}{most}"
 
@@ -153,7 +153,8 @@ def checked_accuracy(value: float, where: str) -> float:
 class Reduction:
     """Start values under which the FMU computes less than it could.
 
-    `bound` names an FMU output that bounds the relative error; without it the error is measured.
+    `bound` names an FMU output that bounds the relative error, "{output}" in it standing for the
+    output that is read; without it the error is measured.
 
     Raises:
         BadInput: no name, or nothing that is set.
@@ -177,7 +178,8 @@ class Hints:
     name reductions.
 
     Raises:
-        BadInput: a name in `force` or `forbid` that is none of the reductions, or is in both.
+        BadInput: a name in `force` or `forbid` that is none of the reductions (where there are
+            any: an FMU may have its own), or is in both.
     """
 
     tolerance: str | None = None
@@ -191,16 +193,33 @@ class Hints:
         names = [r.name for r in self.reductions]
         if len(set(names)) < len(names):
             raise BadInput(f"reductions {', '.join(names)}: two have one name")
+        if self.reductions:
+            self.check_names()
+        both = sorted(set(self.force) & set(self.forbid))
+        if both:
+            raise BadInput(f"'{both[0]}' is both in force and in forbid")
+
+    def check_names(self) -> None:
+        """BadInput for a name in `force` or `forbid` that is none of the reductions."""
+        names = [r.name for r in self.reductions]
         for key, wanted in (("force", self.force), ("forbid", self.forbid)):
             for name in wanted:
                 if name not in names:
                     known = ", ".join(names) or "none"
                     raise BadInput(f"{key}: no reduction '{name}', wanted one of: {known}")
-        both = sorted(set(self.force) & set(self.forbid))
-        if both:
-            raise BadInput(f"'{both[0]}' is both in force and in forbid")
 
-    @property
-    def anything(self) -> bool:
-        """Whether there is something to decide."""
-        return bool(self.tolerance or self.substep or self.reductions)
+    def over(self, own: Hints) -> Hints:
+        """These hints, and what an FMU says of its `own` where these say nothing.
+
+        Raises:
+            BadInput: `force` or `forbid` name none of the reductions.
+        """
+        merged = replace(
+            self,
+            tolerance=self.tolerance or own.tolerance,
+            substep=self.substep or own.substep,
+            full=self.full or own.full,
+            reductions=self.reductions or own.reductions,
+        )
+        merged.check_names()
+        return merged

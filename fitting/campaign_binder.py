@@ -101,7 +101,7 @@ def bind_hints(choice: AccuracyChoice, binder: Binder) -> Hints:
             binder.real(name, choice.where, SETTABLE, "set")
     reductions = []
     for entry in choice.reductions:
-        if entry.bound is not None:
+        if entry.bound is not None and "{output}" not in entry.bound:
             binder.real(entry.bound, f"{entry.where} bound", READABLE, "read")
         settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
         reductions.append(Reduction(entry.name, settings, entry.bound))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from fitting.budget import Budget, Decision
+from fitting.budget import Budget, Decision, Hints
 from fitting.driving import FmuResponse
 from fitting.errors import FmuFailure
 from fitting.labdata import BoundCampaign, Experiment
@@ -29,12 +29,16 @@ LIMIT_S = 20.0
 
 
 def measured_plan(
-    bound: BoundCampaign, workers: Workers, variables: Mapping[str, VariableLike]
+    bound: BoundCampaign,
+    workers: Workers,
+    variables: Mapping[str, VariableLike],
+    own: Hints | None = None,
 ) -> Plan:
     """Plan of a campaign with settling, solver and reductions measured at start and reference.
 
     Where the campaign declares a steady start, that is looked at as well, at seeded points of the
     box too; where it states a line width, the time to settle is at least the one for half of it.
+    `own` is what the FMU says of its accuracy where the campaign says nothing.
 
     Raises:
         BadInput: the campaign cannot be planned.
@@ -45,7 +49,8 @@ def measured_plan(
     shots = _shots(response, workers)
     if not shots:
         return draft
-    search = Search(Probe(shots, workers), bound.accuracy, bound.hints, variables, LIMIT_S)
+    hints = bound.hints.over(own or Hints())
+    search = Search(Probe(shots, workers), bound.accuracy, hints, variables, LIMIT_S)
     found = search.found()
     settle_s = _settle_s(bound, found, draft)
     drive = bound.drive

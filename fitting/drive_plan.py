@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from fitting.budget import (
 )
 from fitting.drive import Drive
 from fitting.errors import BadInput
-from fitting.fmu import FmuDescription, Run
+from fitting.fmu import FmuDescription, Run, read_hints
 from fitting.plan import Window
 from fitting.plan_probe import Probe, Shot, Workers, read
 from fitting.plan_search import Found, Search
@@ -53,6 +53,12 @@ class DrivePlan:
     def settle_s(self) -> float:
         """Time before sampling, s."""
         return self.window.settle_s
+
+    @property
+    def as_drive(self) -> Drive:
+        """The drive with the plan's settings and time to settle."""
+        values = {**self.drive.start_values, **self.settings}
+        return replace(self.drive, start_values=values, settle_s=self.settle_s)
 
     @property
     def decisions(self) -> tuple[Decision, ...]:
@@ -100,7 +106,7 @@ def plan_drive(
         FmuFailure: the FMU failed.
     """
     checked_accuracy(accuracy, "accuracy")
-    known = hints if hints is not None else Hints()
+    known = (hints or Hints()).over(read_hints(description))
     _check_names(known, description)
     shot = Shot(
         drive.start_values, drive.tones_hz, drive.outputs, drive.input, drive.level,
@@ -135,6 +141,5 @@ def _with_window(found: Found, window: Window) -> Budget:
 def _check_names(hints: Hints, description: FmuDescription) -> None:
     names = [name for name in (hints.tolerance, hints.substep) if name is not None]
     names += [*hints.full, *(name for r in hints.reductions for name in r.set)]
-    names += [r.bound for r in hints.reductions if r.bound is not None]
     for name in names:
         description.variable(name)

@@ -16,7 +16,7 @@ import fitting
 from fitting.campaign_plan import measured_plan
 from fitting.driving import FmuResponse
 from fitting.errors import BadInput, FmuFailure
-from fitting.fmu import FmuDescription, FmuWorkers
+from fitting.fmu import FmuDescription, FmuWorkers, read_hints
 from fitting.job import Identity, Options
 from fitting.joint_campaign import columns_of, series_names
 from fitting.joint_response import JointResponse
@@ -88,7 +88,8 @@ def reconstruct_through(
     members = bound.members or (bound,)
     for member in members:
         _refuse_other_drives(member, workers)
-    plans = [measured_plan(m, workers, workers.description.variables) for m in members]
+    variables, own = workers.description.variables, read_hints(workers.description)
+    plans = [measured_plan(member, workers, variables, own) for member in members]
     sentences = _sentences(bound, plans)
 
     def responses(alternative: Mapping[str, Scalar]) -> tuple[FmuResponse, ...]:

@@ -23,8 +23,9 @@ ComplexArray = npt.NDArray[np.complex128]
 
 #: Periods of the fastest tone in the two runs that only measure how fast the FMU is.
 TRIAL_PERIODS = 64, 512
-#: A longer run that takes less than this many times as long says that time costs nothing.
-NO_PACE = 1.5
+#: A longer run that takes less than so many times as long, or so many seconds more, says that
+#: time costs nothing: on a busy machine that much is chance, and it would be extrapolated.
+NO_PACE, NO_PACE_S = 2.5, 0.02
 #: A tone below this part of an output's largest value is none: it is rounding.
 NOTHING = 1e-12
 #: A coherent window longer than this many beats is given up where time costs, for a tone fit.
@@ -128,6 +129,13 @@ class Reading:
         return _largest(np.abs(np.abs(self.tones) - np.abs(other.tones)) / other.amplitudes)
 
     @property
+    def spread(self) -> float:
+        """Strongest over weakest tone of an output, the largest of all outputs."""
+        sizes = self.amplitudes
+        strongest = np.nanmax(np.where(np.isnan(sizes), 0.0, sizes), axis=0)
+        return max(1.0, _largest(strongest / sizes))
+
+    @property
     def rounding(self) -> float:
         """Relative error that comes of rounding the samples of a weak tone beside a strong one."""
         return _largest(32.0 * np.finfo(float).eps * self.condition * self.level / self.amplitudes)
@@ -203,9 +211,12 @@ class Probe:
         """What a run costs, measured once for every setting by a short and a longer run."""
         key = _key(settings)
         if key not in self._paces:
-            short, longer = (self._trial(settings, periods) for periods in TRIAL_PERIODS)
+            # in turn, so that both meet the same machine
+            pairs = [[self._trial(settings, n) for n in TRIAL_PERIODS] for _ in range(3)]
+            short, longer = (min(pair[k] for pair in pairs) for k in (0, 1))
             per_period = (longer - short) / (TRIAL_PERIODS[1] - TRIAL_PERIODS[0])
-            self._paces[key] = Pace(short, per_period if longer > NO_PACE * short else 0.0)
+            costs = longer > NO_PACE * short and longer - short > NO_PACE_S
+            self._paces[key] = Pace(short, per_period if costs else 0.0)
         return self._paces[key]
 
     def cost_s(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
@@ -234,15 +245,14 @@ class Probe:
                 self.longest_s = min(self.longest_s, beats)
 
     def _trial(self, settings: Mapping[str, Scalar], periods: int) -> float:
-        """Seconds of a run over so many periods, the least of two after a first one."""
+        """Seconds of a run over so many periods."""
         runs = []
         for shot in self.shots:
             tone = max(shot.tones_hz)
             # the window of one tone is short, whatever the others are
             one = replace(shot, tones_hz=(tone,), drive_hz=())
             runs.append(one.run(one.window(periods / tone), settings))
-        self._run(runs)  # the first run of a kind has a new instance, or tries a reset
-        return min(self._run(runs)[1] for _ in range(2)) / len(runs)
+        return self._run(runs)[1] / len(runs)
 
     def _run(self, runs: Sequence[Run]) -> tuple[list[FloatArray], float]:
         begun = time.perf_counter()

@@ -273,6 +273,8 @@ class Search:
     def _reductions(self, settings: dict[str, Scalar]) -> dict[str, Scalar]:
         spent = 0.0
         for reduction in self.hints.reductions:
+            if not self._changes(settings, reduction):
+                continue
             decision = self._reduction(settings, reduction, self._share("model") - spent)
             self._add(decision)
             if decision.taken:
@@ -290,44 +292,66 @@ class Search:
             return Decision(name, choice, math.nan, "not taken: forbidden", True, False)
         forced = name in self.hints.force
         try:
-            bound, how, part = self._effect(settings, reduction)
+            bound, how = self._effect(settings, reduction)
         except FmuFailure as error:
             if forced:
                 raise
             why = f"not taken: the FMU refuses ({error.message})"
             return Decision(name, choice, math.nan, why, False, False)
-        saved = f"a run takes {number(part, 2)} of the time"
         if forced:
             beyond = "" if bound <= left else f", beyond the {left:.1e} that is left for it"
-            return Decision(name, choice, min(bound, 1.0), f"{how}{beyond}; {saved}", True)
+            return Decision(name, choice, min(bound, 1.0), f"{how}{beyond}", True)
+        if bound > left and not self._too_long(settings):
+            why = f"not taken: {how}, and {left:.1e} is left for it"
+            return Decision(name, choice, bound, why, False, False)
+        part = self._cost_s({**settings, **reduction.set}) / self._cost_s(settings)
+        saved = f"a run takes {number(part, 2)} of the time"
         if part > CHEAPER:
             return Decision(name, choice, bound, f"not taken: no cheaper ({saved})", False, False)
         if bound <= left:
             return Decision(name, choice, bound, f"{how}; {saved}")
-        if part < 1.0 and self._cost_s(settings) > self.limit_s:
-            why = f"{how}, more than is left for it, but a run without it would take too long"
-            return Decision(name, choice, min(bound, 1.0), why)
-        why = f"not taken: {how}, and {left:.1e} is left for it"
-        return Decision(name, choice, bound, why, False, False)
+        why = f"{how}, more than is left for it, but a run without it would take too long"
+        return Decision(name, choice, min(bound, 1.0), why)
 
-    def _effect(
-        self, settings: dict[str, Scalar], reduction: Reduction
-    ) -> tuple[float, str, float]:
-        """Bound of a reduction, where it is from, and the part of the time that a run takes."""
+    def _effect(self, settings: dict[str, Scalar], reduction: Reduction) -> tuple[float, str]:
+        """Bound of a reduction, and where it is from."""
         reduced = {**settings, **reduction.set}
         self.probe.settle_on_windows(reduced)
         after = self._settle(reduced)
-        if reduction.bound is not None:
+        names = self._bound_names(reduction)
+        if names:
             fine = {**reduced, **self._fine(reduced)}
-            bound = self.probe.largest(fine, after.settle_s, reduction.bound)
-            how = f"the FMU's {reduction.bound} is {bound:.1e}"
-        elif self._cost_s(settings) > self.limit_s:
-            bound, how = 1.0, "its error cannot be measured, a run without it would take too long"
-        else:
-            whole = self._settle(settings)
-            bound = SAFETY * off(after.last, whole.last) + whole.bound
-            how = f"{SAFETY:g} times the measured change is {bound:.1e}"
-        return bound, how, self._cost_s(reduced) / self._cost_s(settings)
+            bound = max(self.probe.largest(fine, after.settle_s, name) for name in names)
+            # relative to the strongest line of an output, while a promise holds for the weakest
+            bound *= max(reading.spread for reading in after.last)
+            return bound, f"by the FMU's {' and '.join(names)}"
+        if self._too_long(settings):
+            return 1.0, "its error cannot be measured, a run without it would take too long"
+        whole = self._settle(settings)
+        return SAFETY * off(after.last, whole.last) + whole.bound, f"{SAFETY:g} times the change"
+
+    def _too_long(self, settings: Mapping[str, Scalar]) -> bool:
+        """Whether a settled run takes longer than allowed, or would by the pace of short ones."""
+        key = tuple(sorted(settings.items()))
+        if key in self._settled:
+            return self._settled[key].seconds > self.limit_s
+        return self._cost_s(settings) > self.limit_s
+
+    def _bound_names(self, reduction: Reduction) -> list[str]:
+        """Outputs that bound a reduction, for what is read; none where the FMU has not all."""
+        if reduction.bound is None:
+            return []
+        outputs = {name for shot in self.probe.shots for name in shot.outputs}
+        names = sorted({reduction.bound.replace("{output}", name) for name in outputs})
+        return names if all(name in self.variables for name in names) else []
+
+    def _changes(self, settings: Mapping[str, Scalar], reduction: Reduction) -> bool:
+        """Whether a reduction sets anything that is not so already."""
+        return any(
+            {**shot.values, **settings}.get(name) != value
+            for shot in self.probe.shots
+            for name, value in reduction.set.items()
+        )
 
     def _cost_s(self, settings: Mapping[str, Scalar]) -> float:
         """Seconds of a settled run; by the time that another setting needs, where none is known."""

@@ -23,7 +23,7 @@ from .two_mode_slave import (
     steady,
     substep_parameter,
 )
-from .variables import Variable
+from .variables import Accuracy, Variable
 
 EXACT, ENVELOPE, RK4 = 0, 1, 2
 
@@ -75,8 +75,9 @@ VARIABLES = (
         "other_mode",
         "Integer",
         FULL,
-        "the mode away from the drive, with solver 0: 0 full, 1 quasi-static (its off-resonant "
-        "phasor, no transient, nothing on the other mode), 2 left out (0)",
+        "the mode away from the drive, with solver 0 (without effect on others): 0 full, "
+        "1 quasi-static (its off-resonant phasor, no transient, nothing on the other mode), 2 left "
+        "out (0)",
         minimum=FULL,
         maximum=LEFT_OUT,
     ),
@@ -99,6 +100,17 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleMo
     license = "MIT"
     variables: ClassVar[tuple[Variable, ...]] = VARIABLES
     moving: ClassVar[tuple[str, ...]] = tuple(v.name for v in DISPLACEMENTS)
+    accuracy = Accuracy(
+        None,
+        "rk4_substep",
+        {},
+        (
+            ("periodic start", {"periodic_start": True}, None),
+            ("far mode left out", {"other_mode": LEFT_OUT}, "{output}_error"),
+            ("far mode quasi-static", {"other_mode": QUASI_STATIC}, "{output}_error"),
+            ("rotating frame", {"solver": ENVELOPE}, "{output}_error"),
+        ),
+    )
 
     def steady_outputs(self) -> Sequence[float]:
         """Return quadratures, errors, coupling, uncoupled eigenfrequencies and damping matrix."""
@@ -138,9 +150,7 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleMo
             raise ModelError(
                 f"other_mode = {other!r}: 0 (full), 1 (quasi-static) or 2 (left out) is wanted"
             )
-        if other != FULL:
-            if kind != EXACT:
-                raise ModelError(f"other_mode = {other!r} is for solver 0 (exact), not {kind!r}")
+        if kind == EXACT and other != FULL:
             return SingleModeSolver(p, other, offsets)
         if kind == RK4:
             return RungeKuttaSolver(p, substep, offsets)

@@ -23,7 +23,7 @@ from .two_mode_slave import (
     parameter,
     substep_parameter,
 )
-from .variables import Variable
+from .variables import Accuracy, Variable
 
 ENVELOPE, RK4 = 1, 2  # the numbers that they have in CoupledOscillator
 LOWER, UPPER = 0, 1
@@ -108,6 +108,17 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
     variables: ClassVar[tuple[Variable, ...]] = VARIABLES
     moving: ClassVar[tuple[str, ...]] = tuple(
         v.name for v in (*DISPLACEMENTS, SHIFT, ENVELOPE_ERROR)
+    )
+
+    accuracy = Accuracy(
+        "tolerance",
+        "rk4_substep",
+        {"solver": RK4},
+        (
+            ("averaged envelope", {"solver": ENVELOPE}, "envelope_error"),
+            ("periodic start", {"periodic_start": True}, None),
+            ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None),
+        ),
     )
 
     def begin(self, t: float) -> None:

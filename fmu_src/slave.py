@@ -18,7 +18,7 @@ from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from .model_error import ModelError
-from .variables import Table, Variable, make_table, unit_definitions, write_structure
+from .variables import Accuracy, Table, Variable, make_table, unit_definitions, write_structure
 
 STATUS_MESSAGE = "status_message"
 _INSTANTIATED, _INITIALISING, _STEPPING, _FAILED = range(4)
@@ -36,6 +36,8 @@ class ModelSlave(Fmi2Slave):
     start_overrides: ClassVar[Mapping[str, Any]] = {}
     #: Some seventy periods of a 7 MHz string, each well sampled: what a host runs if told nothing.
     default_experiment = DefaultExperiment(start_time=0.0, stop_time=1e-5, step_size=1e-8)
+    #: What fmu-fit is told of the model's accuracy (see ``variables.Accuracy``).
+    accuracy: ClassVar[Accuracy | None] = None
     guid_text: ClassVar[str] = "{00000000-0000-0000-0000-000000000000}"
 
     def __init__(self, **kwargs: Any) -> None:
@@ -292,6 +294,9 @@ class ModelSlave(Fmi2Slave):
         root.set("variableNamingConvention", "flat")
         order = [child.tag for child in root]
         root.insert(order.index("CoSimulation") + 1, unit_definitions(self.variables))
+        if self.accuracy is not None:
+            place = [child.tag for child in root].index("ModelVariables")
+            root.insert(place, self.accuracy.to_xml())
         variables, structure = root.find("ModelVariables"), root.find("ModelStructure")
         if variables is None or structure is None:
             raise ModelError("pythonfmu wrote no ModelVariables or ModelStructure")

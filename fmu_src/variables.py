@@ -98,6 +98,41 @@ def write_structure(structure: Element, variables: Sequence[Variable]) -> None:
 
 
 @dataclass(frozen=True)
+class Accuracy:
+    """What the tool fmu-fit may know of a model's accuracy, for its annotation in the XML.
+
+    ``tolerance`` and ``substep`` are parameters; ``full`` start values of the whole model;
+    ``reductions`` rows (name, start values that make it cheaper, output that bounds the error).
+    """
+
+    tolerance: str | None
+    substep: str | None
+    full: Mapping[str, Any]
+    reductions: Sequence[tuple[str, Mapping[str, Any], str | None]]
+
+    def to_xml(self) -> Element:
+        """Return the VendorAnnotations element."""
+        root = Element("VendorAnnotations")
+        names = {"tolerance": self.tolerance, "substep": self.substep}
+        element = SubElement(
+            SubElement(root, "Tool", {"name": "fmu-fit"}),
+            "Accuracy",
+            {key: name for key, name in names.items() if name},
+        )
+        if self.full:
+            _add_settings(SubElement(element, "Full"), self.full)
+        for name, settings, bound in self.reductions:
+            attributes = {"name": name, **({"bound": bound} if bound else {})}
+            _add_settings(SubElement(element, "Reduction", attributes), settings)
+        return root
+
+
+def _add_settings(element: Element, settings: Mapping[str, Any]) -> None:
+    for name, value in settings.items():
+        SubElement(element, "Set", {"name": name, "value": _text(value)})
+
+
+@dataclass(frozen=True)
 class Table:
     """A model's variable table in the forms that get and set need."""
 

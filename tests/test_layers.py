@@ -20,8 +20,8 @@ LADDER = (
     "response spectrum tables units",
     "measured",
     "joint_response",
-    "amplitudes campaign_section combinations fmu.orders fmu.signal instruments objective "
-    "options plan records",
+    "amplitudes campaign_section combinations fmu.hints fmu.orders fmu.signal instruments "
+    "objective options plan records",
     "campaign_accuracy campaign_drift tradeoff_records",
     "campaign_noise tradeoff_front tradeoff_memory tradeoff_reading",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "

@@ -106,8 +106,15 @@ def test_the_envelope_says_what_it_costs(oscillator: Unpacked, instance: Instanc
     assert bound < 1e-4
 
 
-@pytest.mark.parametrize("values", [{"other_mode": 3}, {"other_mode": 1, "solver": 2}])
-def test_what_does_not_go_together_is_refused(values: dict[str, int], instance: Instance) -> None:
-    instance.start(**values)
+def test_other_solvers_keep_both_modes(oscillator: Unpacked) -> None:
+    rows = []
+    for other in (0, LEFT_OUT):
+        with Instance(oscillator, f"envelope {other}") as instance:
+            rows.append(instance.start(solver=1, other_mode=other).run(TIMES[:2], "q1_hybrid"))
+    assert rows[0] == rows[1]
+
+
+def test_a_mode_that_does_not_exist_is_refused(instance: Instance) -> None:
+    instance.start(other_mode=3)
     assert instance.step(0.0, 1e-6) == DISCARD
     assert "other_mode" in instance.status_message()

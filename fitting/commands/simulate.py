@@ -5,20 +5,29 @@ from __future__ import annotations
 import argparse
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitting.budget import Hints
 from fitting.combinations import combination_name
 from fitting.drive import Drive, DriveResult, simulate_drive
 from fitting.drive_lines import MixedLine, mixed_peaks
 from fitting.drive_options import first_output, other_tones, start_values
+from fitting.drive_plan import DrivePlan, plan_drive
 from fitting.errors import BadInput, StartValue
 from fitting.files import write_whole
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.notation import hertz
-from fitting.options import positive_quantity, positive_time, quantity, whole_number
+from fitting.options import (
+    positive_quantity,
+    positive_time,
+    quantity,
+    relative_accuracy,
+    whole_number,
+)
 from fitting.progress import status_line
 from fitting.units import convert, same_kind
 
@@ -28,12 +37,15 @@ EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" -
 
 DEFAULT_TONES = ("u1", "u2")
 MOST_MIXED = 4
+#: Wanted accuracy of a plan without --accuracy.
+USUAL_ACCURACY = 1e-6
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument("fmu", type=Path, metavar="FMU", help="the file (FMI 2.0 or 3.0)")
-    parser.add_argument("--out", type=Path, required=True, help="folder for CSV files and figures")
+    parser.add_argument("--out", type=Path, help="folder for CSV files and figures")
+    _add_plan_arguments(parser)
     parser.add_argument(
         "--set",
         action="append",
@@ -77,6 +89,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_plan_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--accuracy",
+        type=relative_accuracy("--accuracy"),
+        help="wanted relative accuracy of every amplitude, as 1e-4: plans settling, window, "
+        "solver and model, and says what it may be off by",
+    )
+    parser.add_argument(
+        "--plan",
+        action="store_true",
+        help=f"only print the plan (for --accuracy, {USUAL_ACCURACY:g} without)",
+    )
+    for name, what in (("force", "take"), ("forbid", "do not take")):
+        parser.add_argument(
+            f"--{name}",
+            action="append",
+            default=[],
+            metavar="NAME",
+            help=f"{what} this reduction of the model, whatever it costs (with --accuracy)",
+        )
+
+
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0, or 1 if the response did not become steady.
 
@@ -84,11 +118,19 @@ def run(args: argparse.Namespace) -> int:
         BadInput: names, values, units or times do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
+    _check_plan(args)
     with FmuWorkers(args.fmu, timeout_s=args.timeout, timeout_name="--timeout") as workers:
         description = workers.description
         drive = _drive(args, description)
+        plan = _plan(args, drive, workers)
+        if plan is not None:
+            print(*plan.sentences, sep="\n")
+        if args.plan and plan is not None:
+            return 0 if plan.budget.kept else 1
         with status_line(NAME) as tell:
-            result = simulate_drive(drive, workers, tell)
+            result = simulate_drive(drive if plan is None else plan.as_drive, workers, tell)
+            if plan is not None:
+                result = replace(result, peaks=plan.read(workers.run([plan.run])[0]))
     mixed = mixed_peaks(result)
     names = _names_of_tones(args, description)
     for path in _write(result, description, args.out, mixed, names):
@@ -96,10 +138,37 @@ def run(args: argparse.Namespace) -> int:
     print(*_summary(result, description), *_mixed(mixed, names, result, description), sep="\n")
     for warning in workers.warnings:
         print(f"the FMU warns: {warning}")
+    if plan is not None and not plan.budget.kept:
+        print(*(f"warning: {text}" for text in plan.budget.warnings), sep="\n")
+        return 1
     if result.settled and result.explained:
         return 0
     print(*_advice(args, drive, description), sep="\n")
     return 1
+
+
+def _check_plan(args: argparse.Namespace) -> None:
+    """BadInput for options that do not go together."""
+    if args.out is None and not args.plan:
+        raise BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
+    planned = args.plan or args.accuracy is not None
+    for name in ("force", "forbid"):
+        if getattr(args, name) and not planned:
+            raise BadInput(f"--{name}: says something of a plan, wanted --accuracy or --plan")
+    for name in ("settle", "window", "samples"):
+        if planned and getattr(args, name) is not None:
+            raise BadInput(f"--{name}: is what a plan decides, wanted it without --accuracy")
+
+
+def _plan(args: argparse.Namespace, drive: Drive, workers: FmuWorkers) -> DrivePlan | None:
+    if args.accuracy is None and not args.plan:
+        return None
+    hints = Hints(force=tuple(args.force), forbid=tuple(args.forbid))
+    with status_line(NAME) as tell:
+        tell("planning")
+        return plan_drive(
+            drive, args.accuracy or USUAL_ACCURACY, workers, workers.description, hints
+        )
 
 
 def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:

@@ -9,6 +9,7 @@ from fitting.fmu.description import (
     read_description,
     validation_problems,
 )
+from fitting.fmu.hints import read_hints
 from fitting.fmu.records import Counts, InputSignal, Leg, Run, row_times
 from fitting.fmu.workers import FmuWorkers
 
@@ -21,6 +22,7 @@ __all__ = [
     "Leg",
     "Run",
     "read_description",
+    "read_hints",
     "row_times",
     "validation_problems",
 ]
