@@ -16,10 +16,11 @@ Scalar = float | int | bool | str
 
 #: Shares of a wanted accuracy, summing to less than one: what every kind of decision may use.
 SHARES: Mapping[str, float] = {
-    "model": 0.35,
+    "model": 0.3,
     "settling": 0.2,
     "solver": 0.25,
     "samples": 0.1,
+    "input": 0.05,
     "maximum": 0.1,
 }
 

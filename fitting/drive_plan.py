@@ -113,7 +113,9 @@ def plan_drive(
         drive.steps_per_period,
     )  # fmt: skip
     probe = Probe((shot,), workers)
-    found = Search(probe, accuracy, known, description.variables, limit_s).found()
+    search = Search(probe, accuracy, known, description.variables, limit_s, own_input=True)
+    found = search.found()
+    shot = probe.shots[0]
     amplitudes = found.readings[0].amplitudes
     if np.isnan(amplitudes).all():
         raise BadInput(

@@ -207,6 +207,19 @@ class Probe:
         columns = [run.outputs.index(output) for run in runs]
         return max(float(np.max(np.abs(a[:, k]))) for a, k in zip(answers, columns, strict=True))
 
+    def finer_input(self, most: int) -> bool:
+        """Hold generated inputs over half the time from now on; False where that is too fine."""
+        steps = [shot.steps_per_period for shot in self.shots if shot.input is not None]
+        if not steps or 2 * max(steps) > most:
+            return False
+        self.hold(tuple(replace(s, steps_per_period=2 * s.steps_per_period) for s in self.shots))
+        return True
+
+    def hold(self, shots: tuple[Shot, ...]) -> None:
+        """Go on with these shots; what was read of others is forgotten."""
+        self.shots = shots
+        self._kept.clear()
+
     def pace(self, settings: Mapping[str, Scalar]) -> Pace:
         """What a run costs, measured once for every setting by a short and a longer run."""
         key = _key(settings)

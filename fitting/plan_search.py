@@ -12,17 +12,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fitting.budget import SHARES, Budget, Decision, Hints, Reduction, Scalar
-from fitting.errors import FmuFailure
-from fitting.notation import number, prefixed
+from fitting.errors import BadInput, FmuFailure
+from fitting.notation import number
 from fitting.plan_probe import Probe, Reading, apart, off
+from fitting.plan_settling import SAFETY, Settled, settling, watch
 from fitting.variables import VariableLike
 
-#: Doublings of the time to settle, at most, and how far beyond the end one more look is taken.
-DOUBLINGS, FAR = 48, 16.0
-#: Changes that fall by less than this are not yet those of a transient that dies away.
-DYING = 0.6
-#: Factor on a measured change, for what it does not tell.
-SAFETY = 2.0
 #: Combinations of the tones that do not fold onto a tone, tried in this order.
 ORDERS = (1, 5, 11, 21, 41)
 #: A reduction is taken if it makes a run take less than this part of the time.
@@ -30,17 +25,8 @@ CHEAPER = 0.8
 #: A refinement stops when its bound lies within its share and above this part of it.
 WASTED = 0.02
 ROUNDS = 10
-
-
-@dataclass(frozen=True)
-class Settled:
-    """Time to settle, the error that is left, and what was seen at the end."""
-
-    settle_s: float
-    bound: float
-    last: tuple[Reading, ...]
-    seconds: float
-    steady: bool
+#: Held steps of an input in a period, at most.
+MOST_HELD = 640
 
 
 @dataclass(frozen=True)
@@ -60,14 +46,17 @@ class Found:
 
 
 class Search:
-    """Decides for some shots what keeps an accuracy at the least cost that was seen."""
+    """Decides for some shots what keeps an accuracy at the least cost that was seen.
+
+    `own_input`: a drive through an input may be held over shorter steps than asked for.
+    """
 
     def __init__(
         self, probe: Probe, accuracy: float, hints: Hints,
-        variables: Mapping[str, VariableLike], limit_s: float,
+        variables: Mapping[str, VariableLike], limit_s: float, *, own_input: bool = False,
     ) -> None:  # fmt: skip
         self.probe, self.accuracy, self.hints = probe, accuracy, hints
-        self.variables, self.limit_s = variables, limit_s
+        self.variables, self.limit_s, self.own_input = variables, limit_s, own_input
         self.budget = Budget(accuracy)
         self._settled: dict[object, Settled] = {}
 
@@ -77,8 +66,9 @@ class Search:
         settings = self._reductions(settings)
         self.probe.settle_on_windows(settings)
         settled = self._settle(settings)
-        self._add(_settling(settled))
+        self._add(settling(settled))
         settings = self._solver(settings, settled.settle_s)
+        self._held(settings, settled.settle_s)
         order, readings, seconds = self._samples(settings, settled.settle_s)
         rounding = max(reading.rounding for reading in readings)
         self._add(
@@ -101,7 +91,12 @@ class Search:
     def _settle(self, settings: Mapping[str, Scalar]) -> Settled:
         key = tuple(sorted(settings.items()))
         if key not in self._settled:
-            self._settled[key] = self._watch({**settings, **self._fine(settings)})
+            self._settled[key] = watch(
+                self.probe,
+                {**settings, **self._fine(settings)},
+                self._share("settling"),
+                self.limit_s,
+            )
         return self._settled[key]
 
     def _fine(self, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
@@ -111,63 +106,6 @@ class Search:
             return {}
         low, high = self._range(name)
         return {name: min(max(0.1 * self._share("settling"), low), high)}
-
-    def _watch(self, settings: Mapping[str, Scalar]) -> Settled:
-        """Double the time until amplitudes stand still: twice in a row, and dying away."""
-        wanted = self._share("settling")
-        tones = [shot.tones_hz for shot in self.probe.shots]
-        step = min(10.0 / max(t) for t in tones)
-        step = max(step, *(self.probe.length_s(shot) / 16.0 for shot in self.probe.shots))
-        times, seen, changes = [0.0], [], []
-        here, seconds = self.probe.read(settings, 0.0)
-        seen.append(here)
-        for k in range(DOUBLINGS):
-            time_s = step * 2.0**k
-            if seconds > self.limit_s / 2.0:
-                break
-            here, seconds = self.probe.read(settings, time_s)
-            changes.append(apart(here, seen[-1]))
-            times.append(time_s)
-            seen.append(here)
-            if self._stands(changes, wanted) and self._far(settings, time_s, here, seconds, wanted):
-                return self._earliest(settings, times, seen, changes[-1], wanted)
-        bound = min(1.0, SAFETY * changes[-1]) if changes else 1.0
-        return Settled(times[-1], bound, tuple(seen[-1]), seconds, False)
-
-    @staticmethod
-    def _stands(changes: list[float], wanted: float) -> bool:
-        if len(changes) < 2 or max(changes[-2:]) > 0.25 * wanted:
-            return False
-        return changes[-1] <= max(DYING * changes[-2], 0.05 * wanted)
-
-    def _far(
-        self, settings: Mapping[str, Scalar], time_s: float, here: list[Reading],
-        seconds: float, wanted: float,
-    ) -> bool:  # fmt: skip
-        """Whether a look much later shows no slow transient, where it is cheap to take."""
-        if FAR * seconds > 0.2 * self.limit_s:
-            return True
-        return apart(self.probe.read(settings, FAR * time_s)[0], here) <= 0.5 * wanted
-
-    def _earliest(
-        self, settings: Mapping[str, Scalar], times: list[float], seen: list[list[Reading]],
-        change: float, wanted: float,
-    ) -> Settled:  # fmt: skip
-        """The shortest of the times tried that does, and one between it and the one before."""
-        last, left = seen[-1], SAFETY * change
-        errors = [apart(last, reading) for reading in seen]
-        k = next(i for i, e in enumerate(errors) if max(errors[i:]) <= 0.5 * wanted)
-        if k > 0 and times[k] > 0.0 and 0.0 < errors[k] < errors[k - 1]:
-            aim = 0.3 * wanted
-            part = math.log(max(errors[k - 1] / aim, 1.0)) / math.log(errors[k - 1] / errors[k])
-            time_s = times[k - 1] + min(part, 1.0) * (times[k] - times[k - 1])
-            if time_s < 0.95 * times[k]:
-                between, seconds = self.probe.read(settings, time_s)
-                error = apart(last, between)
-                if error <= 0.5 * wanted:
-                    return Settled(time_s, SAFETY * error + left, tuple(last), seconds, True)
-        seconds = self.probe.read(settings, times[k])[1]
-        return Settled(times[k], SAFETY * errors[k] + left, tuple(last), seconds, True)
 
     # -- the solver's own accuracy --------------------------------------------------------------
 
@@ -245,6 +183,25 @@ class Search:
         except FmuFailure:
             return False
 
+    def _held(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
+        """How long a generated input is held: images of the staircase fold onto the tones."""
+        if all(shot.input is None for shot in self.probe.shots):
+            return
+        share, chosen, bound = self._share("input"), self.probe.shots, math.inf
+        here = self.probe.read(settings, settle_s)[0]
+        while bound > share and self.probe.finer_input(MOST_HELD):
+            better = self.probe.read(settings, settle_s)[0]
+            bound = SAFETY * off(here, better)
+            if bound <= share or not self.own_input:
+                break
+            chosen, here = self.probe.shots, better
+        self.probe.hold(chosen)
+        held = max(shot.steps_per_period for shot in chosen)
+        self._add(
+            Decision("input", f"held over {held} steps per period", min(bound, 1.0),
+                     f"{SAFETY:g} times the change with twice as many")
+        )  # fmt: skip
+
     # -- samples --------------------------------------------------------------------------------
 
     def _samples(
@@ -252,11 +209,8 @@ class Search:
     ) -> tuple[int, list[Reading], float]:
         """The least order of combinations kept off the tones at which more change nothing."""
         share = self._share("samples")
-        for order, finer in pairwise(ORDERS):
-            here, seconds = self.probe.read(settings, settle_s, order)
-            bound = SAFETY * off(here, self.probe.read(settings, settle_s, finer)[0])
-            if bound <= share:
-                break
+        order, finer, bound = self._order(settings, settle_s, share)
+        here, seconds = self.probe.read(settings, settle_s, order)
         windows = [s.window(settle_s, order, self.probe.longest_s) for s in self.probe.shots]
         counts = sorted({w.samples for w in windows})
         how = f"{' to '.join(str(n) for n in {counts[0]: 0, counts[-1]: 0})} per run"
@@ -267,6 +221,22 @@ class Search:
                      f"{SAFETY:g} times the change with combinations up to order {finer} kept off")
         )  # fmt: skip
         return order, here, seconds
+
+    def _order(
+        self, settings: Mapping[str, Scalar], settle_s: float, share: float
+    ) -> tuple[int, int, float]:
+        """Order of combinations kept off the tones, the finer one tried, the error between."""
+        found = ORDERS[0], ORDERS[0], math.inf
+        for order, finer in pairwise(ORDERS):
+            try:
+                here = self.probe.read(settings, settle_s, order)[0]
+                bound = SAFETY * off(here, self.probe.read(settings, settle_s, finer)[0])
+            except BadInput:  # no sampling keeps so many lines off the tones
+                break
+            found = order, finer, bound
+            if bound <= share:
+                break
+        return found[0], found[1], min(found[2], 1.0)
 
     # -- reductions of the model ----------------------------------------------------------------
 
@@ -371,20 +341,3 @@ def _better(bound: float, value: float, best: tuple[float, float], share: float)
     if bound <= share:
         return best[0] > share or value > best[1]
     return bound < best[0]
-
-
-def _settling(settled: Settled) -> Decision:
-    factor, unit = prefixed(settled.settle_s, "s")
-    if settled.settle_s == 0.0:
-        return Decision(
-            "settling", "none", settled.bound,
-            "the response is steady from the start: amplitudes do not change with time",
-        )  # fmt: skip
-    shown = f"{number(settled.settle_s / factor, 3)} {unit}"
-    if not settled.steady:
-        why = "amplitudes still change by half as much when the time is doubled"
-        return Decision("settling", shown, settled.bound, why)
-    return Decision(
-        "settling", shown, settled.bound,
-        f"transient below {settled.bound:.1e}, by watching the amplitudes while the time doubled",
-    )  # fmt: skip

@@ -26,7 +26,7 @@ LADDER = (
     "campaign_noise tradeoff_front tradeoff_memory tradeoff_reading",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_tables",
-    "plots_tradeoff synthesis_plan",
+    "plan_settling plots_tradeoff synthesis_plan",
     "synthesis_cross",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation knowledge_words linear_program "
     "plan_search plots_knowledge symmetry uncertainty",
