@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from fitting.drive import COLUMN_SAMPLES, DriveResult
+from fitting.drive_lines import MixedLine
 from fitting.notation import (
     Scaling,
     listed,
@@ -21,6 +22,7 @@ from fitting.notation import (
 )
 from fitting.plots_style import (
     BLUE,
+    GREEN,
     PALE,
     RED,
     SERIES_MARKERS,
@@ -33,6 +35,10 @@ from fitting.plots_style import (
 )
 
 FloatArray = NDArray[np.float64]
+#: Lines at combinations of the tones, by name.
+Named = Sequence[tuple[str, MixedLine]]
+
+MOST_MIXED = 4
 
 #: A trace of fewer periods than this is drawn as a line: its periods can be seen.
 MANY_PERIODS = 150
@@ -42,13 +48,13 @@ MOST_STEMS = 1500
 PLAIN_DECADES = 4.0
 
 
-def save_figures(result: DriveResult, model: str, units: Sequence[str], folder: Path) -> list[Path]:
+def save_figures(
+    result: DriveResult, model: str, units: Sequence[str], folder: Path, mixed: Named = ()
+) -> list[Path]:
     """Draw and write both figures; the files written."""
     with style():
-        saved = [
-            save(drawing, folder)
-            for drawing in (draw_trace(result, model, units), draw_spectrum(result, model, units))
-        ]
+        drawings = draw_trace(result, model, units), draw_spectrum(result, model, units, mixed)
+        saved = [save(drawing, folder) for drawing in drawings]
     return [path for file in saved for path in (file.png, file.svg)]
 
 
@@ -85,8 +91,13 @@ def draw_trace(result: DriveResult, model: str, units: Sequence[str]) -> Drawing
     return Drawing("trace", title, caption, caption, figure)
 
 
-def draw_spectrum(result: DriveResult, model: str, units: Sequence[str]) -> Drawing:
-    """Amplitudes over frequency, a panel per output, the tones labelled with their peaks."""
+def draw_spectrum(
+    result: DriveResult, model: str, units: Sequence[str], mixed: Named = ()
+) -> Drawing:
+    """Amplitudes over frequency, a panel per output, the tones labelled with their peaks.
+
+    The first of the lines ``mixed``, at combinations of the tones, are marked by their names.
+    """
     outputs = _oscillating(result)
     title = "Amplitude spectrum of the response"
     figure = new_figure(
@@ -105,12 +116,31 @@ def draw_spectrum(result: DriveResult, model: str, units: Sequence[str]) -> Draw
             result.peaks[:, column] / factor,
             shown,
         )
+        _mark_mixed(axes, axis, mixed[:MOST_MIXED], column, factor, shown)
         axes.set_ylabel(f"amplitude of {mathtext(name)} ({shown + ', ' if shown else ''}peak)")
     grid[-1, 0].set_xlabel(axis.label("frequency"))
     caption = f"{title} of {model} ({', '.join(outputs)}); {result.reasons[0]}."
     if result.constants:
         caption += f" Constant and not drawn: {', '.join(result.constants)}."
     return Drawing("spectrum", title, caption, caption, figure)
+
+
+def _mark_mixed(
+    axes: Axes, axis: Scaling, mixed: Named, column: int, factor: float, unit: str
+) -> None:
+    """Markers at lines of a nonlinear response, with their names and heights in the legend."""
+    low, high = axes.get_ylim()
+    for k, (name, line) in enumerate(mixed):
+        height = float(line.amplitudes[column]) / factor
+        if low < height < high:
+            axes.plot(
+                [axis(line.frequency_hz)], [height], linestyle="none", color=GREEN,
+                marker=SERIES_MARKERS[(k + 2) % len(SERIES_MARKERS)], fillstyle="none",
+                label=f"{name.replace('-', '−')}: {number(height, 4)} {unit}",
+            )  # fmt: skip
+    if mixed:
+        axes.set_ylim(low, high * (high / low) ** 0.4)  # room for the longer legend
+        axes.legend(loc="upper right", ncols=2)
 
 
 def _oscillating(result: DriveResult) -> dict[str, int]:

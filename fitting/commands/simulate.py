@@ -265,9 +265,9 @@ def _write(
             ("beating.csv", ["time (s)"], [result.beating.times_s, result.beating.values])
         )
     paths = []
+    titles = [combination_name(m.factors, names) for m in mixed]
     if mixed:
         numbers = [[m.frequency_hz, *m.amplitudes.tolist()] for m in mixed]
-        titles = [combination_name(m.factors, names) for m in mixed]
         rows = [[t, *map(repr, row)] for t, row in zip(titles, numbers, strict=True)]
         head = ["combination", "frequency (Hz)", *columns]
         write_whole(out / "lines.csv", "".join(",".join(row) + "\n" for row in [head, *rows]))
@@ -275,7 +275,9 @@ def _write(
     for name, first, arrays in tables:
         write_whole(out / name, _csv(first + columns, np.column_stack(arrays)))
         paths.append(out / name)
-    return paths + save_figures(result, description.model_name, units, out)
+    return paths + save_figures(
+        result, description.model_name, units, out, list(zip(titles, mixed, strict=True))
+    )
 
 
 def _csv(header: list[str], rows: NDArray[np.float64]) -> str:
