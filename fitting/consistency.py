@@ -23,9 +23,11 @@ from scipy.special import chdtrc, ndtri
 
 from fitting.assembly import Solution
 from fitting.joint_campaign import is_shared, series_names
+from fitting.joint_response import JointResponse
 from fitting.joint_result import Estimate, JointResult, SeriesPart, Tension
 from fitting.labdata import BoundCampaign
 from fitting.noise import noise_of
+from fitting.objective import Point
 from fitting.parameters import prior_widths, search_bounds, to_model
 
 FloatArray = npt.NDArray[np.float64]
@@ -103,6 +105,8 @@ def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
             chi_square_alone=minima[k].chi_square,
             inflation=inflation[k],
             alone=_alone(minima[k], gradients),
+            swept_initial_v=_swept(bound, solution.initial, solution, k),
+            swept_final_v=_swept(bound, solution.final, solution, k),
         )
         for k, name in enumerate(names)
     )
@@ -113,6 +117,15 @@ def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
         pairs += [((k,), tuple(j for j in everything if j != k)) for k in everything]
     tensions = tuple(_tension(system, one, other, names) for one, other in pairs)
     return JointResult(series, tensions)
+
+
+def _swept(bound: BoundCampaign, point: Point, solution: Solution, k: int) -> tuple[float, ...]:
+    """A campaign's sweep as the model gives it at a point, scaled."""
+    response = solution.objective.response
+    if bound.members[k].sweep is None or not isinstance(response, JointResponse):
+        return ()
+    own = point.parameters[list(response.columns[k])]
+    return tuple(float(a) for a in point.chis[k] * response.members[k].sweep(own))
 
 
 def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:

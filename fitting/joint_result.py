@@ -20,7 +20,8 @@ class SeriesPart:
 
     `chi` is its scale; `determined` how many numbers its data determine; `chi_square_joint` of its
     rows at the joint solution and `chi_square_alone` at its own, both linearised at the former;
-    `rows` the number of its rows, `alone` what it determines by itself, by name.
+    `rows` the number of its rows, `alone` what it determines by itself, by name; `swept_initial_v`
+    and `swept_final_v` its sweep as simulated (scaled) before and after, at the measured points.
     """
 
     name: str
@@ -33,6 +34,8 @@ class SeriesPart:
     chi_square_alone: float
     inflation: float
     alone: Mapping[str, Estimate]
+    swept_initial_v: tuple[float, ...] = ()
+    swept_final_v: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

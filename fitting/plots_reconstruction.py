@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+from fitting.joint_parts import parts_of
 from fitting.labdata import BoundCampaign
 from fitting.plots_campaign import draw_drive, draw_response, draw_spectra
 from fitting.plots_deviation import draw_improvement, draw_over_frequency, draw_per_experiment
@@ -14,6 +16,8 @@ from fitting.plots_style import Drawing, FigureFile, save, style
 from fitting.result import Result
 
 FOLDER = "figures"
+#: Figures over frequency: of campaigns that were fitted together every one has its own.
+ALONG_FREQUENCY = (draw_drive, draw_spectra, draw_over_frequency, draw_improvement)
 
 
 def write_figures(result: Result, bound: BoundCampaign, out_dir: Path) -> list[FigureFile]:
@@ -25,10 +29,23 @@ def write_figures(result: Result, bound: BoundCampaign, out_dir: Path) -> list[F
         BadInput: the folder cannot be written.
     """
     with style():
-        drawn = [draw(result, bound) for draw in figures_of(result, bound)]
+        parts = parts_of(result, bound)
+        drawn = []
+        for draw in figures_of(result, bound):
+            if parts and draw in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
+                drawn += [_named(draw(share, member), name) for name, share, member in parts]
+            else:
+                drawn.append(draw(result, bound))
+        drawn += [_named(draw_response(share, member), name)
+                  for name, share, member in parts if share.sweep is not None]  # fmt: skip
         if result.knowledge is not None:
             drawn += knowledge_figures(result.knowledge, bound.title, synthetic=bound.synthetic)
         return [save(drawing, out_dir / FOLDER) for drawing in drawn]
+
+
+def _named(drawing: Drawing, series: str) -> Drawing:
+    """A figure of one campaign of several."""
+    return replace(drawing, name=f"{drawing.name}_{series}", title=f"{drawing.title}, {series}")
 
 
 def figures_of(

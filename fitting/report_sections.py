@@ -42,7 +42,9 @@ def sections_of(
     shelf = {figure.name: figure for figure in figures}
 
     def take(*names: str) -> tuple[FigureFile, ...]:
-        return tuple(shelf.pop(name) for name in names if name in shelf)
+        """Figures of that name, and of that name for each campaign of a joint fit."""
+        found = [n for name in names for n in shelf if n == name or n.startswith(f"{name}_")]
+        return tuple(shelf.pop(name) for name in found)
 
     made = [
         _found(result),
@@ -188,9 +190,11 @@ def _response(
     result: Result, bound: BoundCampaign, figures: tuple[FigureFile, ...]
 ) -> Section | None:
     if result.sweep is None:
-        return None
+        said = ["Every campaign has a sweep and a scale of its own."]
+        title = "Frequency response and scale"
+        return Section("response", title, tuple(said), figures=figures) if figures else None
     shown: list[Table] = []
-    said: list[str] = []
+    said = []
     if result.line is not None:
         table = tables.line_table(result.line)
         if table is None:

@@ -43,6 +43,7 @@ LADDER = (
     "plots_history sweep_line",
     "consistency",
     "corrections",
+    "joint_parts",
     "fmu inference plots_reconstruction reconstruction report_tables",
     "batch drive report_drift report_knowledge report_plan tradeoff_bench",
     "report_joint",
