@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ from fitting.fmu import FmuWorkers
 from fitting.labdata import read_campaign
 from fitting.result import Result, read_result
 from tests.extreme_scenes import Fitted, Scene, bound_of, fit, fit_bound, no_false_success, write
+from tests.reference import phasors
+from tests.scenes import STRING
 
 Fit = Callable[[Scene], Result]
 
@@ -212,9 +215,12 @@ FAR = {
     "d1": Fitted(10.0, 1000.0, 150.0, 100.0),
 }
 COMMANDS = {
-    "tiny": (Scene(crest=1e-300, noise=1e-3, peaks=False), 0, True),
+    "tiny, no lambda": (
+        Scene(crest=1e-300, noise=1e-3, peaks=False, theta=math.pi / 4.0),
+        0,
+        True,
+    ),
     "huge": (Scene(crest=1e290, noise=1e-3), 0, False),
-    "no lambda": (Scene(theta=math.pi / 4.0), 0, True),
     "far": (replace(WHOLE, tones=(), use="fit", fitted=FAR), 1, False),
     "noise": (Scene(noise=1.0, points=15), 0, False),
     "1 Hz": (replace(WHOLE, eta_plus=1.0, eta_minus=1.5, d1=0.2, d2=0.24), 0, False),
@@ -263,3 +269,41 @@ def test_the_command_refuses_a_scale_beyond_numbers_in_one_line(
     assert len(shown.err.splitlines()) == 1
     assert "wanted a ratio within the range of numbers" in shown.err
     assert not (tmp_path / "out" / "result.json").exists()
+
+
+DRIVEN = {
+    "1 mHz apart": {"u2": 6940160.001, "periodic_start": True},
+    "tiny": {"A1": 1e-290, "A2": 1e-290, "periodic_start": True},
+    "huge": {"A1": 1e300, "A2": 1e300, "periodic_start": True},
+    "Q = 1e8 from rest": {"d1": 0.07, "d2": 0.07},
+    "10 GHz": {
+        "eta_plus": 1e10, "eta_minus": 1.01e10, "u1": 10000000010.0, "u2": 9999999990.0,
+        "periodic_start": True,
+    },
+    "1 Hz, Q = 5": {
+        "eta_plus": 1.0, "eta_minus": 1.5, "u1": 1.0, "u2": 1.1, "d1": 0.2, "d2": 0.2,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("changes", DRIVEN.values(), ids=DRIVEN.keys())
+def test_simulate_reads_the_peaks_of_extreme_drives(
+    changes: dict[str, float | bool],
+    oscillator_fmu: Path,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Against the phasors at 90 digits. At 10 GHz times up to 0.25 s round to 3e-7 of a period."""
+    sets = [word for name, value in changes.items() for word in ("--set", f"{name}={value!r}")]
+    assert main(["simulate", str(oscillator_fmu), "--out", str(tmp_path), *sets]) == 0
+    shown = capfd.readouterr()
+    assert shown.err == ""
+    assert not A_LONE_NAN.search(shown.out)
+    usual = {"eta_plus": 6.94026e6, "eta_minus": 7.0276e6}  # of the FMU
+    p = SimpleNamespace(**{**STRING.parameters, **usual, **changes})
+    head, *rows = (tmp_path / "peaks.csv").read_text().splitlines()
+    assert head.startswith("frequency (Hz),q1_hybrid")
+    for row, (u, size) in zip(rows, ((p.u1, p.A1), (p.u2, p.A2)), strict=True):
+        tone, peak = map(float, row.split(",")[:2])
+        assert tone == u
+        assert peak == pytest.approx(size * float(abs(phasors(p, u)[0])), rel=1e-6, abs=0.0)
