@@ -377,6 +377,12 @@ def _check_conflicts(bound: BoundCampaign) -> None:
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):
         raise BadInput(f"{bound.path}: [[parameters]] {named} names one twice")
+    own = {p.target for p in bound.parameters if p.experiments and not p.adds_to}
+    for name in sorted(own & {p.name for p in bound.parameters if not p.experiments}):
+        raise BadInput(
+            f"{bound.path}: [[parameters]] '{name}' is fitted both with scope = \"experiment\" and "
+            "for the whole campaign; wanted one of them"
+        )
     fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
     places: list[tuple[str, Mapping[str, object]]] = [
         (f"experiment '{e.label}'", e.settings) for e in bound.experiments

@@ -108,3 +108,34 @@ def test_an_output_that_cannot_be_compared_is_refused(
 ) -> None:
     with pytest.raises(BadInput, match=r"experiments.csv: row 3, column 'output'.*" + found):
         campaign(tmp_path, oscillator_fmu, ROWS.replace(old, new))
+
+
+def test_a_parameter_may_have_a_value_in_every_experiment(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """The gain of the drive on mode 1, one per experiment: its peaks follow it, no other does."""
+    bound = campaign(tmp_path, oscillator_fmu)
+    text = (tmp_path / "campaign.toml").read_text()
+    more = (
+        '\n[[parameters]]\nname = "g1"\nscope = "experiment"\nlower = 0.5\nupper = 2.0\n'
+        "start = 1.0\nprior = 0.1\n"
+    )
+    (tmp_path / "campaign.toml").write_text(text + more)
+    path = tmp_path / "campaign.toml"
+    bound = bind(read_campaign(path), read_description(oscillator_fmu).variables)
+    assert [p.name for p in bound.parameters[3:]] == ["g1[own]", "g1[cross]", "g1[again]"]
+    assert {p.prior_sigma for p in bound.parameters[3:]} == {0.1}
+    with FmuWorkers(oscillator_fmu, workers=1) as workers:
+        response = FmuResponse(bound, workers, plan_campaign(bound), {"reflection": False})
+        plain, moved = response.evaluate_many(
+            [np.array([*P, 1.0, 1.0, 1.0]), np.array([*P, 1.0, 1.0, 1.5])]
+        )
+    assert plain.peaks == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
+    assert moved.peaks[:4] == pytest.approx(plain.peaks[:4], rel=1e-12)
+    # mode 1 is driven 1.5 times as hard; what mode 2 lends it is 1e-3 of that
+    assert moved.peaks[4:] == pytest.approx(1.5 * plain.peaks[4:], rel=2e-3)
+    assert moved.sweep_maximum == plain.sweep_maximum
+    twice = more.replace('scope = "experiment"', 'scope = "campaign"')
+    path.write_text(text + more + twice)
+    with pytest.raises(BadInput, match="'g1'"):
+        bind(read_campaign(path), read_description(oscillator_fmu).variables)
