@@ -155,7 +155,8 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     path = Q1.parents[1] / "string_q2" / "campaign.toml"
     other = bind(read_campaign(path), workers.description.variables)
     question = Question("lambda", start=(bound.alternatives[0], TRUTH))
-    weighed = weigh(bound, workers, limits, question, also=[other])
+    one = replace(bound, alternatives=bound.alternatives[:1])
+    weighed = weigh(one, workers, limits, question, also=[other])
     design = propose(bound, weighed, limits, question, "Hz", {})
     first = design.proposals[0]
     assert (first.output, first.centre_hz > 7e6) in (("q2_hybrid", False), ("q1_hybrid", True))
@@ -194,7 +195,7 @@ def test_laboratories_that_follow_the_advice(
     bench = read_bench(Q1.parent / "truth.toml")
     starts = [np.array([1.6, 250.0, 90.0]), np.array([2.6, 60.0, 200.0])]
     found = []
-    for seed in range(11, 18):
+    for seed in range(11, 17):
         plan = tmp_path / "plan" / "campaign.toml"
         laboratory = Laboratory(bench, plan, seed, tmp_path, workers)
         errors = dict(limits.setting_sigmas)
@@ -232,8 +233,9 @@ def test_nothing_measurable_is_said(
     bound: BoundCampaign, workers: FmuWorkers, limits: Limits
 ) -> None:
     deaf = replace(limits, noise_floor_v=1.0, outputs=("q1_hybrid",))
+    one = replace(bound, alternatives=bound.alternatives[:1])
     with pytest.raises(BadInput, match="setups can be measured: every peak is below"):
-        weigh(bound, workers, deaf, Question("lambda"))
+        weigh(one, workers, deaf, Question("lambda"))
     with pytest.raises(BadInput, match="target 'nu' is neither fitted nor derived"):
         weigh(bound, workers, limits, Question("nu"))
 
