@@ -8,18 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from fitting.budget import Hints, Reduction
 from fitting.drive import Drive
 from fitting.drive_plan import DrivePlan, plan_drive
-from fitting.fmu import FmuDescription
 from fitting.tradeoff_bench import SUBSTEPS, Bench, setting_values
 from fitting.tradeoff_records import AMPLITUDES, Scalar, Setting
 from fitting.tradeoff_scenes import Scene, Solver
 
 FloatArray = npt.NDArray[np.float64]
-
-#: The output by which an FMU bounds the error of its averaging, where it has one.
-BOUND = "envelope_error"
 
 
 @dataclass(frozen=True)
@@ -61,6 +56,8 @@ class Planned:
 def plan_scene(bench: Bench, accuracy: float, limit_s: float) -> Planned:
     """Plan every drive of a scene for an accuracy; no run of more than `limit_s` is planned.
 
+    What may be left out and what sets the accuracy is known from the campaign and the FMU itself.
+
     Raises:
         BadInput, FmuFailure: as `fitting.drive_plan.plan_drive`.
     """
@@ -77,33 +74,9 @@ def plan_scene(bench: Bench, accuracy: float, limit_s: float) -> Planned:
             steps_per_period=scene.held or 100,
         )  # fmt: skip
         plans.append(
-            plan_drive(
-                drive,
-                accuracy,
-                bench.workers,
-                description,
-                hints_of(scene, description),
-                limit_s=limit_s,
-            )
+            plan_drive(drive, accuracy, bench.workers, description, scene.hints, limit_s=limit_s)
         )
     return Planned(accuracy, tuple(plans))
-
-
-def hints_of(scene: Scene, description: FmuDescription) -> Hints:
-    """What the plan is told of the scene's FMU: its solvers' parameters and what may be left out.
-
-    The last solver is taken for the full model where there are cubic terms, the first one else.
-    """
-    tolerance = next((s.variable for s in scene.solvers if s.kind == "tolerance"), None)
-    substep = next((s.variable for s in scene.solvers if s.kind == SUBSTEPS), None)
-    periodic = (Reduction("periodic start", {scene.start: True}),) if scene.start else ()
-    if scene.hints is not None:
-        return scene.hints
-    if scene.linear:
-        return Hints(full=_choice(scene, scene.solvers[0]), reductions=periodic)
-    bound = BOUND if BOUND in description.variables else None
-    envelope = Reduction("averaged envelope", _choice(scene, scene.solvers[0]), bound=bound)
-    return Hints(tolerance, substep, _choice(scene, scene.solvers[-1]), (envelope, *periodic))
 
 
 def _choice(scene: Scene, solver: Solver) -> dict[str, Scalar]:
