@@ -273,6 +273,9 @@ def _setting_sigmas(
         for name, (before, after) in bound.drifting.items()
         if after != before
     }
+    for parameter in bound.parameters:  # offsets that the campaign fits: their own prior
+        if parameter.prior_sigma is not None:
+            found.update(dict.fromkeys(parameter.adds_to, parameter.prior_sigma))
     table, binder = section.sub("setting_sigma"), Binder(variables)
     for name in table.data:
         variable = binder.real(name, table.where(name), SETTABLE, "set")

@@ -22,7 +22,7 @@ from fitting.errors import BadInput
 from fitting.files import write_all
 from fitting.fmu import FmuWorkers
 from fitting.labdata import BoundCampaign, bind, read_campaign
-from fitting.parameters import to_model, to_search
+from fitting.parameters import Parameter, to_model, to_search
 from fitting.peaks import fit_resonance
 from fitting.synthesis import read_bench
 from tests import closed_form
@@ -70,6 +70,18 @@ def test_limits_are_those_the_campaign_kept_to(bound: BoundCampaign, workers: Fm
     assert grid == (10.0, 20.0, 100.0)
     assert 0.15e-6 < found.noise_floor_v < 0.25e-6  # the bench draws floors of 0.2 to 0.3 uV
     assert found.setting_sigmas == pytest.approx({"eta_plus": 5.0, "eta_minus": 5.0}, rel=0.01)
+
+
+def test_offsets_that_are_fitted_bring_their_prior(
+    bound: BoundCampaign, workers: FmuWorkers
+) -> None:
+    """What drifts is then off by what the campaign says, not by a share of the drift."""
+    offset = Parameter(
+        "offset[pair1]", "Hz", -90.0, 90.0, 0.0, 0.0, 30.0, experiment="pair1",
+        adds_to=("eta_plus",), prior_sigma=30.0,
+    )  # fmt: skip
+    found = limits_from(replace(bound, parameters=(*bound.parameters, offset)), workers)
+    assert found.setting_sigmas == pytest.approx({"eta_plus": 30.0, "eta_minus": 5.0}, rel=0.01)
 
 
 def test_setups_keep_the_limits(bound: BoundCampaign, limits: Limits) -> None:
