@@ -125,13 +125,21 @@ def _values(
     here = to_model(parameters, local.x)
     table = to_model(parameters, np.array([x for x, _ in refits]))
     columns = {
-        p.name: profiles[p.name].best + table[:, i] - here[i] for i, p in enumerate(parameters)
+        p.name: profiles[p.name].best + table[:, i] - here[i]
+        for i, p in enumerate(parameters)
+        if p.name in profiles
     }
     for k, name in enumerate(likelihood.names):
+        if name not in profiles:
+            continue
         columns[name] = np.array([outputs[k] for _, outputs in refits])
     found = {}
     for name, column in columns.items():
-        if profiles[name].verdict == IDENTIFIABLE[2] or not np.all(np.isfinite(column)):
+        if (
+            name not in profiles
+            or profiles[name].verdict == IDENTIFIABLE[2]
+            or not np.all(np.isfinite(column))
+        ):
             continue
         low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
         std = float(np.std(column, ddof=1))

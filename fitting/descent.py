@@ -28,7 +28,11 @@ FloatArray = npt.NDArray[np.float64]
 PROMISE = 2e-3
 ITERATIONS = 25
 #: Chi square that a step across the whole box costs at first, and from which nothing moves.
-LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
+LEAST_DAMPING, MOST_DAMPING = 0.1, 1e8
+#: Free promises below which a descent that got stuck has arrived all the same.
+STALLED = 1.0
+#: Chi square beyond what the linearised step foresees from which it went astray.
+ASTRAY = 20.0
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
 
@@ -97,26 +101,32 @@ def descend(
     It ends where a linearised step promises less than `promise`, or where chi square, what the pin
     misses included, is as low as `enough`.
     """
-    damping = LEAST_DAMPING
+    damping, hope = LEAST_DAMPING, np.inf
     moved = pin.index < 0  # a held parameter must first be brought to its value
     for _ in range(ITERATIONS):
-        step, promised = _proposed(likelihood, here, pin, damping)
+        step, promised, left = _proposed(likelihood, here, pin, damping)
+        hope = min(hope, promised) if damping > LEAST_DAMPING else promised
         if moved and (promised < promise or _merit(here, pin) <= enough):
-            return here
+            # a step that is damped promises little anywhere: what did the free one promise?
+            return here if hope < STALLED or _merit(here, pin) <= enough else None
         trial = yield from located(likelihood, here.x + step, pin.output >= 0)
-        gain = _merit(here, pin) - _merit(trial, pin)
+        merit = _merit(trial, pin)
+        gain = _merit(here, pin) - merit
         if not moved:
-            if not np.isfinite(_merit(trial, pin)):
+            if merit > left + ASTRAY and damping < MOST_DAMPING:
+                damping *= 1e3  # the free step threw the rest out of the valley
+                continue
+            if not np.isfinite(merit):
                 return None
-            here, moved = trial, True
+            here, moved, damping = trial, True, LEAST_DAMPING
         elif gain > 0.0:
             here, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-            if gain < promise and promised < 10.0 * promise:
+            if gain < promise and promised < 10.0 * promise and damping == LEAST_DAMPING:
                 return here
         else:
             damping *= 30.0
             if damping > MOST_DAMPING:
-                return here if promised < 10.0 * promise else None
+                return here if hope < STALLED else None
     return None
 
 
@@ -127,8 +137,8 @@ def _merit(local: Local, pin: Pin) -> float:
 
 def _proposed(
     likelihood: Likelihood, here: Local, pin: Pin, damping: float
-) -> tuple[FloatArray, float]:
-    """Step of the damped, bounded problem and the decrease of the merit that it promises."""
+) -> tuple[FloatArray, float, float]:
+    """Step of the damped, bounded problem, the decrease of the merit it promises, and the rest."""
     reach = np.minimum(likelihood.widths, 0.25 * likelihood.periods)
     rows, target = [here.matrix], [-here.sample.rows]
     if pin.output >= 0:
@@ -153,7 +163,7 @@ def _proposed(
             np.concatenate([rest, np.zeros(anchor.shape[0])]), low[free], high[free],
         )  # fmt: skip
     left = wanted - matrix @ step
-    return step, float(wanted @ wanted - left @ left)
+    return step, float(wanted @ wanted - left @ left), float(left @ left)
 
 
 @dataclass(frozen=True)

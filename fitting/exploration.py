@@ -53,13 +53,14 @@ def explore(
     optimum: Optimum,
     ranges: Mapping[str, OutputRange],
     pool: Sequence[Stop],
+    only: Sequence[str] = (),
 ) -> Found:
     """The ends of the ranges, then the profiles; each step one set of batches.
 
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
-    chosen = quantities(optimum, ranges)
+    chosen = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
     reached = _reached(surface, optimum, chosen, ranges, pool)
     walks = []
     for quantity in chosen:
@@ -184,12 +185,14 @@ def data_covariance(optimum: Optimum) -> FloatArray:
     return np.asarray((directions / (1.0 + singular**2)) @ directions.T + rest)
 
 
-def other_minima(surface: Surface, optimum: Optimum, seed: int) -> tuple[Stop, ...]:
+def other_minima(
+    surface: Surface, optimum: Optimum, seed: int, number: int = OTHER_STARTS
+) -> tuple[Stop, ...]:
     """Minima from seeded starts of the box that fit as well, (Dchi^2 below the 95 % threshold)."""
     likelihood = optimum.likelihood
     lower, upper = search_bounds(likelihood.parameters)
     generator = np.random.default_rng(seed)
-    starts = [generator.uniform(lower, upper) for _ in range(OTHER_STARTS)]
+    starts = [generator.uniform(lower, upper) for _ in range(number)]
 
     def search(x: FloatArray) -> Task[Local | None]:
         try:

@@ -29,7 +29,7 @@ UNSEEN = 1.0
 #: Largest move of any row, in sigma, that is still called no change; for idle parameters likewise.
 NO_CHANGE, IDLE = 0.01, 0.1
 #: Shares of the box that are tried as a change, the largest first.
-SHARES = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+SHARES = (0.05, 0.01, 0.002)
 #: Points closer than this share of the box are one minimum.
 SAME = 0.02
 
@@ -117,7 +117,7 @@ def _same_rows(surface: Surface, optimum: Optimum, begin: FloatArray) -> FloatAr
 
     def search() -> Task[Local | None]:
         here = yield from located(held, begin, False)
-        return (yield from descend(held, here, promise=1e-8))
+        return (yield from descend(held, here, promise=1e-6))
 
     kept, surface.likelihood = surface.likelihood, held
     try:
@@ -162,7 +162,8 @@ def without_effect(
     likelihood, x = optimum.likelihood, optimum.local.x
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
-        if profiles[parameter.name].verdict != IDENTIFIABLE[2]:
+        own = profiles.get(parameter.name)
+        if own is None or own.verdict != IDENTIFIABLE[2]:
             continue
         if float(np.linalg.norm(optimum.local.matrix[:, i])) * likelihood.widths[i] > 3.0:
             continue
@@ -206,6 +207,8 @@ def equivalents(found: Found) -> tuple[Equivalent, ...]:
 
 def _is_open(found: Found, name: str) -> bool:
     """Whether a parameter is free from end to end: then its value tells no two minima apart."""
+    if name not in found.sides:
+        return True  # nobody asked how far it can go
     ends = zip(found.sides[name], found.reached[name], strict=True)
     return all(stop is not None or side.end != "crossed" for side, stop in ends)
 
@@ -259,12 +262,18 @@ def sentences(
     unseen: Sequence[Direction],
     idle: Sequence[str],
     others: Sequence[Equivalent],
+    widening: float = 1.0,
 ) -> tuple[str, ...]:
     """What the data say, in words, for terminal and report."""
     said = []
     inflation = optimum.likelihood.inflation
     square = f"chi^2 = {optimum.chi_square:.3g} on {optimum.freedom:.3g} degrees of freedom"
-    if inflation > 1.0:
+    if widening > 1.0:
+        said.append(
+            f"The residuals of the sweep hang together: its noise is taken {widening:.3g} times as "
+            "wide, so that its points weigh as the independent ones they are worth."
+        )
+    elif inflation > 1.0:
         said.append(f"{square}: all standard deviations are taken {inflation:.3g} times as wide.")
     else:
         said.append(f"{square}: the stated noise explains the residuals.")

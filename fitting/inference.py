@@ -20,7 +20,7 @@ from fitting.assembly import Solution, verdict_sentences
 from fitting.bootstrap import bootstrap as bootstrap_of
 from fitting.descent import Optimum, most_likely
 from fitting.errors import FmuFailure
-from fitting.exploration import Found, explore, other_minima
+from fitting.exploration import OTHER_STARTS, Found, explore, other_minima
 from fitting.knowledge import Effort, Equivalent, Knowledge, Profile
 from fitting.likelihood import Surface, likelihood_of
 from fitting.noise import RowNoise, noise_of
@@ -46,7 +46,10 @@ class Asked:
 
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
     as well. Without `data` the measurements are taken to be what the model says at the solution.
-    `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one.
+    `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
+    names the values that are profiled (all and the directions, if empty); other minima are looked
+    for from `starts` seeded points. `widening` is told: by how much the noise of a sweep was taken
+    wider because its residuals hang together.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -57,6 +60,9 @@ class Asked:
     data: bool = True
     bootstrap: int = 0
     executor: Executor | None = None
+    only: tuple[str, ...] = ()
+    starts: int = OTHER_STARTS
+    widening: float = 1.0
 
 
 def know(
@@ -82,11 +88,11 @@ def know(
         likelihood = replace(likelihood, shift=point.residuals)
     surface = Surface(likelihood, asked.budget)
     optimum = most_likely(surface, [solution, *asked.others])
-    found = _explored(surface, optimum, ranges, asked.seed)
+    found = _explored(surface, optimum, ranges, asked)
     optimum = found.optimum
     equivalents = (*identifiability.equivalents(found), *asked.alternatives)
     profiles = profiles_of(found, equivalents, asked.units)
-    directions = identifiability.directions(surface, optimum)
+    directions = () if asked.only else identifiability.directions(surface, optimum)
     idle = identifiability.without_effect(surface, optimum, profiles)
     resampled = None
     if asked.bootstrap > 1:
@@ -105,26 +111,28 @@ def know(
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
-        sentences=identifiability.sentences(optimum, profiles, directions, idle, equivalents),
+        sentences=identifiability.sentences(
+            optimum, profiles, directions, idle, equivalents, asked.widening
+        ),
         effort=spent,
         bootstrap=resampled,
     )
 
 
 def _explored(
-    surface: Surface, optimum: Optimum, ranges: Mapping[str, OutputRange], seed: int
+    surface: Surface, optimum: Optimum, ranges: Mapping[str, OutputRange], asked: Asked
 ) -> Found:
     """Other minima, then walks around the best; once more, should they come by a better one."""
-    pool = other_minima(surface, optimum, seed)
+    pool = other_minima(surface, optimum, asked.seed, asked.starts)
     begin = _better(optimum, pool)
     if begin is not None:
         optimum, pool = _moved(surface, optimum, begin, pool)
-    found = explore(surface, optimum, ranges, pool)
+    found = explore(surface, optimum, ranges, pool, asked.only)
     begin = _better(optimum, found.points)
     if begin is None:
         return found
     optimum, pool = _moved(surface, optimum, begin, pool)
-    return explore(surface, optimum, ranges, pool)
+    return explore(surface, optimum, ranges, pool, asked.only)
 
 
 def _better(optimum: Optimum, stops: Sequence[Stop]) -> Stop | None:
@@ -172,6 +180,7 @@ def inform(
     asked = Asked(
         {name: d.unit for name, d in result.derived.items()}, result.provenance.seed, budget,
         alternatives=_alternatives(result), bootstrap=bootstrap,
+        widening=1.0 if solution.structure is None else solution.structure.widening,
     )  # fmt: skip
     try:
         knowledge = know(objective, chosen.x, noise, asked)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 from fitting.knowledge import Knowledge, NuChoice, Profile
-from fitting.knowledge_words import profile_words
 from fitting.notation import markup, number, on_log_axis, span, unit_text
 from fitting.plots_style import FigureFile
 from fitting.report_tables import Cell, Table
@@ -23,8 +22,8 @@ ENDS = {
 }
 
 
-def knowledge_words(knowledge: Knowledge) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """(paragraphs, points) of the section."""
+def knowledge_words(knowledge: Knowledge) -> tuple[str, ...]:
+    """Paragraphs of the section."""
     first = (
         "Intervals and verdicts below come from the profile likelihood: every value is moved away "
         "from the most likely point, all other parameters follow it as well as they can, until the "
@@ -36,8 +35,14 @@ def knowledge_words(knowledge: Knowledge) -> tuple[tuple[str, ...], tuple[str, .
             "parameters, so that this is what such a campaign could determine."
         )
     extra = () if knowledge.nu is None else knowledge.nu.sentences
-    points = tuple(profile_words(name, p) for name, p in knowledge.profiles.items())
-    return (first, *knowledge.sentences, *extra), points
+    return (first, *(_typeset(said) for said in (*knowledge.sentences, *extra)))
+
+
+def _typeset(said: str) -> str:
+    """A sentence of the terminal with the signs of print."""
+    for plain, printed in (("chi^2", "χ²"), (" sigma", " σ"), (" nu ", " ν "), (" nu:", " ν:")):
+        said = said.replace(plain, printed)
+    return said
 
 
 def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
@@ -95,7 +100,7 @@ def direction_table(knowledge: Knowledge) -> Table | None:
             Cell(str(k + 1), head=True), Cell(number(d.singular, 3), d.singular),
             Cell(number(d.share, 3), d.share),
             *(Cell(number(d.vector[name], 3), d.vector[name]) for name in names),
-            Cell(d.sentence or "seen", mark="words"),
+            Cell(_typeset(d.sentence) or "seen", mark="words"),
         )
         for k, d in enumerate(knowledge.directions)
     )  # fmt: skip

@@ -74,10 +74,10 @@ def knowledge_section(
     """What the data determine; None where no profiles were walked."""
     if knowledge is None:
         return None
-    said, points = knowledge_words(knowledge)
     return Section(
-        "knowledge", "What the data determine", said, points, knowledge_tables(knowledge), figures
-    )
+        "knowledge", "What the data determine", knowledge_words(knowledge), (),
+        knowledge_tables(knowledge), figures,
+    )  # fmt: skip
 
 
 def _agreement(result: Result) -> Section | None:

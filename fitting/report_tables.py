@@ -108,9 +108,9 @@ def parameter_table(result: Result) -> Table:
     )  # fmt: skip
     return Table(
         "Fitted parameters", heads, rows,
-        "std and interval hold for data, box and Tikhonov term together, linearised at the "
-        "solution. Shrinkage is the share of the variance that the data answer for: 0, the prior "
-        "spoke; 1, the data spoke.",
+        "std holds for data, box and Tikhonov term together, linearised at the solution, and so "
+        "does the interval where no profiles were walked. Shrinkage is the share of the variance "
+        "that the data answer for: 0, the prior spoke; 1, the data spoke.",
     )  # fmt: skip
 
 
