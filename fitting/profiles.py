@@ -34,6 +34,8 @@ CLOSE = 0.02
 AT_END, NOWHERE = 1e-3, 0.05
 #: Dchi^2 at which the end of a range is known to fit without being followed to its minimum.
 ENOUGH = 0.5
+#: Dchi^2 from which the end of a range is excluded for good, three sigma.
+EXCLUDED = 9.0
 #: Weight of the row that holds an output, over the step: it misses its target by next to nothing.
 HOLD = 30.0
 #: How a walk ended.
@@ -230,7 +232,7 @@ def reach(
     end: float,
     frozen: tuple[int, ...] = (),
 ) -> Task[Stop | None]:
-    """Whether the end of a range fits the data: the point there if it does, else None.
+    """The point at the end of a range, if the data do not exclude it for good, else None.
 
     A range that the data leave open from end to end is found so at once, also where no walk would
     get through. With `frozen` axes the search keeps to the rest; the quantity is then where `begin`
@@ -252,7 +254,7 @@ def reach(
     outputs = here.sample.outputs if frozen else found.sample.outputs
     value = quantity.at(here if frozen else found)
     delta = found.chi_square - optimum.least
-    if not (abs(value - end) <= 0.01 * quantity.width and delta <= ROOT_95**2):
+    if not (abs(value - end) <= 0.01 * quantity.width and delta <= EXCLUDED):
         return None
     return Stop(value, delta, found.x, outputs if quantity.output >= 0 else np.empty(0))
 

@@ -10,7 +10,7 @@ from scipy.stats import binom
 from tests.bench_coverage import SETTINGS, Count, Counts, added, coverage
 
 #: Laboratories per setting: few, so that bounds are wide; the benchmark has 200.
-LABORATORIES = {"q1": 14, "q2": 6, "offsets": 3, "cross": 16}
+LABORATORIES = {"q1": 10, "q2": 6, "offsets": 2, "cross": 10}
 
 
 @pytest.fixture(scope="module", params=SETTINGS, ids=lambda setting: setting.name)
