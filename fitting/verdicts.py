@@ -66,15 +66,7 @@ def _profile(
 ) -> Profile:
     sides, reached = found.sides[quantity.name], found.reached[quantity.name]
     goes_round = quantity.round and all(side.end == "bound" for side in sides)
-    inside = [stop is not None and stop.delta <= ROOT_95**2 for stop in reached]
-    if any(inside) or "crossed" not in [side.end for side in sides]:
-        # one end fits: noise alone cuts the other off, one time in twenty, where nothing holds it
-        inside = [stop is not None for stop in reached]
-    fits = (inside[0], inside[1])
-    ends = tuple(
-        "round" if goes_round else "bound" if fit else side.end
-        for side, fit in zip(sides, fits, strict=True)
-    )
+    fits, ends = _ends_of(sides, reached, goes_round)
     tight = tuple(stop is not None and stop.delta <= ROOT_68**2 for stop in reached)
     wide = interval(quantity, sides, fits)
     narrow = interval(quantity, sides, (tight[0], tight[1]), "68")
@@ -109,6 +101,24 @@ def _profile(
         delta=tuple(max(0.0, stop.delta) for stop in stops),
         path=_path(found, stops, turn),
     )
+
+
+def _ends_of(
+    sides: tuple[Side, Side], reached: tuple[Stop | None, Stop | None], goes_round: bool
+) -> tuple[tuple[bool, bool], tuple[str, str]]:
+    """Which ends of the range fit the data, and the word for how each side ended.
+
+    Where one end fits, noise alone cuts the other off one time in twenty: it then counts as
+    fitting, too, unless the data exclude it for good.
+    """
+    inside = [stop is not None and stop.delta <= ROOT_95**2 for stop in reached]
+    if any(inside) or "crossed" not in [side.end for side in sides]:
+        inside = [stop is not None for stop in reached]
+    words = [
+        "round" if goes_round else "bound" if fit else side.end
+        for side, fit in zip(sides, inside, strict=True)
+    ]
+    return (inside[0], inside[1]), (words[0], words[1])
 
 
 def _outside(
