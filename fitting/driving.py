@@ -268,7 +268,7 @@ class FmuResponse:
         """Maximum and number of further runs of every p; nodes are added until it is good."""
         if nodes.size == 0:
             return [(None, 0) for _ in ps]
-        searches = [_Search(nodes, a) for a in amplitudes]
+        searches = [_Search(nodes, a, bend=self.plan.maximum_bend) for a in amplitudes]
         for _ in range(SEARCH_ROUNDS):
             more = [s.wanted(self.plan.maximum_bias or self.bound.accuracy) for s in searches]
             if not any(m.size for m in more):
@@ -285,10 +285,11 @@ class _Search:
     frequency_hz: FloatArray
     amplitude: FloatArray
     added: int = 0
+    bend: float | None = None
 
     @cached_property
     def maximum(self) -> Maximum:
-        return refine_maximum(self.frequency_hz, self.amplitude)
+        return refine_maximum(self.frequency_hz, self.amplitude, self.bend)
 
     def wanted(self, accuracy: float) -> FloatArray:
         """Frequencies to add: beyond the end that rises, or closer about the maximum."""

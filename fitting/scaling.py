@@ -78,7 +78,9 @@ class LaboratoryMaximum:
         return float(np.hypot(self.scatter, self.bias if self.is_biased else 0.0))
 
 
-def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
+def refine_maximum(
+    frequency_hz: FloatArray, amplitude: FloatArray, bend: float | None = None
+) -> Maximum:
     """Maximum of a noise-free resonance curve between its grid points.
 
     With t = (f - f_k)/h about the largest point k, y(t) = 1/A^2 is interpolated by the polynomial
@@ -87,9 +89,14 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
     five times that from either cubic through four of them; with fewer than five points in all, at
     least the fall to the lower neighbour.
 
+    With `bend`, a bound of |y3|/y2 in 1/Hz (third over second derivative of y), three points do:
+    the remainder of their parabola at its vertex is at most bend y2/6 |(f - f_1)(f - f_2)(f - f_3)|
+    (Cauchy), and the relative bias of the maximum half of that over y at the vertex.
+
     Args:
         frequency_hz: increasing, shape (n,), n >= 3.
         amplitude: positive, shape (n,), any unit.
+        bend: bound of |y3|/y2 around the maximum in 1/Hz, None where it is not known.
 
     Raises:
         ValueError: fewer than three points.
@@ -110,6 +117,8 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
     k = int(np.argmax(a))
     if k in (0, f.size - 1):
         return Maximum(float(a[k]), float(f[k]), float("inf"), bracketed=False)
+    if f.size == COARSE_POINTS and bend is not None:
+        return _of_three(f, a, bend)
     t_coarse, y_coarse = _lowest(f, a, k, COARSE_POINTS, 0.0)
     t_fine, y_fine = _lowest(f, a, k, min(FINE_POINTS, f.size), t_coarse)
     h = 0.5 * (f[k + 1] - f[k - 1])
@@ -119,6 +128,36 @@ def refine_maximum(frequency_hz: FloatArray, amplitude: FloatArray) -> Maximum:
     if f.size < FINE_POINTS:  # two fits through so few points can agree by symmetry alone
         bias = max(bias, float(a[k] / min(a[k - 1], a[k + 1])) - 1.0)
     return Maximum(float(a[k] / np.sqrt(y_fine)), float(f[k] + h * t_fine), bias, bracketed=True)
+
+
+def _of_three(f: FloatArray, a: FloatArray, bend: float) -> Maximum:
+    """Maximum between three points, the middle one the largest, with the remainder's bound."""
+    t, y = f - f[1], (a[1] / a) ** 2
+    rise, fall = (y[2] - y[1]) / t[2], (y[0] - y[1]) / t[0]
+    half_bend = (rise - fall) / (t[2] - t[0])
+    slope = rise - half_bend * t[2]
+    at = float(-0.5 * slope / half_bend)
+    least = float(max(1.0 + 0.5 * slope * at, np.finfo(float).tiny))
+    remainder = bend * 2.0 * half_bend / 6.0 * abs(float(np.prod(at - t)))
+    bias = 0.5 * float(remainder) / least
+    return Maximum(float(a[1] / np.sqrt(least)), float(f[1] + at), bias, bracketed=True)
+
+
+def bend_of(frequency_hz: FloatArray, amplitude: FloatArray) -> tuple[float, FloatArray]:
+    """Largest |y3|/y2 (1/Hz) of y = (a_max/A)^2 among five points, and its quartic there.
+
+    y2, the second derivative, at the least point, y3, the third, over all; coefficients (5,) in
+    (f - f_3), lowest power first; infinite where y has no minimum. Both arguments have shape (5,).
+    """
+    t = frequency_hz - frequency_hz[2]
+    scale = float(t[-1])
+    y = (float(np.max(amplitude)) / amplitude) ** 2
+    c = np.linalg.solve(np.vander(t / scale, increasing=True), y)
+    c = np.asarray(c / scale ** np.arange(5), dtype=np.float64)
+    polynomial = np.polynomial.Polynomial(c)
+    second = float(polynomial.deriv(2)(t[int(np.argmin(y))]))
+    third = float(np.max(np.abs(polynomial.deriv(3)(t))))
+    return (third / second if second > 0.0 else float("inf")), np.asarray(c, dtype=np.float64)
 
 
 def _cubics(f: FloatArray, a: FloatArray, k: int, guess: float) -> list[float]:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.scaling import (
+    bend_of,
     chi_of_maxima,
     chi_of_sweep,
     half_power_width,
@@ -158,3 +159,48 @@ def test_the_ratio_of_maxima() -> None:
 def test_half_power_width_of_a_lorentzian() -> None:
     f = ETA + np.arange(-400.0, 400.0, 1.0)
     assert half_power_width(f, single_mode(f, ETA, 94.0)) == pytest.approx(94.0, abs=2.0)
+
+
+@pytest.mark.parametrize("q", [20.0, 1e3, 7e4])
+@pytest.mark.parametrize("offset", [-0.2, 0.05, 0.15])
+@pytest.mark.parametrize("part", [0.05, 0.1, 0.25])
+def test_three_points_are_off_by_no_more_than_their_bound(
+    q: float, offset: float, part: float
+) -> None:
+    """A = 1/sqrt((1 - u^2)^2 + (u/Q)^2): the maximum is Q/sqrt(1 - 1/(4 Q^2)), in closed form."""
+
+    def amplitude(u: np.ndarray) -> np.ndarray:
+        return np.asarray(1.0 / np.sqrt(((1.0 - u) * (1.0 + u)) ** 2 + (u / q) ** 2))
+
+    width = 1.0 / q
+    centre = np.sqrt(1.0 - 0.5 / q**2) + offset * part * width
+    five = centre + 0.5 * width * np.arange(-2.0, 3.0)
+    bend, _ = bend_of(five, amplitude(five))
+    assert bend == pytest.approx(3.0, rel=20.0 / q)  # 24 u / (12 u^2 - 4 + 2/Q^2) at u = 1
+    three = centre + part * width * np.array([-1.0, 0.0, 1.0])
+    found = refine_maximum(three, amplitude(three), 2.0 * bend)
+    truth = q / np.sqrt(1.0 - 0.25 / q**2)
+    assert found.bracketed
+    assert abs(found.value / truth - 1.0) <= found.bias + 1e-11
+    assert found.bias < 10.0 * part**3 / q
+
+
+def test_a_grid_of_the_same_bias_needs_more_than_five_times_the_runs() -> None:
+    """Over two widths about the maximum, the largest point of a grid of n is off by up to that."""
+    q, width = 1e3, 1e-3
+
+    def amplitude(u: np.ndarray) -> np.ndarray:
+        return np.asarray(1.0 / np.sqrt(((1.0 - u) * (1.0 + u)) ** 2 + (u / q) ** 2))
+
+    top, truth = np.sqrt(1.0 - 0.5 / q**2), q / np.sqrt(1.0 - 0.25 / q**2)
+    three = top + 0.05 * width + 0.25 * width * np.array([-1.0, 0.0, 1.0])
+    bias = abs(refine_maximum(three, amplitude(three), 6.0).value / truth - 1.0)
+
+    def grid_bias(n: int) -> float:
+        step = 2.0 * width / (n - 1)
+        shifts = np.linspace(-0.5, 0.5, 21) * step
+        grids = [top + shift + step * (np.arange(n) - n // 2) for shift in shifts]
+        return max(float(1.0 - np.max(amplitude(u)) / truth) for u in grids)
+
+    assert bias < 1e-4
+    assert grid_bias(16) > bias
