@@ -11,7 +11,7 @@ import numpy.typing as npt
 from fitting.exploration import Found
 from fitting.knowledge import Equivalent, Interval, Profile
 from fitting.parameters import Parameter, canonical, to_model
-from fitting.profiles import ROOT_68, ROOT_95, Quantity, Stop, interval
+from fitting.profiles import ROOT_68, ROOT_95, Quantity, Side, Stop, interval
 from fitting.result import IDENTIFIABLE
 from fitting.uncertainty import in_words
 
