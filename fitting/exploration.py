@@ -192,7 +192,10 @@ def other_minima(
     likelihood = optimum.likelihood
     lower, upper = search_bounds(likelihood.parameters)
     generator = np.random.default_rng(seed)
-    starts = [generator.uniform(lower, upper) for _ in range(number)]
+    held = likelihood.tension > 0.0  # what has a prior of its own is looked for near the best
+    starts = [
+        np.where(held, optimum.local.x, generator.uniform(lower, upper)) for _ in range(number)
+    ]
 
     def search(x: FloatArray) -> Task[Local | None]:
         try:

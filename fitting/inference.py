@@ -181,6 +181,7 @@ def inform(
         {name: d.unit for name, d in result.derived.items()}, result.provenance.seed, budget,
         alternatives=_alternatives(result), bootstrap=bootstrap,
         widening=1.0 if solution.structure is None else solution.structure.widening,
+        only=(*result.parameters, *result.derived),  # what one experiment holds has a table
     )  # fmt: skip
     try:
         knowledge = know(objective, chosen.x, noise, asked)
