@@ -162,8 +162,10 @@ class Search:
             # an order of four is the guess for substeps, of one for a tolerance
             power = 0.25 if by == 2.0 else 1.0
             factor = min(max((0.3 * share / max(bound, 1e-300)) ** power, 0.05), 10.0)
+            # no finer than runs may take: the cost is taken to go as one over the value
+            factor = max(factor, self._spent({**settings, name: value}, settle_s))
             there = min(max(value * factor, low), high)
-            if there == value or self._too_slow({**settings, name: value}, settle_s, factor):
+            if there == value or (bound > share and there > 0.9 * value):
                 break
             value = there
         bound, value = best
@@ -176,12 +178,12 @@ class Search:
         )  # fmt: skip
         return {**settings, name: value}
 
-    def _too_slow(self, settings: dict[str, Scalar], settle_s: float, factor: float) -> bool:
-        """Whether a value finer by a factor would make a run longer than allowed."""
+    def _spent(self, settings: dict[str, Scalar], settle_s: float) -> float:
+        """Part of the longest run that one with these settings takes, at most 1."""
         try:
-            return self.probe.read(settings, settle_s)[1] > self.limit_s * min(factor, 1.0)
+            return min(1.0, self.probe.read(settings, settle_s)[1] / self.limit_s)
         except FmuFailure:
-            return False
+            return 0.0
 
     def _held(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
         """How long a generated input is held: images of the staircase fold onto the tones."""
