@@ -200,7 +200,7 @@ def _width_by_peaks(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setti
     nodes = fine.nodes if scene.linear else (0,)
     first = scene.solvers[0]
     for solver in scene.solvers:
-        if solver.kind == SUBSTEPS and scene.high_q:
+        if solver.kind == SUBSTEPS and (scene.high_q or (quick and not scene.linear)):
             continue
         full = solver is first
         starts = list(_starts(scene, fine))
