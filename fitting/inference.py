@@ -47,7 +47,7 @@ class Asked:
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
     as well. Without `data` the measurements are taken to be what the model says at the solution.
     `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
-    names the values that are profiled (all and the directions, if empty); other minima are looked
+    names the values that are profiled (all, if empty); other minima are looked
     for from `starts` seeded points. `widening` is told: by how much the noise of a sweep was taken
     wider because its residuals hang together.
     """
@@ -62,6 +62,7 @@ class Asked:
     executor: Executor | None = None
     only: tuple[str, ...] = ()
     starts: int = OTHER_STARTS
+    directions: bool = True
     widening: float = 1.0
 
 
@@ -92,7 +93,7 @@ def know(
     optimum = found.optimum
     equivalents = (*identifiability.equivalents(found), *asked.alternatives)
     profiles = profiles_of(found, equivalents, asked.units)
-    directions = () if asked.only else identifiability.directions(surface, optimum)
+    directions = identifiability.directions(surface, optimum) if asked.directions else ()
     idle = identifiability.without_effect(surface, optimum, profiles)
     resampled = None
     if asked.bootstrap > 1:

@@ -163,7 +163,7 @@ def _fit_words(fit: LineFit) -> str:
     return (
         f"{name}: f = {with_error(fit.frequency_hz, fit.frequency_std_hz, 'Hz')}, "
         f"width {with_error(fit.width_hz, fit.width_std_hz, 'Hz')}, "
-        f"residual {100.0 * fit.residual:.2g} % of the peak"
+        f"Q = {with_error(fit.q, fit.q_std)}, residual {100.0 * fit.residual:.2g} % of the peak"
     )
 
 

@@ -183,7 +183,7 @@ def ask(
         p[k] = laboratory.start.get(parameter.name, p[k])
     x = to_search(bound.parameters, p)
     [point] = evaluate_many(objective, [x])
-    asked = Asked(only=names, starts=setting.starts, budget=20000)
+    asked = Asked(only=names, starts=setting.starts, budget=20000, directions=False)
     return know(objective, x, noise_of(objective, point), asked)
 
 
