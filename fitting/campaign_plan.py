@@ -54,7 +54,7 @@ def measured_plan(
     shots = _shots(response, workers)
     if not shots:
         return draft
-    hints = bound.hints.over(own or Hints())
+    hints = _applicable(bound, bound.hints.over(own or Hints()))
     search = Search(Probe(shots, workers), bound.accuracy, hints, variables, LIMIT_S)
     found = search.found()
     settle_s = _settle_s(bound, found, draft)
@@ -62,6 +62,20 @@ def measured_plan(
     bound = replace(bound, drive=replace(drive, order=max(drive.order, found.order)))
     plan = with_windows(bound, settle_s, _told_anew(found, settle_s), found.settings)
     return _few_nodes(replace(response, bound=bound, plan=plan))
+
+
+def _applicable(bound: BoundCampaign, hints: Hints) -> Hints:
+    """Hints without reductions of what the campaign itself fits, tries or sets per experiment."""
+    own = {p.target for p in bound.parameters} | {n for p in bound.parameters for n in p.adds_to}
+    own |= set(bound.alternatives[0]) | {n for e in bound.experiments for n in e.settings}
+    kept = tuple(r for r in hints.reductions if own.isdisjoint(r.set))
+    names = {r.name for r in kept}
+    return replace(
+        hints,
+        reductions=kept,
+        force=tuple(n for n in hints.force if n in names),
+        forbid=tuple(n for n in hints.forbid if n in names),
+    )
 
 
 def _settle_s(bound: BoundCampaign, found: Found, draft: Plan) -> float:
