@@ -89,7 +89,10 @@ def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Pa
     assert data["derived"]["lambda"]["std"] is None
     assert data["derived"]["lambda"]["ci95"][0] > 0.0
     told = {line.split()[0]: line for line in command.table(result) if "determined" in line}
-    assert told["theta"].split()[3] == told["lambda"].split()[3] == "-"
+    for name in ("theta", "lambda"):  # a range, and neither a value nor an error
+        assert told[name].split()[1] == told[name].split()[3] == "-"
+    highest = result.derived["lambda"].box[1]
+    assert f"{highest:.6g}, stopped at" in told["lambda"]
     assert f" {width.std:.2g} " in told["D11"]
 
 

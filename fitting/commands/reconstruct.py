@@ -27,7 +27,14 @@ from fitting.labdata import BoundCampaign, Campaign, bind, read_campaign
 from fitting.options import relative_accuracy, whole_number
 from fitting.reconstruction import Hooks, Progress
 from fitting.report_plan import plan_line
-from fitting.result import IDENTIFIABLE, OffsetResult, Result, write_result
+from fitting.result import (
+    IDENTIFIABLE,
+    DerivedResult,
+    OffsetResult,
+    ParameterResult,
+    Result,
+    write_result,
+)
 from fitting.sweep_line import line_sentences
 
 NAME = "reconstruct"
@@ -221,18 +228,9 @@ def table(result: Result) -> list[str]:
     lines = [result.title + (" [synthetic]" if marked else ""), ""]
     lines.append(f"{'parameter':12} {'value':>14} {'unit':5} {'std':>9} {'prior':>12}  by the data")
     for name, p in result.parameters.items():
-        lines.append(
-            f"{name:12} {p.value:14.8g} {p.unit:5} {_error(p.std):>9} {p.reference:12.6g}  "
-            f"{p.identifiable} ({p.shrinkage:.2f})"
-        )
+        lines.append(_value_line(name, p, p.lower, p.upper, ".8g"))
     for name, d in result.derived.items():
-        value, reference = _shown(d.value, ".9g"), _shown(d.reference, ".6g")
-        note = f"{d.identifiable} ({d.shrinkage:.2f})"
-        if math.isnan(d.box[0]):
-            note = "has no value at any parameters tried"
-        elif d.identifiable == IDENTIFIABLE[2]:
-            note += f": {d.box[0]:.6g} to {d.box[1]:.6g}"
-        lines.append(f"{name:12} {value:>14} {d.unit:5} {_error(d.std):>9} {reference:>12}  {note}")
+        lines.append(_value_line(name, d, *d.box, ".9g"))
     lines += [f"{_named(o):12} {o.value:+14.5g} {o.unit:5} {_error(o.std):>9} {0.0:12.6g}  "
               f"{o.identifiable} ({o.shrinkage:.2f})" for o in result.offsets]  # fmt: skip
     if result.joint is not None:
@@ -260,3 +258,17 @@ def table(result: Result) -> list[str]:
     lines += ["", f"{result.status}: {result.message}"]
     lines += [f"warning: {text}" for text in result.warnings]
     return lines
+
+
+def _value_line(
+    name: str, result: ParameterResult | DerivedResult, low: float, high: float, form: str
+) -> str:
+    """A row of the table; what the data do not determine is its range, and no value."""
+    value, note = _shown(result.value, form), f"{result.identifiable} ({result.shrinkage:.2f})"
+    if math.isnan(low):
+        note = "has no value at any parameters tried"
+    elif result.identifiable == IDENTIFIABLE[2]:
+        note += f": {low:.6g} to {high:.6g}" + (f", stopped at {value}" if value != "-" else "")
+        value = "-"
+    reference, error = _shown(result.reference, ".6g"), _error(result.std)
+    return f"{name:12} {value:>14} {result.unit:5} {error:>9} {reference:>12}  {note}"
