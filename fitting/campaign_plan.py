@@ -154,7 +154,7 @@ def _reference(bound: BoundCampaign) -> FloatArray:
 
 
 def _shots(response: FmuResponse, workers: Workers) -> tuple[Shot, ...]:
-    """Drives to measure with: first and last experiment and the sweep's top, at some points."""
+    """Drives to measure with: first and last experiment (or sweep point), at some points."""
     bound = response.bound
     parameters = bound.parameters
     lower = np.array([p.lower for p in parameters])
@@ -166,6 +166,7 @@ def _shots(response: FmuResponse, workers: Workers) -> tuple[Shot, ...]:
     shots: list[Shot] = []
     for k, point in enumerate(points):
         these = [_shot(response, point, e) for e in _ends(bound.experiments)]
+        these = these or _swept_shots(response, point)
         if k > 0 and not _runs(these, workers):
             continue  # the FMU may refuse a part of the box
         shots += these
@@ -189,6 +190,28 @@ def _shot(response: FmuResponse, p: FloatArray, experiment: Experiment) -> Shot:
         tuple(experiment.tones_hz),
         drive.order,
     )
+
+
+def _swept_shots(response: FmuResponse, p: FloatArray) -> list[Shot]:
+    """First, largest and last point of a sweep that is fitted by itself."""
+    sweep, drive = response.bound.sweep, response.bound.drive
+    if sweep is None:
+        return []
+    held = drive.kind == "input"
+    top = sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))]
+    return [
+        Shot(
+            response.sweep_values(p, tone),
+            (tone,),
+            (response.bound.output,),
+            drive.input if held else None,
+            drive.level,
+            drive.samples_per_period if held else 0,
+            (tone,),
+            drive.order,
+        )
+        for tone in map(float, dict.fromkeys((sweep.frequency_hz[0], top, sweep.frequency_hz[-1])))
+    ]
 
 
 def _runs(shots: list[Shot], workers: Workers) -> bool:

@@ -206,13 +206,17 @@ class FmuResponse:
         ]
         return np.concatenate(columns, axis=1) if columns else np.empty((rows, 0))
 
-    def _ask_sweep(self, batch: Batch, p: FloatArray, window: Window, owner: int) -> int:
+    def sweep_values(self, p: FloatArray, tone_hz: float) -> dict[str, Scalar]:
+        """Start values at one point of the sweep: its tone, the other amplitudes zero."""
         drive, sweep = self.bound.drive, self.bound.sweep
         values = self.values(p, None, sweep.settings if sweep is not None else {})
         if drive.kind == "tones":
-            unit = drive.frequency_unit
-            values[drive.frequencies[0]] = _in_unit(window.tones_hz[0], unit)
+            values[drive.frequencies[0]] = _in_unit(tone_hz, drive.frequency_unit)
             values.update(dict.fromkeys(drive.amplitudes[1:], 0.0))
+        return values
+
+    def _ask_sweep(self, batch: Batch, p: FloatArray, window: Window, owner: int) -> int:
+        values = self.sweep_values(p, window.tones_hz[0])
         return batch.ask(
             values, window, self._signal(window, window.tones_hz), self.bound.output, owner
         )

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fitting.budget import Budget, Decision, Hints, Reduction, sentences_of
+from fitting.campaign_plan import measured_plan
 from fitting.cli import main
 from fitting.drive import Drive
 from fitting.drive_plan import DrivePlan, plan_drive
+from fitting.driving import FmuResponse
 from fitting.errors import BadInput
 from fitting.fmu import FmuWorkers, read_hints
+from fitting.labdata import bind, read_campaign
+from fitting.parameters import starts
+from tests import reference
 from tests.cfmu_build import build_c_fmu
+from tests.scenes import STRING
 
 PAIR = (6.94016e6, 6.94036e6)
+DATA = Path(__file__).parents[1] / "data"
+PERIODIC = Reduction("periodic start", {"periodic_start": True})
 
 
 def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
@@ -127,6 +137,25 @@ def test_a_foreign_fmu_is_settled_by_watching_it(accuracy: float, tmp_path: Path
 
 
 # --- the command line ----------------------------------------------------------------------------
+
+
+def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> None:
+    """No drive pairs, from rest: without the settling the amplitudes would be those of a start."""
+    campaign = read_campaign(DATA / "afm_sensor" / "campaign.toml")
+    bound = bind(campaign, workers.description.variables)
+    start = {k: v for k, v in bound.start_values.items() if k != "periodic_start"}
+    bound = replace(bound, start_values=start, steady_start=False, accuracy=1e-6)
+    bound = replace(bound, hints=Hints(reductions=(PERIODIC,), forbid=(PERIODIC.name,)))
+    plan = measured_plan(bound, workers, workers.description.variables)
+    assert 0.0 < plan.promised <= 1e-6
+    assert plan.settle_s > math.log(1e6) / (math.pi * 26.0)  # the transient of a 26 Hz line
+    p = starts(bound.parameters)
+    values = {**start, **dict(zip(("eta_plus", "d1"), p, strict=True))}
+    frequencies = np.array([30270.0, 30281.0, 30290.0])
+    found = FmuResponse(bound, workers, plan, {}).amplitudes_at(p, frequencies)
+    scene = replace(STRING, **{k: v for k, v in values.items() if hasattr(STRING, k)})
+    truth = [float(abs(reference.phasors(scene, u)[0])) for u in frequencies]
+    assert found == pytest.approx(truth, rel=plan.promised)
 
 
 def test_the_plan_is_printed_and_nothing_written(
