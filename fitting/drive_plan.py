@@ -113,7 +113,7 @@ def plan_drive(
         drive.steps_per_period,
     )  # fmt: skip
     probe = Probe((shot,), workers)
-    search = Search(probe, accuracy, known, description.variables, limit_s, own_input=True)
+    search = Search(probe, accuracy, known, description.variables, limit_s, one_drive=True)
     found = search.found()
     shot = probe.shots[0]
     amplitudes = found.readings[0].amplitudes

@@ -15,6 +15,7 @@ from fitting.budget import SHARES, Budget, Decision, Hints, Reduction, Scalar
 from fitting.errors import BadInput, FmuFailure
 from fitting.notation import number
 from fitting.plan_probe import Probe, Reading, apart, off
+from fitting.plan_refined import Refined, measured_error
 from fitting.plan_settling import SAFETY, Settled, settling, watch
 from fitting.variables import VariableLike
 
@@ -25,6 +26,10 @@ CHEAPER = 0.8
 #: A refinement stops when its bound lies within its share and above this part of it.
 WASTED = 0.02
 ROUNDS = 10
+#: Of the accuracy, what a reduction that was measured may use; the other shares then shrink.
+MEASURED = 0.6
+#: A tolerance is tried from so many times its share on, where the very run that is planned tells.
+COARSE = 400.0
 #: Held steps of an input in a period, at most.
 MOST_HELD = 640
 
@@ -48,16 +53,19 @@ class Found:
 class Search:
     """Decides for some shots what keeps an accuracy at the least cost that was seen.
 
-    `own_input`: a drive through an input may be held over shorter steps than asked for.
+    `one_drive`: the runs that are measured are those that are planned, not examples of many that a
+    fit tries; then an input may be held over shorter steps than asked for, and what a run shows
+    may stand for a bound that holds beyond it.
     """
 
     def __init__(
         self, probe: Probe, accuracy: float, hints: Hints,
-        variables: Mapping[str, VariableLike], limit_s: float, *, own_input: bool = False,
+        variables: Mapping[str, VariableLike], limit_s: float, *, one_drive: bool = False,
     ) -> None:  # fmt: skip
         self.probe, self.accuracy, self.hints = probe, accuracy, hints
-        self.variables, self.limit_s, self.own_input = variables, limit_s, own_input
+        self.variables, self.limit_s, self.one_drive = variables, limit_s, one_drive
         self.budget = Budget(accuracy)
+        self._room = 1.0  # part of their shares that a reduction leaves to other decisions
         self._settled: dict[object, Settled] = {}
 
     def found(self) -> Found:
@@ -84,7 +92,7 @@ class Search:
         self.budget = self.budget.with_decision(decision)
 
     def _share(self, kind: str) -> float:
-        return self.accuracy * SHARES[kind]
+        return self.accuracy * SHARES[kind] * self._room
 
     # -- settling -------------------------------------------------------------------------------
 
@@ -118,7 +126,8 @@ class Search:
         """Parameters that set the solver's accuracy, with a first value for each."""
         found: list[tuple[str, float]] = []
         if self.hints.tolerance is not None:
-            found.append((self.hints.tolerance, self._share("solver")))
+            coarse = COARSE if self.one_drive else 1.0
+            found.append((self.hints.tolerance, coarse * self._share("solver")))
         if self.hints.substep is not None:
             fastest = max(max(shot.tones_hz) for shot in self.probe.shots)
             found.append((self.hints.substep, 1.0 / (40.0 * fastest)))
@@ -194,7 +203,7 @@ class Search:
         while bound > share and self.probe.finer_input(MOST_HELD):
             better = self.probe.read(settings, settle_s)[0]
             bound = SAFETY * off(here, better)
-            if bound <= share or not self.own_input:
+            if bound <= share or not self.one_drive:
                 break
             chosen, here = self.probe.shots, better
         self.probe.hold(chosen)
@@ -252,7 +261,15 @@ class Search:
             if decision.taken:
                 settings = {**settings, **reduction.set}
                 spent += decision.bound
+        self._leave(spent / self.accuracy)
         return settings
+
+    def _leave(self, spent: float) -> None:
+        """Shrink all further shares but the maximum's where reductions took more than theirs."""
+        model, free = SHARES["model"], 1.0 - SHARES["maximum"]
+        if model < spent <= MEASURED:
+            self._room = (free - spent) / (free - model)
+            self._settled.clear()
 
     def _reduction(
         self, settings: dict[str, Scalar], reduction: Reduction, left: float
@@ -265,6 +282,8 @@ class Search:
         forced = name in self.hints.force
         try:
             bound, how = self._effect(settings, reduction)
+            if bound > left and self.one_drive and reduction.bound is not None:
+                bound, how, left = self._measured(settings, reduction, (bound, how, left))
         except FmuFailure as error:
             if forced:
                 raise
@@ -301,6 +320,27 @@ class Search:
             return 1.0, "its error cannot be measured, a run without it would take too long"
         whole = self._settle(settings)
         return SAFETY * off(after.last, whole.last) + whole.bound, f"{SAFETY:g} times the change"
+
+    def _measured(
+        self, settings: dict[str, Scalar], reduction: Reduction, stated: tuple[float, str, float]
+    ) -> tuple[float, str, float]:
+        """The stated bound, what it is by and what is left for it, or those that were measured."""
+        bound, how, left = stated
+        knobs, substep = dict(self._knobs(settings)), self.hints.substep
+        most = left + self.accuracy * (MEASURED - SHARES["model"])
+        if most <= 0.0 or substep is None or substep not in knobs or self._too_long(settings):
+            return stated
+        reduced = {**settings, **reduction.set}
+        full = Refined({**settings, **self._fine(settings)}, substep, knobs[substep], ORDERS[2])
+        try:
+            found = measured_error(
+                self.probe, {**reduced, **self._fine(reduced)}, full, (left, most), self.limit_s
+            )
+        except (BadInput, FmuFailure):  # then what is stated has to do
+            return stated
+        if found is None or found[0] >= bound:
+            return stated
+        return found[0], f"{found[1]}; {how} it would be {bound:.1e}", most
 
     def _too_long(self, settings: Mapping[str, Scalar]) -> bool:
         """Whether a settled run takes longer than allowed, or would by the pace of short ones."""

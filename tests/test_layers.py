@@ -27,7 +27,7 @@ LADDER = (
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_tables",
     "plan_settling plots_tradeoff synthesis_plan",
-    "synthesis_cross",
+    "plan_refined synthesis_cross",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation knowledge_words linear_program "
     "plan_search plots_knowledge symmetry uncertainty",
     "drifting gauss_newton",
