@@ -147,8 +147,11 @@ def bend_of(frequency_hz: FloatArray, amplitude: FloatArray) -> tuple[float, Flo
     """Largest |y3|/y2 (1/Hz) of y = (a_max/A)^2 among five points, and its quartic there.
 
     y2, the second derivative, at the least point, y3, the third, over all; coefficients (5,) in
-    (f - f_3), lowest power first; infinite where y has no minimum. Both arguments have shape (5,).
+    (f - f_3), lowest power first; infinite where y has no minimum, or where the response is zero.
+    Both arguments have shape (5,).
     """
+    if not np.all(amplitude > 0.0):
+        return float("inf"), np.zeros(5)
     t = frequency_hz - frequency_hz[2]
     scale = float(t[-1])
     y = (float(np.max(amplitude)) / amplitude) ** 2

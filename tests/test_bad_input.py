@@ -136,7 +136,7 @@ def test_the_campaign_is_fitted_while_nothing_is_broken(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(folder / "out")]
-    assert main([*words, "--workers", "1", "--no-report"]) == 0
+    assert main([*words, "--workers", "1", "--no-report", "--no-profiles"]) == 0
     assert capsys.readouterr().err == ""
     assert left_in(folder / "out") == ["history.csv", "result.json"]
 

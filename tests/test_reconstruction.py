@@ -409,7 +409,7 @@ if __name__ == "__main__":
 def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     script = tmp_path / "go.py"
     script.write_text(SCRIPT)
-    words = [str(STRING_Q1), "--workers", "1", "--quick", "--no-report"]
+    words = [str(STRING_Q1), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
 
     def start(folder: str, *more: str) -> subprocess.Popen[str]:

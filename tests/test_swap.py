@@ -84,7 +84,8 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     path = campaign(tmp_path, build_c_fmu(tmp_path, reset=reset), misfit)
     out = tmp_path / "out"
     words = ["reconstruct", str(path), "--out", str(out), "--workers", "2", "--no-report"]
-    assert main(words) == 0
+    # profiles are walked for one of the two: stepping an input takes its time
+    assert main([*words, *(["--no-profiles"] if misfit == "slack" else [])]) == 0
     found = read_result(out / "result.json")
     eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2 * math.pi)
     width = DAMPING / MASS / (2 * math.pi)
