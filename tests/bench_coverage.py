@@ -134,7 +134,7 @@ def offsets(seed: int, variables: Variables, folder: Path) -> Laboratory:
 
 
 def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
-    """Both modes at the pairs of both series, 1 % noise each: PAPER.md section 4, point 2.
+    """Both modes at the pairs of both series, 1 % noise each: what determines the coupling.
 
     Five pairs around the lower mode, where the other is recorded too, and five around the upper
     one, at the same drive and gain.

@@ -50,7 +50,7 @@ def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) 
     assert found.synthetic
     assert found.knowledge.data
     assert found.knowledge.derived["lambda"].verdict == "not determined"
-    # one direction of three is seen, PAPER.md section 4
+    # one direction of three is seen: the line width of the observed mode
     first, second, third = (d.singular for d in found.knowledge.directions)
     assert first > 100.0 * second > 100.0 * third
     [twin] = [e for e in found.knowledge.equivalents if e.origin == "alternative"]

@@ -133,7 +133,7 @@ def test_derivatives_of_setups(bound: BoundCampaign, workers: FmuWorkers, limits
 def test_points_of_equal_fit_share_what_the_data_hold(
     bound: BoundCampaign, weighed: Weighed
 ) -> None:
-    """The q1 series knows the line width of its own mode and nothing else (PAPER.md, section 4)."""
+    """The q1 series knows the line width of its own mode and nothing else."""
     ps = np.array([to_model(bound.parameters, place.x) for place in weighed.places])
     widths = [closed_form.damping(p[0], p[1], p[2], reflection=False)[0, 0] for p in ps]
     assert widths == pytest.approx(np.full(len(ps), 94.1), abs=2.0)
@@ -146,7 +146,7 @@ def test_points_of_equal_fit_share_what_the_data_hold(
 def test_the_expected_error_falls_tenfold(
     bound: BoundCampaign, weighed: Weighed, limits: Limits
 ) -> None:
-    """And by the measurements of which section 4 says that they would determine lambda."""
+    """And by the measurements that determine lambda by their singular values."""
     design = propose(bound, weighed, limits, Question("lambda"), "Hz", {})
     last = design.proposals[-1].expected
     assert design.before.at / last.at > 10.0
@@ -163,7 +163,7 @@ def test_the_expected_error_falls_tenfold(
 def test_both_lines_known_the_cross_mode_is_what_is_missing(
     bound: BoundCampaign, workers: FmuWorkers, limits: Limits
 ) -> None:
-    """With the q2 series beside, one mode at the other's resonance settles it (section 4)."""
+    """With the q2 series beside, one mode at the other's resonance settles it."""
     path = Q1.parents[1] / "string_q2" / "campaign.toml"
     other = bind(read_campaign(path), workers.description.variables)
     question = Question("lambda", start=(bound.alternatives[0], TRUTH))

@@ -28,7 +28,7 @@ TRUTH = np.array([1.9498, 120.0, 90.0])
 class BothModes(closed_form.ClosedFormResponse):
     """The series of the first mode, the second mode at its own resonance, and the cross response.
 
-    All share one scale: what PAPER.md section 4 says would determine the coupling.
+    All share one scale: what would determine the coupling, by its singular values.
     """
 
     def peaks(self, p: FloatArray) -> FloatArray:

@@ -1,12 +1,13 @@
-"""What a peak amplitude says about theta, d1 and d2: the singular values of PAPER.md, section 4.
+"""What a peak amplitude says about theta, d1 and d2: the singular values of its sensitivities.
 
-Rows are ln(amplitude / maximum of an FRF), columns d/d(theta, ln d1, ln d2). The page prints
+Rows are ln(amplitude / maximum of an FRF), columns d/d(theta, ln d1, ln d2). A closed-form
+model, worked out before this project and rounded, has
 
     q1                        1.7   9e-5   5e-11
     q1 and q2                 1.8   1.4    8e-5
     q1, q2 and |q2| at q1's   3.2   1.4    0.42
 
-with as many digits as it has. Here they come through the FMU, by central differences of order eight
+Here they come through the FMU, by central differences of order eight
 (a complex step does not pass through an FMU), and beside it from a matrix solve in mpmath.
 """
 
@@ -44,7 +45,7 @@ CENTRE = np.array([1.9498, np.log(120.0), np.log(90.0)])
 Block = tuple[str, int, str]
 OWN_1, OWN_2, CROSS = ("q1", 0, "q1"), ("q2", 1, "q2"), ("q1", 1, "q1")
 
-PRINTED: Mapping[tuple[Block, ...], tuple[str, ...]] = {
+ROUNDED: Mapping[tuple[Block, ...], tuple[str, ...]] = {
     (OWN_1,): ("1.7", "9e-5", "5e-11"),
     (OWN_1, OWN_2): ("1.8", "1.4", "8e-5"),
     (OWN_1, OWN_2, CROSS): ("3.2", "1.4", "0.42"),
@@ -162,19 +163,19 @@ def max_of(amplitude: Callable[[mp.mpf], mp.mpf], eta_hz: float) -> mp.mpf:
     return amplitude(centre)
 
 
-@pytest.mark.parametrize("blocks", list(PRINTED), ids=["q1", "q1+q2", "q1+q2+cross"])
+@pytest.mark.parametrize("blocks", list(ROUNDED), ids=["q1", "q1+q2", "q1+q2+cross"])
 def test_singular_values(
     through_fmu: Callable[[float], dict[Block, FloatArray]], blocks: tuple[Block, ...]
 ) -> None:
-    """Within 5 % of the exact ones, the smallest too; and what is printed, as printed.
+    """Within 5 % of the exact ones, the smallest too; and the rounded figures, as rounded.
 
-    Two printed figures have one digit and are more than 5 % off for that alone: 5e-11 (4.6e-11) and
+    Two rounded figures have one digit and are more than 5 % off for that alone: 5e-11 (4.6e-11) and
     8e-5 (8.4e-5).
     """
     table = through_fmu(STEP)
     found = np.linalg.svd(sensitivities(table, blocks, STEP), compute_uv=False)
     assert found == pytest.approx(exact_singular_values(blocks), rel=0.05)
-    for value, text in zip(found, PRINTED[blocks], strict=True):
+    for value, text in zip(found, ROUNDED[blocks], strict=True):
         digits = len(text.split("e")[0].replace("0.", "").replace(".", ""))
         assert float(f"{value:.{digits - 1}e}") == pytest.approx(float(text), rel=1e-12)
 
