@@ -101,14 +101,14 @@ def _refit(
 
 def _displaced(task: Task[Local | None], offset: FloatArray) -> Task[Local | None]:
     """A search among rows that are less by an offset than those that are evaluated."""
-    request = next(task)
-    while True:
-        answer = yield request
-        try:
+    try:
+        request = next(task)
+        while True:
+            answer = yield request
             request = task.send([_less(sample, offset) for sample in answer])
-        except StopIteration as ended:
-            result: Local | None = ended.value
-            return result
+    except StopIteration as ended:  # at once, where the search is there already
+        result: Local | None = ended.value
+        return result
 
 
 def _less(sample: Sample, offset: FloatArray) -> Sample:

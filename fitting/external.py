@@ -29,11 +29,13 @@ def with_external(result: Result, given: Sequence[str]) -> Result:
     return replace(result, external=tuple(_test(result, text) for text in given))
 
 
-def check_external(given: Sequence[str]) -> None:
+def check_external(given: Sequence[str], known: Sequence[str] = ()) -> None:
     """Complain of what cannot be read, before anything is computed.
 
+    `known`: the values that there will be, where that is known already.
+
     Raises:
-        BadInput: not NAME=VALUE with a number.
+        BadInput: not NAME=VALUE with a number, or none of the known names.
     """
     for text in given:
         name, _, value = text.partition("=")
@@ -41,6 +43,8 @@ def check_external(given: Sequence[str]) -> None:
             raise BadInput(f"--external: found {text!r}, wanted NAME=VALUE as in lambda=0.8604MHz")
         for part in _parts(value):
             parse_quantity(part, where=f"--external {name}")
+        if known and name not in known:
+            raise _no_such(name, known)
 
 
 def _parts(text: str) -> list[str]:
@@ -52,15 +56,13 @@ def _test(result: Result, text: str) -> ExternalTest:
     name, _, written = text.partition("=")
     values: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
     if name not in values:
-        raise BadInput(
-            f"--external: the result has no '{name}'{did_you_mean(name, sorted(values))}"
-        )
+        raise _no_such(name, list(values))
     found = values[name]
     numbers = [_in(part, found.unit, name) for part in _parts(written)]
     value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
     outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
     if found.identifiable == IDENTIFIABLE[2] or not math.isfinite(found.std):
-        low, high = found.ci95
+        low, high = _allowed(found)
         where = "lies within" if low <= value <= high else "lies outside"
         return ExternalTest(
             name, value, std, found.unit, found.value, math.nan, math.nan,
@@ -75,6 +77,17 @@ def _test(result: Result, text: str) -> ExternalTest:
         f"{name} = {quantity(found.value, own, found.unit)} {verdict} {outside}: they are "
         f"{abs(sigmas):.3g} standard deviations apart.",
     )  # fmt: skip
+
+
+def _allowed(found: ParameterResult | DerivedResult) -> tuple[float, float]:
+    """The interval of a value, or its range where it has none at the solution."""
+    if math.isfinite(found.ci95[0]):
+        return found.ci95
+    return found.box if isinstance(found, DerivedResult) else (found.lower, found.upper)
+
+
+def _no_such(name: str, known: Sequence[str]) -> BadInput:
+    return BadInput(f"--external: the result has no '{name}'{did_you_mean(name, sorted(known))}")
 
 
 def _towards(found: ParameterResult | DerivedResult, value: float) -> float:

@@ -202,11 +202,12 @@ def _without_value(found: Found, name: str, unit: str) -> Profile:
     k = found.optimum.likelihood.names.index(name)
     best = float(found.optimum.local.sample.outputs[k])
     nan = math.nan
-    if math.isfinite(best):  # it does not depend on what is fitted
+    box = (found.ranges[name].low, found.ranges[name].high)
+    if math.isfinite(best) and not box[1] > box[0]:  # it does not depend on what is fitted
         return Profile("derived", unit, best, 0.0, (best, best), (best, best), (best, best),
                        ("crossed", "crossed"), 1.0, IDENTIFIABLE[0],
                        "it does not depend on the parameters", (best,), (0.0,), {})  # fmt: skip
-    box = (found.ranges[name].low, found.ranges[name].high)
-    return Profile("derived", unit, nan, nan, box, box, box, ("lost", "lost"), 0.0,
-                   IDENTIFIABLE[2], "it has no value at the most likely point", (), (),
+    where = "value" if math.isnan(best) else "slope"
+    return Profile("derived", unit, best, nan, box, box, box, ("lost", "lost"), 0.0,
+                   IDENTIFIABLE[2], f"it has no {where} at the most likely point", (), (),
                    {})  # fmt: skip

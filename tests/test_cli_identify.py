@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.bootstrap import bootstrap
+from fitting.bootstrap import _displaced, bootstrap
 from fitting.cli import main
-from fitting.descent import Optimum, most_likely
+from fitting.descent import Local, Optimum, most_likely
 from fitting.inference import Asked, know
 from fitting.knowledge import Identification, Knowledge
 from fitting.likelihood import Surface, likelihood_of
+from fitting.lockstep import Task, together
 from fitting.noise import RowNoise
 from fitting.records import read_json
 from tests import single_line
@@ -98,9 +99,22 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
     assert width.best == pytest.approx(94.18, abs=0.05)  # start: theta 0, d1 of the sweep
     low, high = width.interval95
     assert 0.5 * (low + high) == pytest.approx(width.best, rel=2e-3)
+    # at theta = 0 the coupling is 0 and has no slope: its range is what is left, not a zero
+    coupling = knowledge.derived["lambda"]
+    assert coupling.verdict == "not determined"
+    highest = math.sqrt(0.5 * (7027600.0**2 - 6940260.0**2))  # sin(2 theta) = -1
+    assert coupling.interval95[1] == pytest.approx(highest, rel=1e-3)
 
 
 # --- bootstrap ------------------------------------------------------------------------------------
+
+
+def test_a_search_that_is_there_already_asks_for_nothing() -> None:
+    def there() -> Task[Local | None]:
+        return None
+        yield  # a generator all the same
+
+    assert together([_displaced(there(), np.zeros(1))], lambda requests: []) == [None]
 
 
 @pytest.fixture(scope="module")

@@ -282,3 +282,9 @@ def test_cross_peaks_are_those_of_the_other_mode(oscillator_fmu: Path, tmp_path:
 def test_values_from_elsewhere_that_cannot_be_read_are_refused(text: str) -> None:
     with pytest.raises(BadInput, match="--external"):
         check_external([text])
+
+
+def test_a_name_that_nobody_will_report_is_refused_before_the_fit() -> None:
+    check_external(["lambda=1 MHz"], ["theta", "lambda"])
+    with pytest.raises(BadInput, match=r"no 'lamda'.*lambda"):
+        check_external(["lamda=1 MHz"], ["theta", "lambda"])

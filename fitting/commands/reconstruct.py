@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
     count = args.workers or min(os.cpu_count() or 1, 8)
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         bound = _bound(args, campaigns, workers)
+        check_external(args.external, [*(p.name for p in bound.parameters), *bound.derived])
         identity = identify_fmu(workers.description, _command(args))
         options = _options(args, bound)
         job = job_of(bound, identity, options)
