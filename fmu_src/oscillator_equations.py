@@ -170,7 +170,7 @@ def _check_undamped(p: Parameters, periodic_start: bool) -> list[str]:
                 "no attracting periodic orbit to start on; set periodic_start to false"
             )
         if value < 0.0:
-            warnings.append(f"{name} = {value!r} Hz is negative: the oscillation will grow")
+            warnings.append(f"{name} = {value!r} Hz is negative: the oscillation may grow")
     for name, u, size in (("u1", p.u1, p.A1), ("u2", p.u2, p.A2)):
         if size and not _determinant(p, *_detunings(p, u), u):
             raise ModelError(

@@ -226,8 +226,8 @@ def table(design: Design) -> list[str]:
 
     lines = [design.title + (" [synthetic]" if marked else ""), ""]
     lines.append(
-        f"expected standard deviation of {design.target} ({unit}): at the point given, on average "
-        "and at worst over points that fit as well"
+        f"expected standard deviation of {design.target} ({unit}): at the point given, on "
+        "(geometric) average and at worst over points that fit as well"
     )
     lines.append(f"{'':52} {'here':>8} {'mean':>8} {'worst':>8}")
     before = design.before
@@ -242,7 +242,7 @@ def table(design: Design) -> list[str]:
         what += f" avg {p.repeats}" if p.repeats > 1 else ""
         e = p.expected
         lines.append(f"{what:52} {shown(e.at):>8} {shown(e.mean):>8} {shown(e.worst):>8}")
-    lines += ["", f"{design.improvement:.3g} times better on average; {design.candidates} "
+    lines += ["", f"{design.improvement:.3g} times better on that average; {design.candidates} "
               f"candidates, criterion {design.criterion}"]  # fmt: skip
     lines += [f"note: {text}" for text in design.sentences]
     return lines
