@@ -148,5 +148,5 @@ def _twin(
     words = ", ".join(f"{name} = {value}" for name, value in settings.items())
     return Equivalent(
         values, {name: float(np.mean(v)) for name, v in outputs.items()}, float(delta),
-        "alternative", f"{words} fits as well",
+        "alternative", f"{words} fits as well", words,
     )  # fmt: skip

@@ -19,6 +19,7 @@ from fitting import identifiability
 from fitting.assembly import Solution, verdict_sentences
 from fitting.bootstrap import bootstrap as bootstrap_of
 from fitting.descent import Optimum, most_likely
+from fitting.elsewhere import exchanged, is_reason, lowered, reason_sentences
 from fitting.errors import FmuFailure
 from fitting.exploration import OTHER_STARTS, Found, explore, other_minima
 from fitting.knowledge import Effort, Equivalent, Knowledge, Profile
@@ -26,6 +27,7 @@ from fitting.likelihood import Surface, likelihood_of
 from fitting.noise import RowNoise, noise_of
 from fitting.nu_choice import choose_nu
 from fitting.objective import Objective, evaluate_many
+from fitting.parameters import Parameter
 from fitting.profiles import ROOT_95, Stop
 from fitting.ranges import OutputRange, output_ranges
 from fitting.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
@@ -192,7 +194,7 @@ def inform(
         return _warned(result, "Interrupted before the profiles were done")
     except FmuFailure as failure:
         return _warned(result, f"The FMU failed while profiles were walked ({failure})")
-    return informed(result, replace(knowledge, nu=nu))
+    return informed(result, replace(knowledge, nu=nu), objective.parameters)
 
 
 def noise_at(solution: Solution) -> RowNoise:
@@ -216,13 +218,13 @@ def _alternatives(result: Result) -> tuple[Equivalent, ...]:
         found.append(
             Equivalent(
                 other.parameters, other.derived, float("nan"), "alternative",
-                f"{settings} with {values} reaches the same J",
+                f"{settings} with {values} reaches the same J", settings,
             )
         )  # fmt: skip
     return tuple(found)
 
 
-def informed(result: Result, knowledge: Knowledge) -> Result:
+def informed(result: Result, knowledge: Knowledge, fitted: Sequence[Parameter] = ()) -> Result:
     """The result whose verdicts, shrinkages and intervals are those of the profiles."""
     before = verdict_sentences({**result.parameters, **result.derived})
     parameters = {
@@ -233,8 +235,12 @@ def informed(result: Result, knowledge: Knowledge) -> Result:
         name: _of_profile(value, knowledge.derived.get(name))
         for name, value in result.derived.items()
     }
-    rest = [said for said in result.warnings if said not in before]
-    warnings = (*verdict_sentences({**parameters, **derived}), *rest)
+    reasons = {n: p.reason for n, p in knowledge.profiles.items() if is_reason(p.reason)}
+    missed = exchanged({**parameters, **derived}, fitted, result.alternatives)
+    parameters, derived = lowered(parameters, derived, missed)
+    rest = [said for said in result.warnings if said not in before and not is_reason(said)]
+    verdicts = verdict_sentences({**parameters, **derived})
+    warnings = (*verdicts, *reason_sentences({**reasons, **missed}), *rest)
     return replace(
         result, parameters=parameters, derived=derived, warnings=warnings, knowledge=knowledge
     )

@@ -63,13 +63,17 @@ class Direction:
 
 @dataclass(frozen=True)
 class Equivalent:
-    """Another point that fits as well: where it is, how it was found, Dchi^2, what it means."""
+    """Another point that fits as well: where it is, how it was found, Dchi^2, what it means.
+
+    `where` names the settings of another alternative, empty where they are the same.
+    """
 
     parameters: Mapping[str, float]
     derived: Mapping[str, float]
     delta: float
     origin: str
     sentence: str
+    where: str = ""
 
 
 @dataclass(frozen=True)

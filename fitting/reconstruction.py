@@ -16,12 +16,14 @@ from fitting import assembly, corrections
 from fitting.consistency import consistency, warnings_of
 from fitting.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
 from fitting.data_warnings import data_warnings
+from fitting.elsewhere import judged
 from fitting.evaluator import Counts, Evaluator
 from fitting.job import Identity, Options, measured_of, provenance_of
 from fitting.joint_campaign import series_names
 from fitting.labdata import BoundCampaign
 from fitting.noise import chi_sigmas, strongest
 from fitting.objective import Measured, Objective, make_objective, unexplained
+from fitting.reported import chosen
 from fitting.response import Response
 from fitting.result import (
     STATUSES,
@@ -190,7 +192,7 @@ def _finish(
     bound: BoundCampaign, identity: Identity, options: Options, objectives: list[Objective],
     outcomes: list[Outcome],
 ) -> tuple[Result, assembly.Solution]:  # fmt: skip
-    reported = _best_alternative(outcomes)
+    outcomes, reported = chosen(objectives, outcomes)
     objective, outcome = objectives[reported], outcomes[reported]
     maximum = _maximum(bound)
     chain = outcome.best or outcome.chains[0]
@@ -200,13 +202,13 @@ def _finish(
     parameters = assembly.parameter_results(solution)
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
     alternatives = assembly.alternative_results(objectives, outcomes, bound.alternatives, reported)
-    said = assembly.warning_sentences(solution, outcome, parameters, derived)
+    parameters, derived, told = judged(parameters, derived, bound.parameters, alternatives)
+    said = assembly.warning_sentences(solution, outcome, parameters, derived) + told
     line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     offsets = corrections.offset_results(solution)
     said += _drift_warnings(bound, offsets, line)
-    said += corrections.outlier_warnings(bound, solution)
     warnings = data_warnings(bound, maximum, solution.final.scale_bias)
-    warnings += [*said, *_ties(alternatives)]
+    warnings += [*said, *corrections.outlier_warnings(bound, solution), *_ties(alternatives)]
     warnings += line_warnings(line, fitted=objective.measured.fit_sweep) if line else []
     status, message = _status(solution, outcomes)
     last = solution.last
@@ -258,23 +260,6 @@ def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
     if line is not None and line.width_hz > 0.0:
         return line.width_hz
     return bound.line_width_hz or float("nan")
-
-
-def _best_alternative(outcomes: list[Outcome]) -> int:
-    """Index of the least J among the furthest; the campaign's order decides between equal ones."""
-    best = 0
-    for k, outcome in enumerate(outcomes):
-        one, other = outcomes[best].best, outcome.best
-        if other is None or outcome is outcomes[best]:
-            continue
-        longer = one is None or len(other.steps) > len(one.steps)
-        as_long = one is not None and len(other.steps) == len(one.steps)
-        lower = one is not None and other.steps[-1].j < one.steps[-1].j - 1e-6 * (
-            1.0 + one.steps[-1].j
-        )
-        if longer or (as_long and lower):
-            best = k
-    return best
 
 
 def _status(solution: assembly.Solution, outcomes: list[Outcome]) -> tuple[str, str]:

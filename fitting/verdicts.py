@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from fitting.elsewhere import contradicts, exchange_words
 from fitting.exploration import Found
 from fitting.knowledge import Equivalent, Interval, Profile
 from fitting.parameters import Parameter, canonical, to_model
@@ -84,11 +85,15 @@ def _profile(
         low, high = min(low, *outside), max(high, *outside)
     share = min(1.0, (high - low) / (scale * prior))
     verdict, reason = _verdict(share, ends, quantity, bool(outside))
+    best = shift + scale * quantity.best
+    exchange = _exchange(best, parameter, (low, high), equivalents, unit, quantity.name)
+    if exchange and verdict == IDENTIFIABLE[0]:
+        verdict, reason = IDENTIFIABLE[1], exchange
     stops = _in_order(found, quantity)
     return Profile(
         kind="parameter" if parameter is not None else "derived",
         unit=unit,
-        best=shift + scale * quantity.best,
+        best=best,
         sigma=scale * quantity.sigma,
         interval68=(shift + scale * narrow[0], shift + scale * narrow[1]),
         interval95=(low, high),
@@ -140,6 +145,30 @@ def _outside(
         if not inside:
             values.append(value)
     return values
+
+
+def _exchange(
+    best: float,
+    parameter: Parameter | None,
+    bounds: Interval,
+    equivalents: Sequence[Equivalent],
+    unit: str,
+    name: str,
+) -> str:
+    """What another alternative that fits as well has against an interval, in words.
+
+    Where there is such an alternative, points without a value of some output count, too: they may
+    have one in the alternative.
+    """
+    if not any(other.origin == "alternative" for other in equivalents):
+        return ""
+    period = parameter.period if parameter is not None else None
+    for other in sorted(equivalents, key=lambda each: each.origin != "alternative"):
+        there = (other.parameters if parameter is not None else other.derived).get(name, math.nan)
+        if contradicts(there, bounds, period):
+            where = other.where or "another minimum"
+            return exchange_words(best, there, where, unit)
+    return ""
 
 
 def _turns(parameter: Parameter | None) -> tuple[float, ...]:

@@ -26,7 +26,7 @@ LADDER = (
     "campaign_noise tradeoff_front tradeoff_memory tradeoff_reading",
     "campaign_binder campaign_schema evaluator fmu.interface plan_probe plots_style result "
     "synthesis tradeoff_tables",
-    "plan_settling plots_tradeoff synthesis_plan",
+    "elsewhere plan_settling plots_tradeoff synthesis_plan",
     "plan_refined synthesis_cross",
     "campaign_data duffing_synthesis fmu.reuse fmu.simulation knowledge_words linear_program "
     "plan_search plots_knowledge symmetry uncertainty",
@@ -35,7 +35,7 @@ LADDER = (
     "campaign_binding fmu.worker interior_point likelihood ranges",
     "continuation descent fmu.process labdata",
     "bootstrap nu_choice profiles tradeoff_scenes",
-    "exploration tradeoff_campaign",
+    "exploration reported tradeoff_campaign",
     "identifiability verdicts",
     "joint_campaign",
     "noise",
