@@ -30,7 +30,7 @@ def contradicts(value: float, interval: tuple[float, float], period: float | Non
 
 def exchange_words(here: float, there: float, where: str, unit: str) -> str:
     """Why a value is determined no further than to two of them."""
-    size = f"{number(here, 4)} here, {number(there, 4)} {unit}".rstrip()
+    size = f"{number(here, 5)} here, {number(there, 5)} {unit}".rstrip()
     return f"{EXCHANGE}: {size} at {where}, which fits as well"
 
 
@@ -54,7 +54,7 @@ def exchanged(
     others = [a for a in alternatives if a.equal_to_best and not a.reported]
     said = {}
     for name, value in values.items():
-        if value.identifiable != IDENTIFIABLE[0]:
+        if value.identifiable == IDENTIFIABLE[2]:
             continue
         period = periods.get(name)
         if contradicts(value.value, value.ci95, period) or (
@@ -62,7 +62,7 @@ def exchanged(
         ):
             said[name] = f"{MISSED}, which an equal fit elsewhere has inside"
             continue
-        for other in others:
+        for other in others if value.identifiable == IDENTIFIABLE[0] else ():
             there = {**other.parameters, **other.derived}.get(name, math.nan)
             if contradicts(there, value.ci95, period):
                 where = settings_words(other.settings)
