@@ -33,8 +33,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from fitting.campaign_plan import measured_plan
 from fitting.driving import FmuResponse
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu import FmuWorkers, Run, read_hints
 from fitting.fmu_job import provide_fmu
 from fitting.job import measured_of
 from fitting.labdata import BoundCampaign, bind, read_campaign
@@ -236,9 +237,12 @@ class Bench:
 
 def bench_of(bound: BoundCampaign, workers: FmuWorkers) -> Bench:
     """Objectives of a campaign on running workers."""
-    response = FmuResponse(bound, workers, plan_campaign(bound), bound.alternatives[0])
+    variables, own = workers.description.variables, read_hints(workers.description)
+    plan = measured_plan(bound, workers, variables, own)
+    response = FmuResponse(bound, workers, plan, bound.alternatives[0])
     adaptive = make_objective(response, bound.parameters, measured_of(bound))
-    return Bench(workers, response, adaptive, replace(adaptive, response=dense(response, bound)))
+    wide = dense(replace(response, plan=plan_campaign(bound)), bound)
+    return Bench(workers, response, adaptive, replace(adaptive, response=wide))
 
 
 @dataclass(frozen=True)
