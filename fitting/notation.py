@@ -218,12 +218,12 @@ def quantity(value: float, error: float, unit: str) -> str:
 def span(low: float, high: float, unit: str = "") -> str:
     """An interval, its ends rounded where the third digit of its width stands.
 
-    Ends that are one to four powers of ten apart have three digits each.
+    Ends that are two to four powers of ten apart have three digits each.
     """
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         return f"{number(low)} to {number(high)}{tail}"
-    if 0.0 < 10.0 * low < high < 1e4 * low:
+    if 0.0 < 100.0 * low < high < 1e4 * low:
         return f"{number(low, 3)} to {number(high, 3)}{tail}"
     place = math.floor(math.log10(high - low)) - 2
     if not -12 <= place < 6:
