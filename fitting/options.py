@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import os
 from collections.abc import Callable
 
 from fitting.budget import checked_accuracy
@@ -68,3 +69,8 @@ def quantity(text: str, unit: str, *, where: str) -> float:
             raise BadInput(f"{where}: found {text!r}, wanted a finite number")
     number, written = parse_quantity(text, where=where)
     return number if written is None else convert(number, written, unit, where=where)
+
+
+def default_workers() -> int:
+    """Worker processes where none are asked for: one per processor, up to 8."""
+    return min(os.cpu_count() or 1, 8)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import shlex
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +26,8 @@ from fitting.fmu import FmuWorkers
 from fitting.fmu_job import provide_fmu
 from fitting.labdata import BoundCampaign, bind, read_campaign
 from fitting.notation import hertz, number, prefixed
-from fitting.options import whole_number
+from fitting.options import default_workers, whole_number
+from fitting.progress import status_line
 from fitting.result import Result, read_result
 from fitting.tables import read_table
 
@@ -92,8 +91,7 @@ def run(args: argparse.Namespace) -> int:
     fitted = read_result(args.at) if args.at is not None else None
     _refuse_filled(out / CAMPAIGN_FOLDER / EXPERIMENTS_NAME)
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
-    count = args.workers or min(os.cpu_count() or 1, 8)
-    told = _Line(sys.stderr.isatty())
+    count = args.workers or default_workers()
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         description = workers.description
         bound = bind(campaign, description.variables)
@@ -102,11 +100,9 @@ def run(args: argparse.Namespace) -> int:
         if args.number is not None:
             limits = replace(limits, number=args.number)
         question = _question(args, bound, section, fitted)
-        try:
-            also = [bind(other, description.variables) for other in others]
+        also = [bind(other, description.variables) for other in others]
+        with status_line(NAME) as told:
             weighed = weigh(bound, workers, limits, question, told, also)
-        finally:
-            told.end()
         variable = description.variables[_variable(bound, question.target)]
         provenance = {
             "command": _command(args), "FMU": description.model_name,
@@ -196,24 +192,6 @@ def _command(args: argparse.Namespace) -> str:
     if args.seed != 1:
         words += ["--seed", str(args.seed)]
     return shlex.join(words)
-
-
-class _Line:
-    """One line of progress on a terminal, nothing in a pipe."""
-
-    def __init__(self, terminal: bool) -> None:
-        self.terminal = terminal
-
-    def __call__(self, state: str) -> None:
-        if self.terminal:
-            sys.stderr.write(f"\r\x1b[K{state} ...")
-            sys.stderr.flush()
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self.terminal:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
 
 
 def table(design: Design) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import shlex
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from fitting.knowledge import Identification
 from fitting.knowledge_words import knowledge_lines
 from fitting.labdata import bind, read_campaign
 from fitting.notation import number
-from fitting.options import whole_number
+from fitting.options import default_workers, whole_number
 from fitting.plots_knowledge import knowledge_figures
 from fitting.plots_style import save, style
 from fitting.records import write_json
@@ -71,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
     fitted = read_result(args.at) if args.at is not None else None
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
-    count = args.workers or min(os.cpu_count() or 1, 8)
+    count = args.workers or default_workers()
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         variables = workers.description.variables
         bound = bind(campaign, variables)

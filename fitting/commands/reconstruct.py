@@ -6,7 +6,6 @@ import argparse
 import importlib
 import importlib.util
 import math
-import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -24,7 +23,7 @@ from fitting.job import Options, job_of, options_of
 from fitting.joint_campaign import join_campaigns
 from fitting.knowledge_words import knowledge_lines
 from fitting.labdata import BoundCampaign, Campaign, bind, read_campaign
-from fitting.options import relative_accuracy, whole_number
+from fitting.options import default_workers, relative_accuracy, whole_number
 from fitting.reconstruction import Hooks, Progress
 from fitting.report_plan import plan_line
 from fitting.result import (
@@ -89,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     folders = [path.resolve().parent.name for path in args.campaign]
     out: Path = args.out or Path("out") / "+".join(dict.fromkeys(folders))
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
-    count = args.workers or min(os.cpu_count() or 1, 8)
+    count = args.workers or default_workers()
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         bound = _bound(args, campaigns, workers)
         check_external(args.external, [*(p.name for p in bound.parameters), *bound.derived])
