@@ -2,7 +2,7 @@
 
 import sys
 
-from fitting.cli import main
+from fitting.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -11,7 +11,7 @@ import fmpy
 import pytest
 
 import build_fmu
-from tests.fmus import Instance, Unpacked, unpack
+from tests.support.fmus import Instance, Unpacked, unpack
 
 
 @pytest.fixture(scope="session")
@@ -38,7 +38,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         if compiler is None:
             pytest.skip("this machine has no C compiler")
         program = folder / name
-        source = Path(__file__).parent / "hosts" / f"{name}.c"
+        source = Path(__file__).parent / "support" / "hosts" / f"{name}.c"
         command = [compiler, *strict, str(source), "-o", str(program), *options, "-ldl"]
         subprocess.run(command, check=True, timeout=60)
         return program

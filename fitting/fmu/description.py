@@ -13,7 +13,7 @@ from typing import Any, Literal
 import fmpy
 from fmpy.validation import validate_fmu
 
-from fitting.errors import BadInput, StartValue
+from fitting.text.errors import BadInput, StartValue
 
 Kind = Literal["Real", "Integer", "Boolean", "String", "other"]
 

@@ -21,9 +21,9 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
-from fitting.errors import StartValue
 from fitting.fmu.log import Log, label
 from fitting.fmu.orders import Group
+from fitting.text.errors import StartValue
 
 WARNING, DISCARD = 1, 2
 LAST_SUCCESSFUL_TIME = 2  # of fmi2StatusKind

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.errors import BadInput, StartValue
 from fitting.fmu.description import FmuDescription, FmuVariable
 from fitting.fmu.records import Leg, Run, Tone
+from fitting.text.errors import BadInput, StartValue
 
 
 class Group(NamedTuple):

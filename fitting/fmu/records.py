@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from fitting.errors import BadInput, StartValue
+from fitting.text.errors import BadInput, StartValue
 
 Tone = tuple[float, float, float]  # frequency in Hz, amplitude, phase in rad
 

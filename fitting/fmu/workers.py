@@ -19,7 +19,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fitting.errors import BadInput, FmuFailure
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.interface import Setup
 from fitting.fmu.orders import Order, Orders
@@ -27,6 +26,7 @@ from fitting.fmu.process import Worker
 from fitting.fmu.records import Counts, Run
 from fitting.fmu.reuse import Verdict
 from fitting.fmu.worker import Batch, Reply
+from fitting.text.errors import BadInput, FmuFailure
 
 FloatArray = NDArray[np.float64]
 

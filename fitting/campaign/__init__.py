@@ -1,0 +1,25 @@
+"""Laboratory data: campaign file, drive series, spectra, sweeps -> checked records.
+
+The front door of the ``campaign_*`` modules: read a campaign, then bind it to an FMU's variables.
+"""
+
+from __future__ import annotations
+
+from fitting.campaign.binding import BoundCampaign, Drive, Experiment, Sweep, bind
+from fitting.campaign.data import Campaign, Spectrum, read_campaign
+from fitting.campaign.schema import ContinuationSettings, FmuChoice
+from fitting.fmu.variables import VariableLike
+
+__all__ = [
+    "BoundCampaign",
+    "Campaign",
+    "ContinuationSettings",
+    "Drive",
+    "Experiment",
+    "FmuChoice",
+    "Spectrum",
+    "Sweep",
+    "VariableLike",
+    "bind",
+    "read_campaign",
+]

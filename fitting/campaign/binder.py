@@ -1,0 +1,119 @@
+"""The FMU's variables as a campaign meets them: found, of the right kind, numbers in their unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from fitting.campaign.accuracy import AccuracyChoice
+from fitting.campaign.section import Scalar, Written, in_unit
+from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.text.errors import BadInput
+from fitting.text.tables import did_you_mean
+
+
+class Binder:
+    """The FMU's variables, and the notes that converting to their units leaves."""
+
+    def __init__(self, variables: Mapping[str, VariableLike]) -> None:
+        self.variables = variables
+        self.notes: list[str] = []
+
+    def variable(
+        self, name: str, where: str, causalities: Sequence[str], role: str
+    ) -> VariableLike:
+        """The variable of that name, if it may play the role."""
+        if name not in self.variables:
+            hint = did_you_mean(name, sorted(self.variables))
+            raise BadInput(f"{where}: the FMU has no variable '{name}'{hint}")
+        variable = self.variables[name]
+        exact = getattr(variable, "initial", None) == "exact" and role == "set"
+        if variable.causality not in causalities and not exact:
+            raise BadInput(
+                f"{where}: '{name}' is a variable of causality {variable.causality}, which cannot "
+                f"be {role}; wanted {' or '.join(causalities[:2])}"
+            )
+        return variable
+
+    def real(self, name: str, where: str, causalities: Sequence[str], role: str) -> VariableLike:
+        """As :meth:`variable`, and a Real one."""
+        variable = self.variable(name, where, causalities, role)
+        if not is_real(variable):
+            raise BadInput(
+                f"{where}: '{name}' is a {variable.kind} variable of the FMU, wanted a Real one"
+            )
+        return variable
+
+    def value(self, variable: VariableLike, written: Written) -> Scalar:
+        """A written value as the FMU takes it."""
+        raw = written.value
+        if is_real(variable):
+            return self.number(variable, written)
+        if variable.kind == "Boolean" and (isinstance(raw, bool) or raw in (0, 1)):
+            return bool(raw)
+        if variable.kind == "String" and isinstance(raw, str):
+            return raw
+        whole = isinstance(raw, int) and not isinstance(raw, bool)
+        if variable.kind == "Integer" and whole:
+            return raw
+        raise BadInput(
+            f"{written.where}: found {raw!r}, but '{variable.name}' is a {variable.kind} variable"
+        )
+
+    def number(self, variable: VariableLike, written: Written) -> float:
+        """A written number in the variable's unit, within its min and max."""
+        where = written.where
+        has_unit = isinstance(written.value, str) or written.unit is not None
+        if has_unit and variable.unit is None:
+            self.note_missing_unit(variable)
+        value = in_unit(written, variable.unit)
+        low, high = variable.min, variable.max
+        if (low is not None and value < low) or (high is not None and value > high):
+            raise BadInput(
+                f"{where}: {value:.10g} {variable.unit or ''} is outside the range "
+                f"[{low}, {high}] that the FMU declares for '{variable.name}'"
+            )
+        return value
+
+    def note_missing_unit(self, variable: VariableLike) -> None:
+        """Note, once, what is done where the FMU declares no unit."""
+        note = (
+            f"The FMU declares no unit for '{variable.name}': values written with a unit "
+            "were taken in SI base units."
+        )
+        if note not in self.notes:
+            self.notes.append(note)
+
+    def setting(self, name: str, written: Written) -> Scalar:
+        """Check that a variable may be set, and convert the value."""
+        return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
+
+
+def bind_hints(choice: AccuracyChoice, binder: Binder) -> Hints:
+    """The [accuracy] table in the FMU's names and units.
+
+    Raises:
+        BadInput: a variable that is not there, or cannot be set or read; force or forbid of what
+            is no reduction.
+    """
+    for name in (choice.tolerance, choice.substep):
+        if name is not None:
+            binder.real(name, choice.where, SETTABLE, "set")
+    reductions = []
+    for entry in choice.reductions:
+        if entry.bound is not None and "{output}" not in entry.bound:
+            binder.real(entry.bound, f"{entry.where} bound", READABLE, "read")
+        settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
+        reductions.append(Reduction(entry.name, settings, entry.bound))
+    full = {name: binder.setting(name, w) for name, w in choice.full.items()}
+    try:
+        return Hints(
+            choice.tolerance, choice.substep, full, tuple(reductions), choice.force, choice.forbid
+        )
+    except BadInput as error:
+        raise BadInput(f"{choice.where} {error}") from error
+
+
+def is_real(variable: VariableLike) -> bool:
+    """Whether the variable is a Real one."""
+    return variable.kind == "Real"

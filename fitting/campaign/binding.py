@@ -1,0 +1,418 @@
+"""Campaign meets FMU: names, kinds and units checked, every number converted to the FMU's unit."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.campaign.binder import Binder, bind_hints
+from fitting.campaign.data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
+from fitting.campaign.drift import Drifting, bind_drift
+from fitting.campaign.noise import (
+    Noise,
+    bind_noise,
+    scale_parameter,
+    sweep_scale_sigma,
+    sweep_sigmas,
+)
+from fitting.campaign.parameters import Parameter
+from fitting.campaign.schema import ContinuationSettings, ParameterChoice
+from fitting.campaign.section import Scalar, Written, in_unit
+from fitting.fmu.accuracy import Hints
+from fitting.fmu.variables import READABLE, VariableLike
+from fitting.text.errors import BadInput
+from fitting.text.units import base_unit, convert
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How the FMU is driven, in its own units.
+
+    kind "tones": ``frequencies`` and ``amplitudes`` are FMU parameters, ``frequency_unit`` theirs;
+    kind "input": the tool applies tones of amplitude ``level`` to the FMU's ``input``, held
+    ``samples_per_period`` times per period. ``level`` belongs to every active tone; combinations of
+    tones up to ``order`` may be in the response.
+    """
+
+    kind: str
+    frequencies: tuple[str, ...]
+    amplitudes: tuple[str, ...]
+    input: str | None
+    level: float
+    samples_per_period: int
+    frequency_unit: str = "Hz"
+    order: int = 1
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
+
+    ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
+    :class:`fitting.campaign.data.MeasuredExperiment`; ``lines_hz`` are those of the peaks, empty
+    where they are the tones. ``output`` is the FMU output that is observed (the campaign's, where
+    empty).
+    """
+
+    label: str
+    settings: Mapping[str, Scalar]
+    tones_hz: tuple[float, ...]
+    peaks_v: FloatArray
+    sigmas_v: FloatArray
+    floor_v: float
+    spectrum: Spectrum | None
+    lines_hz: tuple[float, ...] = ()
+    output: str = ""
+
+    @property
+    def read_hz(self) -> tuple[float, ...]:
+        """Frequencies of the peaks, Hz."""
+        return self.lines_hz or self.tones_hz
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
+
+    frequency_hz: FloatArray
+    amplitude_v: FloatArray
+    phase_rad: FloatArray | None
+    settings: Mapping[str, Scalar]
+    use: str
+    scale: str
+    source: Path
+    background: str = "none"
+    unit: str = "V"
+    notes: Mapping[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class BoundCampaign:
+    """A campaign that fits one FMU: every name exists there, every number is in its unit.
+
+    ``alternatives`` holds one mapping per combination (one empty mapping without any);
+    ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after),
+    ``drift_units`` to its unit; ``noise`` is the declared one;
+    ``members`` are the campaigns of a joint one (`fitting.campaign.joint`), which has no sweep;
+    ``notes`` are sentences for the report; ``files`` all files read; ``hints`` say what is known
+    of the FMU's accuracy and of what may be left out.
+    """
+
+    title: str
+    path: Path
+    synthetic: bool
+    timeout_s: float
+    start_values: Mapping[str, Scalar]
+    output: str
+    steady_start: bool
+    line_width_hz: float | None
+    drive: Drive
+    experiments: tuple[Experiment, ...]
+    sweep: Sweep | None
+    parameters: tuple[Parameter, ...]
+    derived: tuple[str, ...]
+    alternatives: tuple[Mapping[str, Scalar], ...]
+    continuation: ContinuationSettings
+    accuracy: float
+    amplitude_unit: str
+    drifting: Mapping[str, tuple[float, float]]
+    notes: tuple[str, ...]
+    files: tuple[Path, ...]
+    drift_units: Mapping[str, str] = field(default_factory=dict)
+    hints: Hints = field(default_factory=Hints)
+    noise: Noise = field(default_factory=Noise)
+    members: tuple[BoundCampaign, ...] = ()
+
+
+def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
+    """Check a campaign against the variables of its FMU and convert it to their units.
+
+    Bare numbers are in the FMU's unit already. Drifting variables are interpolated linearly over
+    the experiments, as the paper does, see `fitting.campaign.drift`; their offsets are parameters
+    after those of the file.
+
+    Raises:
+        BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
+            not match, a value outside the FMU's range, a variable set in two ways.
+    """
+    file, binder = campaign.file, Binder(variables)
+    top = str(campaign.path)
+    output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
+    campaign = _in_unit_of_output(campaign, output, binder)
+    drive = _bind_drive(campaign, binder)
+    drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
+    experiments = _bind_experiments(campaign, binder, drive, drift, output)
+    for name in file.derived:
+        binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
+    bound = BoundCampaign(
+        title=file.title,
+        path=campaign.path,
+        synthetic=file.synthetic,
+        timeout_s=file.fmu.timeout_s,
+        start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
+        output=output.name,
+        steady_start=file.observe.steady_start,
+        line_width_hz=file.observe.line_width_hz,
+        drive=drive,
+        experiments=experiments,
+        sweep=_bind_sweep(campaign, binder),
+        parameters=(
+            *_bind_parameters(campaign, binder),
+            *drift.parameters,
+            *_free_scale(campaign, noise),
+        ),
+        derived=file.derived,
+        alternatives=_bind_alternatives(campaign, binder),
+        continuation=file.continuation,
+        accuracy=file.accuracy.amplitude,
+        amplitude_unit=campaign.amplitude_unit,
+        drifting=drift.ends,
+        notes=tuple(binder.notes),
+        files=campaign.files,
+        drift_units={name: variables[name].unit or "1" for name in drift.ends},
+        hints=bind_hints(file.accuracy, binder),
+        noise=noise,
+    )
+    _check_conflicts(bound)
+    return bound
+
+
+def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
+    """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
+    if campaign.is_scaled:
+        return campaign
+    found, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
+    try:
+        where = f"{campaign.path}: [{section}] amplitude"
+        factor = convert(1.0, found, output.unit, where=where)
+    except BadInput as error:
+        raise BadInput(
+            f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
+        ) from error
+    if output.unit is None:
+        binder.note_missing_unit(output)
+    if factor == 1.0:
+        return campaign
+    unit = output.unit or base_unit(found)
+    binder.notes.append(
+        f"There is no scale: amplitudes were converted from {found} to {unit}, the unit of "
+        f"'{output.name}'."
+    )
+    return in_other_unit(campaign, factor, unit)
+
+
+def _bind_noise(campaign: Campaign) -> Noise:
+    declared = campaign.file.experiments or campaign.file.sweep
+    if declared is None:
+        return Noise()
+    noise = bind_noise(campaign.file.noise, declared.format.amplitude, campaign.amplitude_unit)
+    unknown = [e.label for e in campaign.experiments if not np.all(e.sigmas_v > 0.0)]
+    if noise.outliers == "huber" and unknown and not noise.declared:
+        raise BadInput(
+            f'{campaign.path}: [noise] outliers = "huber" wants the noise of every peak, unknown '
+            f"for '{unknown[0]}'; wanted peak_sigmas, or relative or absolute in [noise]"
+        )
+    return noise
+
+
+def _free_scale(campaign: Campaign, noise: Noise) -> list[Parameter]:
+    """The parameter of a scale that is fitted with the rest."""
+    choice, sweep = campaign.file.sweep, campaign.sweep
+    if choice is None or sweep is None or choice.scale != "free":
+        return []
+    spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
+    sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
+    return [scale_parameter(sigma, swept=choice.use == "fit")]
+
+
+def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
+    choice, where = campaign.file.drive, f"{campaign.path}: [drive]"
+    if choice.kind == "input":
+        target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
+        units = ["Hz"]
+    else:
+        drives = ("parameter", "input")
+        tones = [binder.real(n, f"{where} frequencies", drives, "set") for n in choice.frequencies]
+        targets = [binder.real(n, f"{where} amplitudes", drives, "set") for n in choice.amplitudes]
+        target, units = targets[0], [tone.unit or "Hz" for tone in tones]
+        if len(set(units)) > 1:
+            raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
+    level = binder.number(target, choice.level)
+    if level <= 0.0:
+        raise BadInput(f"{choice.level.where}: found {level:.6g}, wanted a positive amplitude")
+    return Drive(
+        choice.kind,
+        choice.frequencies,
+        choice.amplitudes,
+        choice.input,
+        level,
+        choice.samples_per_period,
+        units[0],
+        choice.order,
+    )
+
+
+def _bind_experiments(
+    campaign: Campaign,
+    binder: Binder,
+    drive: Drive,
+    drift: Drifting,
+    output: VariableLike,
+) -> tuple[Experiment, ...]:
+    bound = []
+    for measured, position in zip(campaign.experiments, drift.positions, strict=True):
+        settings = _experiment_settings(measured, binder, drive)
+        for name, (before, after) in drift.ends.items():
+            if name in settings:
+                where = measured.settings[name].where
+                raise BadInput(f"{where}: '{name}' is set here and by [drift]; wanted one of them")
+            settings[name] = before + position * (after - before)
+        bound.append(
+            Experiment(
+                measured.label,
+                settings,
+                measured.tones_hz,
+                measured.peaks_v,
+                measured.sigmas_v,
+                measured.floor_v,
+                measured.spectrum,
+                measured.lines_hz,
+                _observed(measured, binder, output),
+            )
+        )
+    return tuple(bound)
+
+
+def _observed(measured: MeasuredExperiment, binder: Binder, output: VariableLike) -> str:
+    """The output that an experiment observes; all share a unit, because they share a scale."""
+    if measured.output is None:
+        return output.name
+    name, where = str(measured.output.value), measured.output.where
+    other = binder.real(name, where, READABLE, "observed")
+    if other.unit != output.unit:
+        raise BadInput(
+            f"{where}: '{name}' is in {other.unit or 'no unit'}, [observe] output in "
+            f"{output.unit or 'no unit'}; wanted one unit, because they share the scale"
+        )
+    return name
+
+
+def _experiment_settings(
+    measured: MeasuredExperiment, binder: Binder, drive: Drive
+) -> dict[str, Scalar]:
+    settings = {name: binder.setting(name, w) for name, w in measured.settings.items()}
+    if drive.kind == "tones":
+        for name, tone in zip(drive.frequencies, measured.tones_hz, strict=True):
+            where = measured.settings[name].where
+            # from the rounded hertz, so that the FMU is driven at the very frequency that is read
+            settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
+    return settings
+
+
+def _bind_sweep(campaign: Campaign, binder: Binder) -> Sweep | None:
+    choice, measured = campaign.file.sweep, campaign.sweep
+    if choice is None or measured is None:
+        return None
+    return Sweep(
+        frequency_hz=measured.frequency_hz,
+        amplitude_v=measured.amplitude_v,
+        phase_rad=measured.phase_rad,
+        settings={name: binder.setting(name, w) for name, w in choice.settings.items()},
+        use=choice.use,
+        scale=choice.scale,
+        source=measured.source,
+        background=choice.background,
+        unit=measured.unit,
+        notes=measured.notes,
+    )
+
+
+def _bind_parameters(campaign: Campaign, binder: Binder) -> list[Parameter]:
+    """The file's parameters; one of the scope "experiment" is as many as there are experiments."""
+    made = []
+    for choice in campaign.file.parameters:
+        parameter = _bind_parameter(choice, binder)
+        if choice.scope == "campaign":
+            made.append(parameter)
+            continue
+        made += [
+            replace(
+                parameter,
+                name=f"{choice.name}[{e.label}]",
+                variable=choice.name,
+                experiment=e.label,
+            )
+            for e in campaign.experiments
+        ]
+    return made
+
+
+def _bind_parameter(choice: ParameterChoice, binder: Binder) -> Parameter:
+    variable = binder.real(choice.name, choice.where, ("parameter",), "fitted")
+    numbers = {}
+    for key, written in choice.numbers.items():
+        bare = not isinstance(written.value, str)
+        with_unit = Written(written.value, choice.unit, written.where) if bare else written
+        if key in ("lower", "upper", "start"):
+            numbers[key] = binder.number(variable, with_unit)
+        else:  # a difference or a prior: the FMU's range does not bind it
+            numbers[key] = in_unit(with_unit, variable.unit)
+    try:
+        return Parameter(
+            name=choice.name,
+            unit=variable.unit or choice.unit or "1",
+            lower=numbers["lower"],
+            upper=numbers["upper"],
+            start=numbers["start"],
+            reference=numbers.get("reference", numbers["start"]),
+            scale=numbers.get("scale", 0.5 * (numbers["upper"] - numbers["lower"])),
+            period=numbers.get("period"),
+            prior_sigma=numbers.get("prior"),
+        )
+    except BadInput as error:
+        raise BadInput(f"{choice.where}: {error}") from error
+
+
+def _bind_alternatives(campaign: Campaign, binder: Binder) -> tuple[Mapping[str, Scalar], ...]:
+    tried = {
+        name: [binder.setting(name, w) for w in values]
+        for name, values in campaign.file.alternatives.items()
+    }
+    return tuple(
+        dict(zip(tried, combination, strict=True))
+        for combination in itertools.product(*tried.values())
+    )
+
+
+def _check_conflicts(bound: BoundCampaign) -> None:
+    """A fitted or alternated variable must not be set per experiment or sweep as well."""
+    named = [p.name for p in bound.parameters]
+    if len(set(named)) < len(named):
+        raise BadInput(f"{bound.path}: [[parameters]] {named} names one twice")
+    own = {p.target for p in bound.parameters if p.experiments and not p.adds_to}
+    for name in sorted(own & {p.name for p in bound.parameters if not p.experiments}):
+        raise BadInput(
+            f"{bound.path}: [[parameters]] '{name}' is fitted both with scope = \"experiment\" and "
+            "for the whole campaign; wanted one of them"
+        )
+    fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
+    places: list[tuple[str, Mapping[str, object]]] = [
+        (f"experiment '{e.label}'", e.settings) for e in bound.experiments
+    ]
+    if bound.sweep is not None:
+        places.append(("[sweep.set]", bound.sweep.settings))
+    tried = bound.alternatives[0]
+    for name in (*fitted, *tried):
+        for place, settings in (*places, ("[alternatives]", tried if name in fitted else {})):
+            if name in settings:
+                role = "fitted" if name in fitted else "an alternative"
+                raise BadInput(
+                    f"{bound.path}: '{name}' is {role} and also set by {place}; wanted one of them"
+                )

@@ -1,0 +1,153 @@
+"""Noise of a campaign's amplitudes, before any model: declared, or seen in the data themselves.
+
+    sigma^2 = floor^2 + (relative A)^2 + absolute^2
+
+floor from the spectra (or the columns of standard deviations); relative and absolute as declared;
+where no relative part is declared, repeated experiments tell it. The sweep has no floor of its own
+to read: without a declaration the scatter of its top about a parabola stands for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.noise_table import NoiseChoice
+from fitting.campaign.parameters import Parameter
+from fitting.campaign.section import in_unit
+from fitting.signal.amplitudes import Amplitude
+from fitting.signal.scale import laboratory_maximum
+from fitting.text.errors import BadInput
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Repeats tell the scatter from this many degrees of freedom on (to a third of it).
+ENOUGH_REPEATS = 4
+#: A fitted scale may leave the sweep's own by this factor, as a logarithm.
+SCALE_REACH = 0.5
+SCALE_NAME = "ln_scale"
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Declared noise in the campaign's unit, peak amplitudes; see `NoiseChoice`."""
+
+    relative: float = 0.0
+    absolute_v: float = 0.0
+    outliers: str = "keep"
+    threshold: float = 4.0
+
+    @property
+    def declared(self) -> bool:
+        """Whether a standard deviation is declared."""
+        return self.relative > 0.0 or self.absolute_v > 0.0
+
+    def beside(self, amplitude_v: FloatArray, floor_v: FloatArray) -> FloatArray:
+        """Standard deviations (n,) of amplitudes (n,) whose floor's are (n,), NaN for unknown."""
+        if not self.declared:
+            return floor_v
+        known = np.nan_to_num(floor_v, nan=0.0)
+        own = (self.relative * amplitude_v) ** 2 + self.absolute_v**2
+        return np.asarray(np.sqrt(known**2 + own))
+
+
+def bind_noise(choice: NoiseChoice, amplitude: Amplitude, unit: str) -> Noise:
+    """Declared noise as peak amplitude in ``unit``, in the same meaning as the amplitudes.
+
+    Raises:
+        BadInput: an absolute noise that is negative or in another unit.
+    """
+    absolute_v = 0.0
+    if choice.absolute is not None:
+        absolute_v = in_unit(choice.absolute, unit)
+        if absolute_v < 0.0:
+            raise BadInput(
+                f"{choice.absolute.where}: found {choice.absolute.value!r}, wanted zero or more"
+            )
+        absolute_v *= math.sqrt(2.0) if amplitude.kind == "rms" else 1.0
+    return Noise(choice.relative, absolute_v, choice.outliers, choice.threshold)
+
+
+def repeat_scatter(
+    groups: Sequence[object], peaks_v: Sequence[FloatArray], sigmas_v: Sequence[FloatArray]
+) -> tuple[float, int]:
+    """Relative scatter that repeats show beyond their floor, and its degrees of freedom.
+
+    Experiments of equal ``groups`` repeat each other. With z the logarithms of their peaks,
+    s^2 = sum (z - mean)^2 / sum (repeats - 1), less the mean of the floors' relative variances.
+    """
+    squares, freedom, floors = 0.0, 0, []
+    for group in set(groups):
+        mine = [k for k, other in enumerate(groups) if other == group]
+        if len(mine) < 2 or len({peaks_v[k].size for k in mine}) > 1:
+            continue
+        z = np.log(np.array([peaks_v[k] for k in mine]))
+        squares += float(np.sum((z - z.mean(axis=0)) ** 2))
+        freedom += (len(mine) - 1) * z.shape[1]
+        floors += [np.nan_to_num(sigmas_v[k] / peaks_v[k], nan=0.0) ** 2 for k in mine]
+    if freedom == 0:
+        return 0.0, 0
+    floor = float(np.mean(np.concatenate(floors)))
+    return math.sqrt(max(0.0, squares / freedom - floor)), freedom
+
+
+def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> FloatArray:
+    """Standard deviation of every sweep point (n,), in its unit: as declared, else as it scatters.
+
+    The scatter is taken for absolute: equal at all points, as the noise of a detector is.
+    """
+    if noise.declared:
+        return noise.beside(amplitude_v, np.zeros(amplitude_v.size))
+    top = laboratory_maximum(frequency_hz, amplitude_v)
+    scatter = top.scatter if math.isfinite(top.scatter) else 0.0
+    return np.full(amplitude_v.size, scatter * top.value_v)
+
+
+def maximum_sigma(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> float:
+    """Relative error of the largest point as a maximum: noise, and the bias that its top shows."""
+    top = laboratory_maximum(frequency_hz, amplitude_v)
+    if not noise.declared or math.isnan(top.bias):
+        return top.sigma
+    own = float(noise.beside(np.array([top.value_v]), np.zeros(1))[0]) / top.value_v
+    return math.hypot(own, top.bias if top.is_biased else 0.0)
+
+
+def sweep_scale_sigma(amplitude_v: FloatArray, sigma_v: FloatArray, scale: str) -> float:
+    """Relative standard deviation of chi from the sweep's noise, for each way to take it.
+
+    "maximum": that of the largest point. "fit": of chi = sum(L S)/sum(S^2) with S in the shape of
+    L, sqrt(sum L^2 sigma^2)/sum L^2. "robust": the same over sqrt(0.95), Huber's efficiency.
+    """
+    if amplitude_v.size == 0 or scale == "none":
+        return 0.0
+    if scale == "maximum":
+        k = int(np.argmax(amplitude_v))
+        return float(sigma_v[k] / amplitude_v[k])
+    share = amplitude_v / float(np.max(amplitude_v))  # its square may be too small for a double
+    spread = sigma_v / float(np.max(amplitude_v))
+    fitted = float(np.linalg.norm(share * spread) / np.dot(share, share))
+    return fitted / math.sqrt(0.95) if scale == "robust" else fitted
+
+
+def scale_parameter(sigma: float, *, swept: bool) -> Parameter:
+    """The logarithm of the factor between the fitted scale and that of the whole sweep.
+
+    ``sigma``: relative standard deviation of the latter. Where the sweep's points are rows
+    themselves (``swept``) it has no prior, their information is in the rows.
+    """
+    sigma = max(sigma, 1e-6)
+    return Parameter(
+        SCALE_NAME,
+        "1",
+        -SCALE_REACH,
+        SCALE_REACH,
+        0.0,
+        0.0,
+        min(sigma, 0.25 * SCALE_REACH),
+        prior_sigma=None if swept else sigma,
+        role="scale",
+    )

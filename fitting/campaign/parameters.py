@@ -1,0 +1,160 @@
+"""Fitted quantities: what the optimiser may move, and the change of variables it works in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.text.errors import BadInput
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted FMU parameter, all numbers in ``unit`` (the FMU's own).
+
+    ``lower <= start <= upper``; ``reference`` is where the Tikhonov term pulls to; ``scale`` is the
+    change that counts as one in the search vector; ``period`` makes values that differ by it
+    the same system, reported in ``[0, period)``.
+
+    One value holds for the whole campaign, its sweep included, unless ``experiment`` names the one
+    experiment that it belongs to (``further``: and others that share it). It is the value of the
+    FMU's ``variable`` (the name, where empty), or, with ``adds_to``, is added to those variables.
+    ``prior_sigma`` is the standard deviation of a Gaussian prior about ``reference``; without it
+    only box and Tikhonov term hold the value. ``role`` "scale" is no variable of the FMU but the
+    logarithm of a factor on the scale.
+
+    Raises:
+        BadInput: bounds reversed, start outside, a number not finite, scale, period or prior_sigma
+            not positive.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    start: float
+    reference: float
+    scale: float
+    period: float | None = None
+    experiment: str | None = None
+    adds_to: tuple[str, ...] = ()
+    prior_sigma: float | None = None
+    variable: str = ""
+    further: tuple[str, ...] = ()
+    role: str = "model"
+
+    def __post_init__(self) -> None:
+        who = f"parameter '{self.name}'"
+        for field in ("lower", "upper", "start", "reference", "scale", "period", "prior_sigma"):
+            value = getattr(self, field)
+            if value is not None and not math.isfinite(value):
+                raise BadInput(f"{who}: {field} is {value!r}; wanted a finite number")
+        if not self.lower < self.upper:
+            raise BadInput(
+                f"{who}: lower = {self.lower!r} is not below upper = {self.upper!r} {self.unit}; "
+                "wanted lower < upper (are the bounds reversed?)"
+            )
+        if not self.lower <= self.start <= self.upper:
+            raise BadInput(
+                f"{who}: start = {self.start!r} lies outside its bounds "
+                f"[{self.lower!r}, {self.upper!r}] {self.unit}"
+            )
+        if self.scale <= 0.0:
+            raise BadInput(f"{who}: scale = {self.scale!r}; wanted a positive number")
+        if self.period is not None and self.period <= 0.0:
+            raise BadInput(f"{who}: period = {self.period!r}; wanted a positive number")
+        if self.prior_sigma is not None and self.prior_sigma <= 0.0:
+            raise BadInput(f"{who}: prior = {self.prior_sigma!r}; wanted a positive number")
+
+    @property
+    def target(self) -> str:
+        """The FMU variable that holds the value (without ``adds_to``)."""
+        return self.variable or self.name
+
+    @property
+    def experiments(self) -> tuple[str, ...]:
+        """Labels of the experiments that it acts in; empty: everywhere, in the sweep too."""
+        return () if self.experiment is None else (self.experiment, *self.further)
+
+
+def names(parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Names in the order of the search vector."""
+    return tuple(p.name for p in parameters)
+
+
+def starts(parameters: Sequence[Parameter]) -> FloatArray:
+    """Start values (n,), each in its parameter's unit."""
+    return _column(parameters, "start")
+
+
+def references(parameters: Sequence[Parameter]) -> FloatArray:
+    """Reference values (n,), each in its parameter's unit."""
+    return _column(parameters, "reference")
+
+
+def scales(parameters: Sequence[Parameter]) -> FloatArray:
+    """Scales (n,), each in its parameter's unit."""
+    return _column(parameters, "scale")
+
+
+def bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper bounds, (n,) each, in the parameters' units."""
+    return _column(parameters, "lower"), _column(parameters, "upper")
+
+
+def to_search(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray:
+    """Search vector x = (p - reference) / scale; ``values`` (..., n) in the parameters' units."""
+    return np.asarray((values - references(parameters)) / scales(parameters), dtype=float)
+
+
+def to_model(parameters: Sequence[Parameter], search: FloatArray) -> FloatArray:
+    """Values p = reference + scale x, the inverse of :func:`to_search`; ``search`` (..., n)."""
+    return np.asarray(references(parameters) + scales(parameters) * search, dtype=float)
+
+
+def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
+    """The box of :func:`bounds` in search variables, (n,) each."""
+    lower, upper = bounds(parameters)
+    return to_search(parameters, lower), to_search(parameters, upper)
+
+
+def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
+    """Widths in x of uniform priors of the parameters' variances, (n,).
+
+    That of the box; with a Gaussian prior of standard deviation s it is sqrt(12) s.
+    """
+    lower, upper = search_bounds(parameters)
+    widths = upper - lower
+    for i, p in enumerate(parameters):
+        if p.prior_sigma is not None:
+            widths[i] = math.sqrt(12.0) * p.prior_sigma / p.scale
+    return np.asarray(widths, dtype=float)
+
+
+def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Parameters of the model that hold for the whole campaign."""
+    return tuple(p for p in parameters if not p.experiments and p.role == "model")
+
+
+def canonical(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray:
+    """Values (..., n) with every periodic parameter brought into ``[0, period)``.
+
+    Meant for reports: the result may lie outside the box that the optimiser kept to.
+    """
+    reported = np.array(values, dtype=float)
+    for i, parameter in enumerate(parameters):
+        if parameter.period is not None:
+            folded = np.mod(reported[..., i], parameter.period)
+            # mod(-1e-17, pi) rounds to pi itself, which is outside the half-open range
+            reported[..., i] = np.where(folded >= parameter.period, 0.0, folded)
+    return reported
+
+
+def _column(parameters: Sequence[Parameter], field: str) -> FloatArray:
+    return np.array([getattr(p, field) for p in parameters], dtype=float)

@@ -1,0 +1,158 @@
+"""``fmu-fit identify``: what a campaign's data determine, before or after a fit."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from fitting.campaign import bind, read_campaign
+from fitting.cli.options import default_workers, whole_number
+from fitting.fit.fmu_job import provide_fmu
+from fitting.fit.result import read_result
+from fitting.fmu import FmuWorkers
+from fitting.inference.identification import Question, identify
+from fitting.inference.inference import BUDGET
+from fitting.inference.knowledge import Identification
+from fitting.report.figures.knowledge import knowledge_figures
+from fitting.report.figures.style import save, style
+from fitting.report.page import page
+from fitting.report.sections import Section, knowledge_section
+from fitting.report.tables import pairs_table
+from fitting.report.words import knowledge_lines
+from fitting.text.files import write_whole
+from fitting.text.notation import number
+from fitting.text.records import write_json
+
+NAME = "identify"
+SUMMARY = "what these data determine, before or after a fit: directions, intervals, verdicts"
+EXAMPLE = "fmu-fit identify data/string_q1/campaign.toml --out out/identify_q1"
+JSON_NAME, PAGE_NAME, FIGURES = "identify.json", "report.html", "figures"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file, as the README tells"
+    )
+    parser.add_argument("--out", type=Path, help="folder for results (out/identify_<its folder>)")
+    parser.add_argument(
+        "--at",
+        type=Path,
+        metavar="RESULT.json",
+        help="a fit to set out from (the campaign's start and reference values)",
+    )
+    parser.add_argument(
+        "--expected",
+        action="store_true",
+        help="not the measured data but those that the model expects there, with their noise",
+    )
+    parser.add_argument(
+        "--bootstrap",
+        type=whole_number(2),
+        default=0,
+        metavar="N",
+        help="refit N synthetic data sets (none)",
+    )
+    parser.add_argument("--seed", type=whole_number(0), default=1, help="of starts and bootstrap")
+    parser.add_argument(
+        "--budget",
+        type=whole_number(1),
+        default=BUDGET,
+        metavar="N",
+        help=f"evaluations at most ({BUDGET})",
+    )
+    parser.add_argument(
+        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+    )
+    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify and write; returns 0.
+
+    Raises:
+        BadInput: campaign, result or FMU are not what they should be.
+        FmuFailure: the FMU failed.
+    """
+    campaign = read_campaign(args.campaign)
+    out: Path = args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
+    fitted = read_result(args.at) if args.at is not None else None
+    fmu = provide_fmu(campaign.file.fmu, out / "fmu")
+    count = args.workers or default_workers()
+    with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
+        variables = workers.description.variables
+        bound = bind(campaign, variables)
+        units = {name: variables[name].unit or "" for name in bound.derived}
+        question = Question(fitted, args.expected, args.bootstrap, args.seed, args.budget)
+        knowledge = identify(bound, workers, units, question)
+        provenance = {
+            "command": _command(args),
+            "FMU": workers.description.model_name,
+            "FMU sha256": workers.description.sha256,
+            "seed": str(args.seed),
+        }
+    at = "the campaign's start and reference values" if fitted is None else args.at.as_posix()
+    found = Identification(bound.title, bound.synthetic, at, knowledge, provenance)
+    write_json(out / JSON_NAME, found)
+    print("\n".join(table(found)))
+    print(f"\nwritten: {out / JSON_NAME}")
+    if not args.no_report:
+        print(f"report: {_report(found, out)}")
+    return 0
+
+
+def table(found: Identification) -> list[str]:
+    """What was found as lines of text."""
+    marked = found.synthetic and "synthetic" not in found.title.lower()
+    kind = "measured data" if found.knowledge.data else "expected data"
+    lines = [
+        found.title + (" [synthetic]" if marked else ""),
+        f"{kind}, set out from {found.at}",
+        "",
+    ]
+    lines.append(f"{'singular value':>15} {'per box':>10}  direction (x = (p - reference)/scale)")
+    for direction in found.knowledge.directions:
+        vector = ", ".join(f"{name} {number(v, 3)}" for name, v in direction.vector.items())
+        lines.append(f"{direction.singular:15.4g} {direction.share:10.3g}  {vector}")
+    return [*lines, "", *knowledge_lines(found.knowledge)]
+
+
+def _report(found: Identification, out: Path) -> Path:
+    drawn = knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
+    with style():
+        figures = tuple(save(drawing, out / FIGURES) for drawing in drawn)
+    section = knowledge_section(found.knowledge, figures)
+    origin = pairs_table(
+        "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
+    )
+    sections = [s for s in (section, Section("provenance", "Provenance", tables=(origin,))) if s]
+    open_ = [n for n, p in found.knowledge.profiles.items() if p.verdict != "determined"]
+    message = (
+        "Not or only partly determined: " + ", ".join(open_) + "."
+        if open_
+        else "These data determine every value."
+    )
+    path = out / PAGE_NAME
+    write_whole(
+        path,
+        page(
+            found.title,
+            "what the data determine",
+            sections,
+            synthetic=found.synthetic,
+            good=not open_,
+            status=("Identified", message),
+        ),
+    )
+    return path
+
+
+def _command(args: argparse.Namespace) -> str:
+    words = ["fmu-fit", NAME, args.campaign.as_posix()]
+    for name in ("out", "at", "bootstrap", "seed", "budget", "workers"):
+        value = getattr(args, name)
+        if value:
+            words += [f"--{name}", str(value)]
+    words += [f"--{n.replace('_', '-')}" for n in ("expected", "no_report") if getattr(args, n)]
+    return shlex.join(words)

@@ -1,0 +1,84 @@
+"""``fmu-fit``: finds the command, runs it, turns its ending into an exit code.
+
+0 done; 1 ended without convergence (results are written and say so); 2 bad input; 3 the FMU failed;
+130 another command than reconstruct was interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+import fitting
+from fitting.text.errors import BadInput, FmuFailure
+
+#: Each is a module of `fitting.cli` with NAME, SUMMARY, EXAMPLE, add_arguments and run.
+COMMANDS = (
+    "reconstruct",
+    "identify",
+    "design",
+    "simulate",
+    "sweep",
+    "synthesize",
+    "tradeoff",
+    "check",
+)
+
+BAD_INPUT, FMU_FAILED, INTERRUPTED = 2, 3, 130
+
+
+class _Parser(argparse.ArgumentParser):
+    """Complains in one line, like everything else here."""
+
+    def error(self, message: str) -> NoReturn:
+        raise BadInput(f"{message} (see {self.prog} --help)")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        chosen = _parser(given).parse_args(given)
+        code: int = chosen.run(chosen)
+        sys.stdout.flush()
+    except BadInput as error:
+        return _complain(error, BAD_INPUT)
+    except FmuFailure as error:
+        return _complain(error, FMU_FAILED)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # the reader of our output has seen enough; nothing is to be flushed into it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return code
+
+
+def _complain(error: object, code: int) -> int:
+    line = " ".join(str(error).split())
+    print(f"fmu-fit: {line}", file=sys.stderr)
+    return code
+
+
+def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
+    parser = _Parser(prog="fmu-fit", description=fitting.__doc__, epilog=__doc__.split("\n\n")[1])
+    parser.add_argument("--version", action="version", version=f"fmu-fit {fitting.__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    named = next((word for word in given if word in COMMANDS), None)
+    # Only the command that is called is imported: worker processes import this module as well, and
+    # would otherwise wait for libraries that they do not use.
+    for name in COMMANDS if named is None else (named,):
+        command = importlib.import_module(f"fitting.cli.{name}")
+        sub = commands.add_parser(
+            command.NAME,
+            help=command.SUMMARY,
+            description=(command.__doc__ or "").replace("``", "'"),
+            epilog=f"example: {command.EXAMPLE}",
+        )
+        command.add_arguments(sub)
+        sub.set_defaults(run=command.run)
+    return parser

@@ -1,0 +1,75 @@
+"""Numbers and times on the command line: what an option cannot mean is refused at once."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import os
+from collections.abc import Callable
+
+from fitting.text.errors import BadInput
+from fitting.text.units import checked_accuracy, convert, parse_quantity
+
+
+def whole_number(least: int) -> Callable[[str], int]:
+    """An argparse type: a whole number not below ``least``."""
+
+    def read(text: str) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least:
+            raise argparse.ArgumentTypeError(
+                f"found '{text}', wanted a whole number of at least {least}"
+            )
+        return value
+
+    return read
+
+
+def relative_accuracy(option: str) -> Callable[[str], float]:
+    """An argparse type: a relative accuracy above 0 and below 1."""
+
+    def read(text: str) -> float:
+        return checked_accuracy(quantity(text, "1", where=option), option)
+
+    return read
+
+
+def positive_time(option: str) -> Callable[[str], float]:
+    """An argparse type: a time above zero in s, as "2 ms"; a plain number is in s."""
+
+    def read(text: str) -> float:
+        return positive_quantity(text, "s", where=option)
+
+    return read
+
+
+def positive_quantity(text: str, unit: str, *, where: str) -> float:
+    """A written quantity above zero in ``unit``, in which a plain number is taken.
+
+    Raises BadInput, beginning with ``where``.
+    """
+    value = quantity(text, unit, where=where)
+    if not value > 0.0:
+        raise BadInput(f"{where}: found {text!r}, wanted a positive number")
+    return value
+
+
+def quantity(text: str, unit: str, *, where: str) -> float:
+    """A written quantity in ``unit``, in which a plain number is taken.
+
+    Raises BadInput, beginning with ``where``.
+    """
+    with contextlib.suppress(ValueError):  # text with a unit
+        if not math.isfinite(float(text)):  # "nan" looks like a word to the reader of units
+            raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+    number, written = parse_quantity(text, where=where)
+    return number if written is None else convert(number, written, unit, where=where)
+
+
+def default_workers() -> int:
+    """Worker processes where none are asked for: one per processor, up to 8."""
+    return min(os.cpu_count() or 1, 8)

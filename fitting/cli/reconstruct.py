@@ -1,0 +1,286 @@
+"""``fmu-fit reconstruct``: from a laboratory campaign to the coefficients, through the FMU."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import math
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from fitting.campaign import BoundCampaign, Campaign, bind, read_campaign
+from fitting.campaign.joint import join_campaigns
+from fitting.cli.options import default_workers, relative_accuracy, whole_number
+from fitting.fit import checkpoint
+from fitting.fit.evaluator import MISFITS
+from fitting.fit.fmu_job import identify_fmu, provide_fmu, reconstruct_through
+from fitting.fit.job import Options, job_of, options_of
+from fitting.fit.reconstruction import Hooks, Progress
+from fitting.fit.result import (
+    IDENTIFIABLE,
+    DerivedResult,
+    OffsetResult,
+    ParameterResult,
+    Result,
+    write_result,
+)
+from fitting.fit.sweep_line import line_sentences
+from fitting.fmu import FmuWorkers
+from fitting.inference import inference
+from fitting.inference.external import check_external, with_external
+from fitting.report.plan import plan_line
+from fitting.report.words import knowledge_lines
+from fitting.text.errors import BadInput
+
+NAME = "reconstruct"
+SUMMARY = "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a report"
+EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "campaign",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        nargs="+",
+        help="campaign file, as the README tells; several of one sample are fitted together",
+    )
+    parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
+    parser.add_argument(
+        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
+    parser.add_argument(
+        "--accuracy",
+        type=relative_accuracy("--accuracy"),
+        help="wanted relative accuracy of simulated amplitudes (the campaign's)",
+    )
+    parser.add_argument(
+        "--external",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help='a value from elsewhere to test, as lambda="0.8604 MHz" or "0.8604 MHz +- 1 kHz"',
+    )
+    parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
+    parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
+    parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
+    parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
+    parser.add_argument(
+        "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
+    )
+    parser.add_argument(
+        "--bootstrap",
+        type=whole_number(2),
+        metavar="N",
+        help="refit N synthetic data sets drawn at the solution (none)",
+    )
+    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reconstruct and write; returns 0 if converged, else 1.
+
+    Raises:
+        BadInput: campaign, data or FMU are not what they should be.
+        FmuFailure: the FMU failed.
+    """
+    check_external(args.external)
+    campaigns = [read_campaign(path) for path in args.campaign]
+    campaign = one_fmu(campaigns)
+    folders = [path.resolve().parent.name for path in args.campaign]
+    out: Path = args.out or Path("out") / "+".join(dict.fromkeys(folders))
+    fmu = provide_fmu(campaign.file.fmu, out / "fmu")
+    count = args.workers or default_workers()
+    with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
+        bound = _bound(args, campaigns, workers)
+        check_external(args.external, [*(p.name for p in bound.parameters), *bound.derived])
+        identity = identify_fmu(workers.description, _command(args))
+        options = _options(args, bound)
+        job = job_of(bound, identity, options)
+        memory = checkpoint.resume(out, job) if args.resume else checkpoint.begin(out, job)
+        if args.resume:
+            print(f"{len(memory)} finished levels found in {memory.path}")
+        shown = _Line(sys.stderr.isatty())
+        try:
+            inform = None
+            if not args.no_profiles:
+                inform = partial(inference.inform, bootstrap=args.bootstrap or 0)
+            hooks = Hooks(progress=shown, memory=memory, inform=inform)
+            result = reconstruct_through(workers, bound, identity, options, hooks)
+        except KeyboardInterrupt:
+            shown.end()
+            print("interrupted before the first level was finished: nothing to report")
+            return 1
+        shown.end()
+    result = with_external(result, args.external)
+    files = write_result(result, out)
+    print("\n".join(table(result)))
+    print(f"\nwritten: {', '.join(str(path) for path in files)}")
+    if result.status == "interrupted":
+        print(f"go on with: {_command(args)}{'' if args.resume else ' --resume'}")
+        return 1
+    memory.remove()
+    if not args.no_report:
+        _report(result, bound, out)
+    return 0 if result.status == "converged" else 1
+
+
+def _bound(
+    args: argparse.Namespace, campaigns: Sequence[Campaign], workers: FmuWorkers
+) -> BoundCampaign:
+    """The campaign, or all of them as one, in the units of the FMU."""
+    bounds = [bind(campaign, workers.description.variables) for campaign in campaigns]
+    if args.accuracy is not None:
+        bounds = [replace(bound, accuracy=args.accuracy) for bound in bounds]
+    return bounds[0] if len(bounds) == 1 else join_campaigns(bounds)
+
+
+def one_fmu(campaigns: Sequence[Campaign]) -> Campaign:
+    """The first campaign; raises BadInput where another one wants another FMU."""
+    first = campaigns[0]
+    for other in campaigns[1:]:
+        one, two = first.file.fmu, other.file.fmu
+        if (one.model, one.file and one.file.resolve()) != (
+            two.model,
+            two.file and two.file.resolve(),
+        ):
+            raise BadInput(
+                f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
+                f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
+            )
+    return first
+
+
+def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
+    options = options_of(bound, quick=args.quick)
+    schedule = options.schedule
+    if args.seed is not None:
+        schedule = replace(schedule, seed=args.seed)
+    if args.starts is not None:
+        schedule = replace(schedule, starts=args.starts)
+    solve = options.solve if args.misfit is None else replace(options.solve, misfit=args.misfit)
+    return replace(options, schedule=schedule, solve=solve)
+
+
+def _command(args: argparse.Namespace) -> str:
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
+    for name in ("out", "workers", "accuracy", "misfit", "seed", "starts", "bootstrap"):
+        value = getattr(args, name)
+        if value is not None:
+            words += [f"--{name}", str(value)]
+    for text in args.external:
+        words += ["--external", text]
+    flags = [
+        name for name in ("resume", "quick", "no_profiles", "no_report") if getattr(args, name)
+    ]
+    words += [f"--{name.replace('_', '-')}" for name in flags]
+    return shlex.join(words)
+
+
+def _report(result: Result, bound: BoundCampaign, out: Path) -> None:
+    """Figures and report, where that part of the package is installed."""
+    if importlib.util.find_spec("fitting.report.page") is None:
+        return
+    page = importlib.import_module("fitting.report.page").write_report(result, bound, out)
+    print(f"report: {page}")
+
+
+class _Line:
+    """One line of progress on a terminal, nothing in a pipe."""
+
+    def __init__(self, terminal: bool) -> None:
+        self.terminal = terminal
+
+    def __call__(self, state: Progress) -> None:
+        if not self.terminal:
+            return
+        left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
+        text = (
+            f"alternative {state.alternative + 1}/{state.alternatives}, "
+            f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
+            f"J = {state.j_fit + state.j_reg:.5g}, {state.evaluations} evaluations, "
+            f"{state.elapsed_s:.0f} s{left}"
+        )
+        sys.stderr.write(f"\r\x1b[K{text}")
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self.terminal:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+
+def _shown(value: float, form: str) -> str:
+    """A number in that form, a dash where there is none."""
+    return "-" if math.isnan(value) else f"{value:{form}}"
+
+
+def _error(std: float) -> str:
+    return _shown(std, ".2g")
+
+
+def _named(offset: OffsetResult) -> str:
+    return f"{'+'.join(offset.variables)} in {', '.join(offset.experiments)}"
+
+
+def table(result: Result) -> list[str]:
+    """The result as lines of text."""
+    marked = result.synthetic and "synthetic" not in result.title.lower()
+    lines = [result.title + (" [synthetic]" if marked else ""), ""]
+    lines.append(f"{'parameter':12} {'value':>14} {'unit':5} {'std':>9} {'prior':>12}  by the data")
+    for name, p in result.parameters.items():
+        lines.append(_value_line(name, p, p.lower, p.upper, ".8g"))
+    for name, d in result.derived.items():
+        lines.append(_value_line(name, d, *d.box, ".9g"))
+    lines += [
+        f"{_named(o):12} {o.value:+14.5g} {o.unit:5} {_error(o.std):>9} {0.0:12.6g}  "
+        f"{o.identifiable} ({o.shrinkage:.2f})"
+        for o in result.offsets
+    ]
+    if result.joint is not None:
+        lines += ["", *(t.sentence for t in result.joint.tensions)]
+    lines += [test.sentence for test in result.external]
+    before, after = result.deviations.initial.mean, result.deviations.final.mean
+    lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
+    for other in result.alternatives:
+        if not other.settings:  # the campaign names no alternatives
+            continue
+        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items())
+        mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
+        lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
+    if result.line is not None:
+        lines += line_sentences(result.line)
+    if result.knowledge is not None:
+        lines += ["", *knowledge_lines(result.knowledge), ""]
+    cost = result.evaluations
+    lines.append(
+        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
+        f"{result.seconds:.1f} s"
+    )
+    if result.plan is not None:
+        lines.append(plan_line(result.plan))
+    lines += ["", f"{result.status}: {result.message}"]
+    lines += [f"warning: {text}" for text in result.warnings]
+    return lines
+
+
+def _value_line(
+    name: str, result: ParameterResult | DerivedResult, low: float, high: float, form: str
+) -> str:
+    """A row of the table; what the data do not determine is its range, and no value."""
+    value, note = _shown(result.value, form), f"{result.identifiable} ({result.shrinkage:.2f})"
+    if math.isnan(low):
+        note = "has no value at any parameters tried"
+    elif result.identifiable == IDENTIFIABLE[2]:
+        note += f": {low:.6g} to {high:.6g}" + (f", stopped at {value}" if value != "-" else "")
+        value = "-"
+    reference, error = _shown(result.reference, ".6g"), _error(result.std)
+    return f"{name:12} {value:>14} {result.unit:5} {error:>9} {reference:>12}  {note}"

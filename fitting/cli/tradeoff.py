@@ -1,0 +1,161 @@
+"""``fmu-fit tradeoff``: accuracy against cost, measured here: every way of setting a simulation."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import platform
+import shlex
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import fitting
+from fitting.campaign import bind, read_campaign
+from fitting.cli.options import whole_number
+from fitting.cli.progress import status_line
+from fitting.fit.fmu_job import provide_fmu
+from fitting.fmu import FmuDescription, FmuWorkers
+from fitting.lab.tradeoff import memory as memories
+from fitting.lab.tradeoff.campaign import scene_of_campaign
+from fitting.lab.tradeoff.records import QUANTITIES, Study
+from fitting.lab.tradeoff.scenes import BUILT_IN, Scene, scene_named
+from fitting.lab.tradeoff.study import Order, run_study
+from fitting.lab.tradeoff.tables import csv_of, markdown, terminal
+from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+from fitting.text.records import to_plain
+
+NAME = "tradeoff"
+SUMMARY = "accuracy against cost, measured on this machine: solvers, windows, settling, steps"
+EXAMPLE = "fmu-fit tradeoff --scene string --out out/tradeoff --quick"
+
+#: What `--only` measures.
+ONLY = {"amplitudes": QUANTITIES[:1], "widths": QUANTITIES[1:]}
+QUICK_LONGEST_S, LONGEST_S = 2.0, 20.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--scene", choices=BUILT_IN, help=f"what is simulated ({BUILT_IN[0]})")
+    kind.add_argument(
+        "--campaign", type=Path, metavar="CAMPAIGN.toml", help="a campaign, through its own FMU"
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for results")
+    parser.add_argument("--quick", action="store_true", help="a coarse grid, under a minute")
+    parser.add_argument("--resume", action="store_true", help="go on from the finished settings")
+    parser.add_argument(
+        "--workers", type=whole_number(1), default=1, help="worker processes (1: fair timings)"
+    )
+    parser.add_argument(
+        "--accuracies",
+        default="1e-2,1e-3,1e-4,1e-6,1e-9",
+        metavar="X,X,...",
+        help="accuracies of the table (1e-2,1e-3,1e-4,1e-6,1e-9)",
+    )
+    parser.add_argument("--only", choices=sorted(ONLY), help="amplitudes, or line widths (both)")
+    parser.add_argument("--seed", type=whole_number(0), default=1, help="order of the settings (1)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and write; returns 0, or 1 if interrupted with something to show.
+
+    Raises:
+        BadInput: scene, campaign or FMU are not what they should be.
+        FmuFailure: the FMU failed.
+    """
+    order = Order(
+        _accuracies(args.accuracies),
+        args.seed,
+        args.quick,
+        QUICK_LONGEST_S if args.quick else LONGEST_S,
+        ONLY.get(args.only, QUANTITIES),
+    )
+    campaign = read_campaign(args.campaign) if args.campaign else None
+    scene = scene_named(args.scene or BUILT_IN[0])
+    choice = campaign.file.fmu if campaign else scene.fmu
+    fmu = provide_fmu(choice, args.out / "fmu")
+    with FmuWorkers(fmu, workers=args.workers, timeout_s=choice.timeout_s) as workers:
+        description = workers.description
+        if campaign is not None:
+            bound = bind(campaign, description.variables)
+            scene = scene_of_campaign(bound, choice, description.variables)
+        job = _job(scene, order, description)
+        memory = memories.resume(args.out, job) if args.resume else memories.begin(args.out, job)
+        if args.resume:
+            print(f"{len(memory)} finished settings found in {memory.path}")
+        with status_line(NAME) as tell:
+            study = run_study(scene, workers, order, memory, tell)
+        study = replace(study, provenance=_provenance(args, description, workers.reuse_note))
+    for path in _write(study, args.out):
+        print(path)
+    print("\n".join(["", *terminal(study)]))
+    if study.status != "finished":
+        print(f"{study.status}: {study.message}")
+        return 1
+    memory.remove()
+    return 0
+
+
+def _accuracies(text: str) -> tuple[float, ...]:
+    found = []
+    for word in text.split(","):
+        try:
+            value = float(word)
+        except ValueError:
+            value = 0.0
+        if not 0.0 < value < 1.0:
+            raise BadInput(f"--accuracies: found {word.strip()!r}, wanted numbers between 0 and 1")
+        found.append(value)
+    return tuple(sorted(set(found), reverse=True))
+
+
+def _job(scene: Scene, order: Order, description: FmuDescription) -> str:
+    """Fingerprint of everything that a finished setting depends on."""
+    content = {
+        "scene": repr(scene),
+        "order": to_plain(replace(order, accuracies=())),
+        "fmu": description.sha256,
+        "versions": {name: version(name) for name in ("numpy", "scipy", "mpmath")},
+        "version": fitting.__version__,
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _provenance(
+    args: argparse.Namespace, description: FmuDescription, reuse: str
+) -> dict[str, str]:
+    words = ["fmu-fit", NAME]
+    if args.campaign:
+        words += ["--campaign", args.campaign.as_posix()]
+    else:
+        words += ["--scene", args.scene or BUILT_IN[0]]
+    words += ["--out", args.out.as_posix()]
+    words += ["--only", args.only] if args.only else []
+    words += ["--quick"] if args.quick else []
+    return {
+        "command": shlex.join(words),
+        "FMU": f"{description.model_name}, {description.path.name}, SHA-256 {description.sha256}",
+        "machine": f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()}",
+        "versions": f"fmu-fit {fitting.__version__}, Python {platform.python_version()}",
+        "instances": reuse,
+        "cost": "processor time of this process and the FMU's, wall time where that is not known; "
+        "medians",
+    }
+
+
+def _write(study: Study, out: Path) -> list[Path]:
+    from fitting.report.figures.tradeoff import (
+        save_figures,  # worker processes import this file, too
+    )
+    from fitting.report.tradeoff import write_report
+
+    write_whole(out / "tradeoff.csv", csv_of(study))
+    write_whole(out / "tradeoff.md", markdown(study))
+    figures = save_figures(study, out / "figures")
+    page = write_report(study, figures, out)
+    drawn = [path for figure in figures for path in (figure.png, figure.svg)]
+    return [out / "tradeoff.csv", out / "tradeoff.md", *drawn, page]

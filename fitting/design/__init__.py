@@ -1,0 +1,1 @@
+"""Which measurement next: candidates, information, choice, campaign."""

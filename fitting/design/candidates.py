@@ -1,0 +1,188 @@
+"""What could be measured next: an instrument's limits, and every setup within them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fitting.campaign import BoundCampaign, Experiment
+from fitting.signal.combinations import Combination
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz
+from fitting.text.units import convert
+
+Scalar = float | int | bool | str
+
+#: Offsets of a tone from the middle of a resonance, at most; a finer grid is thinned to it.
+MOST_OFFSETS = 24
+#: Setups, at most, that are simulated.
+MOST_SETUPS = 20_000
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the instrument can do, frequencies in Hz, amplitudes in the detector's unit.
+
+    Tones lie on a grid of `frequency_step_hz`, no further than `farthest_hz` from one of the
+    `centres_hz`, `least_spacing_hz` apart and, with `both_sides`, on both sides of it. `outputs`
+    are FMU outputs that can be observed; `levels` factors on the campaign's drive level, proposed
+    where the amplitude stays below `largest_v`; `settings` lists values of further FMU parameters.
+    A peak of amplitude A, averaged over `repeats` spectra, is known to
+
+        sigma^2 = noise_floor^2/repeats + (relative_noise A)^2
+
+    and `setting_sigmas` are errors, in the FMU's unit, of what the laboratory believes of
+    quantities that drift: common to the tones of one experiment, new in the next. `tones` are
+    driven at once, one or two; `lines` are read at combinations of them, at the tones if empty.
+    """
+
+    outputs: tuple[str, ...]
+    centres_hz: tuple[float, ...]
+    frequency_step_hz: float
+    least_spacing_hz: float
+    farthest_hz: float
+    both_sides: bool
+    levels: tuple[float, ...]
+    repeats: tuple[int, ...]
+    noise_floor_v: float
+    relative_noise: float
+    largest_v: float
+    settings: Mapping[str, tuple[Scalar, ...]] = field(default_factory=dict)
+    setting_sigmas: Mapping[str, float] = field(default_factory=dict)
+    number: int = 6
+    tones: int = 2
+    lines: tuple[Combination, ...] = ()
+
+    def sigma(self, amplitude_v: float, repeats: int) -> float:
+        """Standard deviation of a peak, see the class; in the detector's unit."""
+        floor = self.noise_floor_v / math.sqrt(repeats)
+        return math.hypot(floor, self.relative_noise * amplitude_v)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """One thing to measure: tones, what is observed, drive level (a factor), further settings.
+
+    `experiment` is what is simulated for it; `centre_hz` the resonance that the tones surround.
+    """
+
+    tones_hz: tuple[float, ...]
+    centre_hz: float
+    output: str
+    level: float
+    settings: Mapping[str, Scalar]
+    experiment: Experiment
+
+    @property
+    def words(self) -> str:
+        """The setup in words."""
+        said = f"{self.output} at {hertz(*self.tones_hz, digits=9)}"
+        if self.level != 1.0:
+            said += f", {self.level:g} times the drive level"
+        return said + "".join(f", {name} = {value}" for name, value in self.settings.items())
+
+
+def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
+    """Every setup within the limits, in a fixed order.
+
+    Raises:
+        BadInput: nothing lies within the limits, too much does, or a drive of more than two tones.
+    """
+    places = [(c, tones) for c in limits.centres_hz for tones in _tones(bound, limits, c)]
+    combined = _combinations(limits.settings)
+    count = len(places) * len(limits.outputs) * len(limits.levels) * len(combined)
+    if not count:
+        raise BadInput(
+            f"{bound.path}: no drive frequencies lie within the limits: step "
+            f"{limits.frequency_step_hz:g} Hz, spacing {limits.least_spacing_hz:g} Hz, farthest "
+            f"{limits.farthest_hz:g} Hz; wanted a farthest detuning of several steps"
+        )
+    if count > MOST_SETUPS:
+        raise BadInput(
+            f"{bound.path}: {count} setups lie within the limits, wanted at most {MOST_SETUPS}: a "
+            "coarser frequency_step, or fewer levels, outputs or settings"
+        )
+    base = base_settings(bound)
+    return tuple(
+        _setup(bound, limits.lines, base, centre, tones, output, level, chosen)
+        for (centre, tones), output, level, chosen in itertools.product(
+            places, limits.outputs, limits.levels, combined
+        )
+    )
+
+
+def _combinations(settings: Mapping[str, Sequence[Scalar]]) -> list[dict[str, Scalar]]:
+    values = itertools.product(*settings.values())
+    return [dict(zip(settings, combination, strict=True)) for combination in values]
+
+
+def _tones(bound: BoundCampaign, limits: Limits, centre_hz: float) -> list[tuple[float, ...]]:
+    """Tones around one centre, on the instrument's grid."""
+    step = limits.frequency_step_hz
+    middle = round(centre_hz / step) * step
+    reach = math.floor(limits.farthest_hz / step + 1e-9)
+    stride = max(1, math.ceil((2 * reach + 1) / MOST_OFFSETS))
+    offsets = [k for k in range(-reach, reach + 1) if k % stride == 0]
+    if limits.tones == 1:
+        return [(middle + k * step,) for k in offsets if middle + k * step > 0.0]
+    pairs = [
+        (middle + low * step, middle + high * step)
+        for low, high in itertools.combinations(offsets, 2)
+        if (high - low) * step >= limits.least_spacing_hz * (1.0 - 1e-9)
+        and (low < 0 < high or not limits.both_sides)
+    ]
+    return [pair for pair in pairs if pair[0] > 0.0]
+
+
+def levels_and_more(
+    bound: BoundCampaign, tones: int, level: float, chosen: Mapping[str, Scalar]
+) -> dict[str, Scalar]:
+    """What a setup sets beside its tones: drive amplitudes (zero of tones that are not driven)."""
+    names = bound.drive.amplitudes if bound.drive.kind == "tones" else ()
+    amplitudes = {name: level * bound.drive.level * (k < tones) for k, name in enumerate(names)}
+    return {**amplitudes, **chosen}
+
+
+def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
+    """What stays as in the last experiment, with what drifts at its latest value."""
+    base: dict[str, Scalar] = {}
+    if bound.experiments:
+        base.update(bound.experiments[-1].settings)
+    elif bound.sweep is not None:
+        base.update(bound.sweep.settings)
+    base.update({name: after for name, (_, after) in bound.drifting.items()})
+    return base
+
+
+def _setup(
+    bound: BoundCampaign,
+    lines: Sequence[Combination],
+    base: Mapping[str, Scalar],
+    centre_hz: float,
+    tones: tuple[float, ...],
+    output: str,
+    level: float,
+    chosen: Mapping[str, Scalar],
+) -> Setup:
+    drive = bound.drive
+    settings = {**base, **levels_and_more(bound, len(tones), level, chosen)}
+    if drive.kind == "tones":
+        for name, tone in zip(drive.frequencies, tones, strict=False):
+            where = f"{bound.path}: [drive] frequencies"
+            settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
+    read = tuple(line.frequency_hz(tones) for line in lines)
+    blank = np.full(len(read or tones), np.nan)
+    experiment = Experiment(
+        "", settings, tones, blank, blank, 0.0, None, lines_hz=read, output=output
+    )
+    return Setup(tones, centre_hz, output, level, dict(chosen), experiment)
+
+
+def as_campaign(bound: BoundCampaign, setups: Sequence[Setup]) -> BoundCampaign:
+    """The campaign with these setups as its experiments, to be planned and simulated alike."""
+    named = [replace(s.experiment, label=f"setup {i + 1}") for i, s in enumerate(setups)]
+    return replace(bound, experiments=tuple(named))

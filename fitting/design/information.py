@@ -1,0 +1,246 @@
+"""What measurements say, through the FMU: information matrices of data so far and of candidates.
+
+A measurement is ln of a scaled peak amplitude. With J = d ln(chi z)/dx by central differences, the
+relative variances of the peaks on the diagonal of V and, common to the tones of one experiment, the
+errors of what drifts (g = d ln(chi z)/d setting, standard deviation s),
+
+    F = sum over experiments of [J 1]^T V^-1 [J 1],      V = diag(sigma^2/A^2) + sum s^2 g g^T
+
+The last variable is the logarithm of the scale chi, a nuisance that all experiments share; its
+prior is the scatter of the sweep that it rests on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign import BoundCampaign, Experiment
+from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.fit.job import measured_of
+from fitting.fit.noise import chi_sigmas, strongest
+from fitting.fit.objective import (
+    Measured,
+    Objective,
+    Point,
+    evaluate_many,
+    jacobian_of,
+    make_objective,
+    stencil,
+)
+from fitting.inference.uncertainty import row_sigmas
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import plan_campaign
+from fitting.simulate.batch import Workers
+
+FloatArray = npt.NDArray[np.float64]
+Scalar = float | int | bool | str
+
+#: Settings are moved by this share of their error for a difference quotient.
+SHIFT = 0.2
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point of the parameter space: one of the alternatives, and a search vector (n,)."""
+
+    alternative: Mapping[str, Scalar]
+    x: FloatArray
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Peaks of some experiments at one place.
+
+    `amplitude_v` (m,), `by_x` (m, n) and `by_setting` (m, s) derivatives of their logarithms,
+    `residuals` (m,) against what was measured. `swept_residuals` (k,) and `swept_by_x` (k, n)
+    belong to a sweep that is fitted point by point.
+    """
+
+    amplitude_v: FloatArray
+    by_x: FloatArray
+    by_setting: FloatArray
+    residuals: FloatArray
+    swept_residuals: FloatArray
+    swept_by_x: FloatArray
+
+
+class Series:
+    """Experiments of a campaign - those measured, or setups not measured yet - and their FMU."""
+
+    def __init__(self, bound: BoundCampaign, workers: Workers, measured: Measured) -> None:
+        self.bound, self.workers, self.measured = bound, workers, measured
+        self.plan = plan_campaign(bound)
+        self._steps: FloatArray | None = None
+
+    def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
+        """The FMU as the response of one alternative."""
+        return FmuResponse(self.bound, self.workers, self.plan, alternative)
+
+    def objective(self, alternative: Mapping[str, Scalar], steps: FloatArray) -> Objective:
+        """The objective of one alternative with given difference steps."""
+        return Objective(self.response(alternative), self.bound.parameters, self.measured, steps)
+
+    def steps(self) -> FloatArray:
+        """Difference steps in x that suit this series, found once."""
+        if self._steps is None:
+            made = make_objective(
+                self.response(self.bound.alternatives[0]), self.bound.parameters, self.measured
+            )
+            self._steps = made.steps
+        return self._steps
+
+    def rows(
+        self, places: Sequence[Place], steps: FloatArray, setting_sigmas: Mapping[str, float]
+    ) -> list[Rows]:
+        """Peaks and their derivatives at several places, a few batches for each."""
+        return [self._rows(place, steps, setting_sigmas) for place in places]
+
+    def _rows(self, place: Place, steps: FloatArray, setting_sigmas: Mapping[str, float]) -> Rows:
+        objective = self.objective(place.alternative, steps)
+        here, *around = evaluate_many(objective, [place.x, *stencil(objective, place.x)])
+        shifted = [
+            self._by_setting(place, steps, name, SHIFT * sigma)
+            for name, sigma in setting_sigmas.items()
+        ]
+        count = here.simulated_v.size
+        return Rows(
+            here.simulated_v,
+            _by_x(around),
+            np.stack(shifted, axis=1) if shifted else np.zeros((count, 0)),
+            here.residuals[:count],
+            here.residuals[count:],
+            jacobian_of(around)[count:],
+        )
+
+    def _by_setting(self, place: Place, steps: FloatArray, name: str, shift: float) -> FloatArray:
+        """d ln(chi z)/d setting, (m,): moved in the experiments, not in the sweep."""
+        ends = []
+        objective, own = self.objective(place.alternative, steps), self.response(place.alternative)
+        for sign in (1.0, -1.0):
+            moved = tuple(_shifted(e, name, sign * shift) for e in self.bound.experiments)
+            response = replace(own, bound=replace(self.bound, experiments=moved))
+            point = evaluate_many(replace(objective, response=response), [place.x])[0]
+            ends.append(point.simulated_v)
+        return _log_ratio(ends[0], ends[1]) / (2.0 * shift)
+
+
+def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
+    value = experiment.settings.get(name)
+    if not isinstance(value, float | int):
+        return experiment
+    return replace(experiment, settings={**experiment.settings, name: value + shift})
+
+
+def _by_x(points: Sequence[Point]) -> FloatArray:
+    """d ln(simulated)/dx (m, n) from the points of a stencil."""
+    columns = [
+        _log_ratio(above.simulated_v, below.simulated_v) / np.max(np.abs(above.x - below.x))
+        for above, below in zip(points[0::2], points[1::2], strict=True)
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+    """ln(above/below); zero where an output does not answer at all (it says nothing)."""
+    silent = (above <= 0.0) | (below <= 0.0)
+    return np.asarray(np.log(np.where(silent, 1.0, above) / np.where(silent, 1.0, below)))
+
+
+def unmeasured(bound: BoundCampaign, peaks: int) -> Measured:
+    """What an objective of setups wants: peaks of one, and the campaign's own scale."""
+    own = measured_of(bound)
+    return replace(own, peaks_v=np.ones(peaks), sigmas_v=np.zeros(peaks), fit_sweep=False)
+
+
+def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray:
+    """Standard deviations of the prior in x, (n,): the box as if uniform, Gaussian, Tikhonov.
+
+    A box wider than a period holds everything twice: the period counts then.
+    """
+    lower, upper = search_bounds(parameters)
+    widths = upper - lower
+    held = np.full(len(parameters), nu)
+    for i, parameter in enumerate(parameters):
+        if parameter.period is not None:
+            widths[i] = min(widths[i], parameter.period / parameter.scale)
+        if parameter.prior_sigma is not None:
+            held[i] += (parameter.scale / parameter.prior_sigma) ** 2
+    return np.asarray(1.0 / np.sqrt(12.0 / widths**2 + held))
+
+
+def scale_sigma(measured: Measured) -> float:
+    """Relative standard deviation of the scale; zero without one, and where it is fitted."""
+    return strongest(chi_sigmas(measured))
+
+
+def noise_covariance(
+    sigmas: FloatArray, by_setting: FloatArray, setting_sigmas: FloatArray, same: FloatArray
+) -> FloatArray:
+    """V (..., m, m) from `sigmas` (..., m), relative, and `by_setting` (..., m, s).
+
+    `same` (m, m) is one for rows of one experiment: an error of a setting is common to them and
+    new in the next.
+    """
+    moved = by_setting * setting_sigmas
+    diagonal = sigmas[..., :, np.newaxis] ** 2 * np.eye(sigmas.shape[-1])
+    return np.asarray(diagonal + same * (moved @ np.swapaxes(moved, -1, -2)))
+
+
+def information(columns: FloatArray, covariance: FloatArray) -> FloatArray:
+    """J^T V^-1 J, (..., n, n), by a Cholesky factor; `columns` J (..., m, n)."""
+    white = np.linalg.solve(np.linalg.cholesky(covariance), columns)
+    return np.asarray(np.swapaxes(white, -1, -2) @ white)
+
+
+def _with_scale(by_x: FloatArray) -> FloatArray:
+    """Derivatives of logarithms with that to the logarithm of the scale, which is one, beside."""
+    return np.concatenate([by_x, np.ones((*by_x.shape[:-1], 1))], axis=-1)
+
+
+def information_of_data(
+    series: Series, rows: Rows, setting_sigmas: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Information (n + 1, n + 1) of what was measured, and V and J of its rows.
+
+    Settings that the campaign fits an offset to carry no error of their own here.
+    """
+    measured, experiments = series.measured, series.bound.experiments
+    count = rows.amplitude_v.size
+    fitted = {name for parameter in series.bound.parameters for name in parameter.adds_to}
+    held = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
+    index = np.repeat(np.arange(len(experiments)), [len(e.peaks_v) for e in experiments])
+    residuals = np.concatenate([rows.residuals, rows.swept_residuals])
+    given = measured.rows_sigma
+    sigmas = np.concatenate(
+        [row_sigmas(given[part], residuals[part]) for part in (slice(count), slice(count, None))]
+    )
+    covariance = np.diag(sigmas**2)
+    same = np.equal.outer(index, index).astype(float)
+    covariance[:count, :count] = noise_covariance(sigmas[:count], rows.by_setting, held, same)
+    # d residual = (1 + residual) d ln(chi z) for a peak; a fitted sweep is relative to its maximum
+    peaks = _with_scale(rows.by_x) * (1.0 + rows.residuals[:, np.newaxis])
+    swept = rows.swept_residuals
+    if swept.size:
+        swept = swept + measured.sweep_v / measured.maximum_v
+    columns = np.concatenate([peaks, np.column_stack([rows.swept_by_x, swept])])
+    return information(columns, covariance), covariance, columns
+
+
+def information_of_setups(
+    rows: Rows, relative: FloatArray, kept: Sequence[int], setting_sigmas: Mapping[str, float]
+) -> FloatArray:
+    """Information (kept, n + 1, n + 1) of the setups kept.
+
+    `relative` (kept, tones) are the relative standard deviations of their peaks.
+    """
+    tones = relative.shape[1]
+    held = np.array(list(setting_sigmas.values()))
+    shape = (rows.amplitude_v.size // tones, tones)
+    by_setting = rows.by_setting.reshape(*shape, rows.by_setting.shape[1])[list(kept)]
+    by_x = rows.by_x.reshape(*shape, rows.by_x.shape[1])[list(kept)]
+    covariance = noise_covariance(relative, by_setting, held, np.ones((tones, tones)))
+    return information(_with_scale(by_x), covariance)

@@ -1,0 +1,176 @@
+"""Points that fit the data as well as any: where a design has to be good, since none is known.
+
+In variables y of unit prior variance, with rows in units of the noise, walkers set out from a fit.
+Each step goes along what the data do not hold (singular values of J below one: there the prior
+knows more) and is brought back to the fit by damped Gauss-Newton steps of least length,
+
+    dy = -(J^T J + mu I)^-1 J^T r,    singular values below one left out
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.design.information import Place, Series
+from fitting.fit.objective import evaluate_many, jacobian_of, stencil
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Walkers per alternative, their steps, and the length of one in prior standard deviations.
+WALKERS, STRIDES, STRIDE = 4, 8, 0.35
+#: Gauss-Newton steps at most that lead to a fit, and those after each stride.
+SETTLING, CORRECTIONS = 12, 2
+DAMPING = 1e-3
+#: Singular values of J, in units of noise and prior, from which the data hold a direction.
+HELD = 1.0
+#: Chi-square above the least from which a point no longer counts as an equal fit (two sigma).
+EQUAL = 4.0
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A point, its chi-square, rows (m,) and J (m, n) in units of noise and prior."""
+
+    place: Place
+    chi_square: float
+    rows: FloatArray
+    matrix: FloatArray
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """Where walkers walk: data, covariance of all their rows (m, m), prior sigmas and steps (n,).
+
+    All series have the parameters of the first.
+    """
+
+    series: tuple[Series, ...]
+    covariance: FloatArray
+    prior: FloatArray
+    steps: FloatArray
+
+    def at(self, places: Sequence[Place]) -> list[Fitted]:
+        """Rows and Jacobians at places of one alternative, in one batch."""
+        if not places:
+            return []
+        factor = np.linalg.cholesky(self.covariance)
+        residuals: list[list[FloatArray]] = [[] for _ in places]
+        slopes: list[list[FloatArray]] = [[] for _ in places]
+        for series in self.series:
+            objective = series.objective(places[0].alternative, self.steps)
+            nodes = [[place.x, *stencil(objective, place.x)] for place in places]
+            points = iter(evaluate_many(objective, [x for group in nodes for x in group]))
+            for k, group in enumerate(nodes):
+                here, *around = (next(points) for _ in group)
+                residuals[k].append(here.residuals)
+                slopes[k].append(jacobian_of(around))
+        found = []
+        for place, some, matrices in zip(places, residuals, slopes, strict=True):
+            rows = np.linalg.solve(factor, np.concatenate(some))
+            matrix = np.linalg.solve(factor, np.concatenate(matrices)) * self.prior
+            found.append(Fitted(place, float(rows @ rows), rows, matrix))
+        return found
+
+    def moved(self, fitted: Fitted, dy: FloatArray) -> Place:
+        """The place dy prior standard deviations away, within the box."""
+        lower, upper = search_bounds(self.series[0].bound.parameters)
+        x = np.clip(fitted.place.x + self.prior * dy, lower, upper)
+        return Place(fitted.place.alternative, np.asarray(x))
+
+
+def settle(terrain: Terrain, place: Place) -> Fitted:
+    """The nearest fit, by Levenberg-Marquardt, as long as chi-square falls by a hundredth."""
+    here = terrain.at([place])[0]
+    damping = DAMPING
+    for _ in range(SETTLING):
+        there = terrain.at([terrain.moved(here, _correction(here, damping))])[0]
+        if not there.chi_square < here.chi_square:
+            damping = 30.0 * max(damping, float(np.linalg.norm(here.matrix, 2) ** 2) * 1e-3)
+            continue
+        done = here.chi_square - there.chi_square < 1e-2
+        here, damping = there, max(damping / 30.0, DAMPING)
+        if done:
+            break
+    return here
+
+
+def walk(terrain: Terrain, start: Fitted, seed: int) -> list[Fitted]:
+    """Points of equal fit that walkers reach from one, the start not among them.
+
+    None where the data hold every direction better than the prior does.
+    """
+    if start.matrix.shape[0] >= len(terrain.prior) and _held(start.matrix).all():
+        return []
+    rng = np.random.default_rng(seed)
+    walkers = [start] * WALKERS
+    headings = list(rng.standard_normal((WALKERS, len(terrain.prior))))
+    reached: list[Fitted] = []
+    for _ in range(STRIDES):
+        places = []
+        for k, walker in enumerate(walkers):
+            headings[k] = _along_the_fit(walker.matrix, headings[k])
+            places.append(terrain.moved(walker, STRIDE * headings[k]))
+        ahead = terrain.at(places)
+        for _ in range(CORRECTIONS):
+            ahead = terrain.at([terrain.moved(f, _correction(f, DAMPING)) for f in ahead])
+        for k, there in enumerate(ahead):
+            stuck = np.allclose(there.place.x, walkers[k].place.x)
+            if there.chi_square <= start.chi_square + EQUAL and not stuck:
+                walkers[k] = there
+                reached.append(there)
+            else:
+                headings[k] = rng.standard_normal(len(terrain.prior))
+    return reached
+
+
+def _correction(fitted: Fitted, damping: float) -> FloatArray:
+    left, singular, right = np.linalg.svd(fitted.matrix, full_matrices=False)
+    held = np.where(singular >= HELD, singular / (singular**2 + damping), 0.0)
+    return np.asarray(-right.T @ (held * (left.T @ fitted.rows)))
+
+
+def _held(matrix: FloatArray) -> npt.NDArray[np.bool_]:
+    return np.linalg.svd(matrix, compute_uv=False) >= HELD
+
+
+def _along_the_fit(matrix: FloatArray, heading: FloatArray) -> FloatArray:
+    """Unit vector along the heading within what the data do not hold; zero where they hold all."""
+    _, singular, right = np.linalg.svd(matrix, full_matrices=True)
+    values = np.zeros(len(heading))
+    values[: singular.size] = singular
+    free = right[values < HELD]
+    along = free.T @ (free @ heading)
+    length = float(np.linalg.norm(along))
+    return np.asarray(along / length if length > 0.0 else along)
+
+
+def spread_out(
+    parameters: Sequence[Parameter],
+    first: Place,
+    others: Sequence[Place],
+    number: int,
+    prior: FloatArray,
+) -> list[Place]:
+    """The first and up to `number` - 1 others that lie far from each other."""
+    chosen, left = [first], list(others)
+    while left and len(chosen) < number:
+        nearest = [min(_apart(parameters, a, b, prior) for b in chosen) for a in left]
+        if max(nearest) <= 0.0:
+            break
+        chosen.append(left.pop(int(np.argmax(nearest))))
+    return chosen
+
+
+def _apart(parameters: Sequence[Parameter], one: Place, other: Place, prior: FloatArray) -> float:
+    """Distance in prior standard deviations; another alternative counts as half of one."""
+    gap = np.abs(one.x - other.x)
+    for i, parameter in enumerate(parameters):
+        if parameter.period is not None:
+            period = parameter.period / parameter.scale
+            gap[i] = min(gap[i] % period, period - gap[i] % period)
+    return float(np.linalg.norm(gap / prior)) + 0.5 * (one.alternative != other.alternative)

@@ -1,0 +1,214 @@
+"""From weighed candidates to a `Design`: what is proposed, in order, and what it should do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign import BoundCampaign
+from fitting.campaign.parameters import canonical, to_model
+from fitting.design.candidates import Limits
+from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
+from fitting.design.weighing import Question, Weighed, chosen_by
+from fitting.text.notation import hertz, listed, number, quantity
+
+FloatArray = npt.NDArray[np.float64]
+
+#: A factor on the error that nobody calls useless.
+HELPFUL = 3.0
+
+
+def propose(
+    bound: BoundCampaign,
+    weighed: Weighed,
+    limits: Limits,
+    question: Question,
+    unit: str,
+    provenance: Mapping[str, str],
+) -> Design:
+    """Choose and tell.
+
+    `unit` is the target's.
+
+    Raises:
+        BadInput: the criterion is the target's, and it can be differentiated at no point.
+    """
+    chosen = chosen_by(weighed, limits, question.criterion)
+    known = np.isfinite(weighed.spread_values)
+    values = weighed.spread_values[known]
+    return Design(
+        title=bound.title,
+        synthetic=bound.synthetic,
+        campaign=str(bound.path),
+        target=question.target,
+        unit=unit,
+        amplitude_unit=bound.amplitude_unit,
+        criterion=question.criterion,
+        before=_expected(weighed.sigmas([])),
+        spread=weighed.spread,
+        span=(float(np.min(values)), float(np.max(values))) if values.size else (np.nan, np.nan),
+        proposals=tuple(
+            _proposal(weighed, limits, chosen, rank) for rank in range(1, len(chosen) + 1)
+        ),
+        kinds=_kinds(weighed, chosen),
+        places=_places(bound, weighed, chosen),
+        equal_fits=int(weighed.spread_values.size),
+        valueless=int(np.count_nonzero(~known)),
+        setups=len(weighed.setups),
+        candidates=weighed.problem.candidates,
+        sentences=(
+            *_sentences(weighed, chosen, limits, question),
+            *_doubts(weighed, chosen, question),
+        ),
+        limits=_limits(bound, limits),
+        provenance=dict(provenance),
+    )
+
+
+def _expected(sigmas: FloatArray) -> Expected:
+    known = sigmas[np.isfinite(sigmas)]
+    if not known.size:
+        return Expected(float("nan"), float("nan"), float("nan"))
+    mean = float(np.exp(np.mean(np.log(known))))
+    return Expected(float(sigmas[0]), mean, float(np.max(known)))
+
+
+def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int) -> Proposal:
+    candidate = chosen[rank - 1]
+    setup = weighed.setups[weighed.setup_of[candidate]]
+    peaks = weighed.amplitudes_v[0, weighed.setup_of[candidate]]
+    repeats = weighed.repeats[candidate]
+    return Proposal(
+        rank=rank,
+        tones_hz=setup.tones_hz,
+        centre_hz=setup.centre_hz,
+        output=setup.output,
+        level=setup.level,
+        settings=setup.settings,
+        repeats=repeats,
+        peaks_v=tuple(map(float, peaks)),
+        sigmas_v=tuple(limits.sigma(float(a), repeats) for a in peaks),
+        expected=_expected(weighed.sigmas(chosen[:rank])),
+    )
+
+
+def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
+    """Candidates by output, resonance and level, alone and beside the proposed but the last."""
+    alone = [_expected(sigmas).mean for sigmas in weighed.sigmas_beside([])]
+    beside = [_expected(sigmas).mean for sigmas in weighed.sigmas_beside(chosen[:-1])]
+    groups: dict[tuple[str, float, float], list[int]] = {}
+    for i, setup in enumerate(weighed.setup_of):
+        s = weighed.setups[setup]
+        groups.setdefault((s.output, s.centre_hz, s.level), []).append(i)
+    return tuple(
+        Kind(
+            *key,
+            best=min(alone[i] for i in group),
+            worst=max(alone[i] for i in group),
+            beside=min(beside[i] for i in group),
+            count=len(group),
+        )
+        for key, group in groups.items()
+    )
+
+
+def _places(
+    bound: BoundCampaign, weighed: Weighed, chosen: Sequence[int]
+) -> tuple[PlacePoint, ...]:
+    along = np.array([weighed.sigmas(chosen[:rank]) for rank in range(len(chosen) + 1)])
+    names = [parameter.name for parameter in bound.parameters]
+    points = []
+    for k, place in enumerate(weighed.places):
+        p = canonical(bound.parameters, to_model(bound.parameters, place.x))
+        points.append(
+            PlacePoint(
+                dict(place.alternative),
+                dict(zip(names, map(float, p), strict=True)),
+                float(weighed.values[k]),
+                tuple(map(float, along[:, k])),
+            )
+        )
+    return tuple(points)
+
+
+def _doubts(weighed: Weighed, chosen: Sequence[int], question: Question) -> list[str]:
+    """Where the proposal does not help, or cannot be judged."""
+    before, after = weighed.sigmas([]), weighed.sigmas(chosen)
+    if not np.isfinite(before[0]):
+        return [f"{question.target} has no value, or none that can be differentiated, here."]
+    gain, usual = float(before[0] / after[0]), float(np.nanmedian(before / after))
+    if gain > min(0.3 * usual, HELPFUL):
+        return []
+    return [
+        f"At the given point itself the error of {question.target} falls by a factor of "
+        f"{gain:.2g} only, where {usual:.2g} is usual: if the truth lies there, these measurements "
+        "determine it as little."
+    ]
+
+
+def _sentences(
+    weighed: Weighed, chosen: Sequence[int], limits: Limits, question: Question
+) -> tuple[str, ...]:
+    """What was assumed, and what a reader must know to judge the figures."""
+    count, none = weighed.spread_values.size, int(np.sum(~np.isfinite(weighed.spread_values)))
+    said = [
+        f"Expected errors are those of the problem linearised at {len(weighed.places)} points: the "
+        "given one, and others far from it that fit the data as well. The choice is the best on "
+        "average over them."
+        if len(weighed.places) > 1
+        else "The data so far hold every parameter: expected errors are those of the problem "
+        "linearised at the given point."
+    ]
+    if none:
+        said.append(
+            f"{question.target} has no value at {none} of {count} points of equal fit; they are "
+            "left out."
+        )
+    if np.isfinite(weighed.spread):
+        said.append(
+            f"Before anything is measured, {question.target} is taken to be known to its standard "
+            "deviation over these points, where the linearised prior says more."
+        )
+    highest = max(weighed.setups[weighed.setup_of[i]].level for i in chosen)
+    if highest > 1.0:
+        how = (
+            "the model's amplitudes are proportional to it"
+            if weighed.linear
+            else "the model is not linear in it"
+        )
+        said.append(
+            f"Drive levels up to {highest:g} times the campaign's are proposed; {how}. "
+            "Whether source and resonator bear it, where an output that is not observed may be "
+            "resonant, is for the laboratory to say: [design] levels."
+        )
+    if limits.setting_sigmas:
+        errors = listed(f"{name} by {s:.3g}" for name, s in limits.setting_sigmas.items())
+        said.append(
+            f"In every experiment, what is believed of what drifts is off by a standard deviation "
+            f"({errors}, the FMU's unit), common to its tones."
+        )
+    return tuple(said)
+
+
+def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
+    unit = bound.amplitude_unit
+    words = {
+        "outputs": listed(limits.outputs),
+        "resonances": hertz(*limits.centres_hz, joined=", "),
+        "frequency step": hertz(limits.frequency_step_hz),
+        "least spacing of tones": hertz(limits.least_spacing_hz),
+        "farthest detuning": hertz(limits.farthest_hz),
+        "tones at once": f"{limits.tones}"
+        + (", on both sides" if limits.both_sides and limits.tones > 1 else ""),
+        "drive levels": listed(f"{level:g}" for level in limits.levels) + " times the campaign's",
+        "spectra averaged": listed(str(count) for count in limits.repeats),
+        "noise of a peak": f"{quantity(limits.noise_floor_v, float('nan'), unit)} and "
+        f"{number(100.0 * limits.relative_noise, 3)} % of it",
+        "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
+        "measurements": str(limits.number),
+    }
+    for name, values in limits.settings.items():
+        words[name] = listed(str(v) for v in values)
+    return words

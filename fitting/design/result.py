@@ -1,0 +1,152 @@
+"""What a design says: the proposed measurements and what they should do for the target."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fitting.text.records import read_json, write_json
+
+Scalar = float | int | bool | str
+NAME = "design.json"
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Expected standard deviation of the target at the given point and over points of equal fit.
+
+    `mean` (geometric) and `worst` include the given point; NaN where the target has no value. None
+    is more than the spread of the target over points of equal fit.
+    """
+
+    at: float
+    mean: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One proposed measurement: `rank` in order of use, drive, output, number of spectra averaged.
+
+    `tones_hz`, expected peaks `peaks_v` and their `sigmas_v` (at the given point), one per tone;
+    `level` a factor on the campaign's drive level, `settings` of FMU parameters; `expected` of the
+    target after this measurement and those before it.
+    """
+
+    rank: int
+    tones_hz: tuple[float, ...]
+    centre_hz: float
+    output: str
+    level: float
+    settings: Mapping[str, Scalar]
+    repeats: int
+    peaks_v: tuple[float, ...]
+    sigmas_v: tuple[float, ...]
+    expected: Expected
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Candidates that share output, resonance and level.
+
+    Expected sigma (average over points of equal fit) of the `best` and the `worst` of them if it
+    were the only measurement, and of the best beside all proposed ones but the last (`beside`).
+    """
+
+    output: str
+    centre_hz: float
+    level: float
+    best: float
+    worst: float
+    beside: float
+    count: int
+
+
+@dataclass(frozen=True)
+class PlacePoint:
+    """A point at which the design was judged.
+
+    The `target` there and its `sigmas`, first with the data so far and then after every proposed
+    measurement; NaN where it has no value.
+    """
+
+    alternative: Mapping[str, Scalar]
+    parameters: Mapping[str, float]
+    target: float
+    sigmas: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Design:
+    """A proposal for the next measurements.
+
+    `before` is the target's sigma with the data so far, `spread` its standard deviation over
+    `equal_fits` points that fit equally well (of which `valueless` have no value); `limits` in
+    words; `sentences` say what was assumed.
+    """
+
+    title: str
+    synthetic: bool
+    campaign: str
+    target: str
+    unit: str
+    amplitude_unit: str
+    criterion: str
+    before: Expected
+    spread: float
+    span: tuple[float, float]
+    proposals: tuple[Proposal, ...]
+    kinds: tuple[Kind, ...]
+    places: tuple[PlacePoint, ...]
+    equal_fits: int
+    valueless: int
+    setups: int
+    candidates: int
+    sentences: tuple[str, ...]
+    limits: Mapping[str, str] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def improvement(self) -> float:
+        """Ratio of the average sigma before to that after all proposed measurements."""
+        return self.before.mean / self.proposals[-1].expected.mean if self.proposals else 1.0
+
+
+def write_design(design: Design, folder: Path) -> Path:
+    """Write `design.json` into a folder, whole or not at all."""
+    path = folder / NAME
+    write_json(path, design)
+    return path
+
+
+def read_design(path: Path) -> Design:
+    """Read it back; raises BadInput naming the key that is wrong."""
+    return read_json(path, Design)
+
+
+def design_csv(design: Design) -> str:
+    """The proposals as CSV text, a row each, units in the header."""
+    tones = len(design.proposals[0].tones_hz) if design.proposals else 0
+    unit, volts = design.unit or "1", design.amplitude_unit
+    names = list(design.proposals[0].settings) if design.proposals else []
+    head = ["rank", *(f"tone {i + 1} (Hz)" for i in range(tones)), "resonance (Hz)", "output"]
+    head += ["level", *names, "spectra", *(f"peak {i + 1} ({volts})" for i in range(tones))]
+    head += [f"sigma {i + 1} ({volts})" for i in range(tones)]
+    head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
+    before = design.before
+    lines = [",".join(head)]
+    blank = [""] * (len(head) - 4)
+    lines.append(",".join(["0", *blank, *map(_number, (before.at, before.mean, before.worst))]))
+    for p in design.proposals:
+        e = p.expected
+        cells = [str(p.rank), *map(repr, p.tones_hz), repr(p.centre_hz), p.output, repr(p.level)]
+        cells += [str(value) for value in p.settings.values()] + [str(p.repeats)]
+        cells += [*map(repr, p.peaks_v), *map(repr, p.sigmas_v)]
+        lines.append(",".join([*cells, *map(_number, (e.at, e.mean, e.worst))]))
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else repr(value)

@@ -1,0 +1,381 @@
+"""Which measurement next: candidates within the instrument's limits, weighed through the FMU.
+
+The point is not known where a design is needed most. So it is judged at the given point and, since
+data that do not determine the parameters are fitted as well elsewhere, at points of equal fit far
+from it; the choice is the best on average (geometric mean of the expected standard deviations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg import block_diag
+
+from fitting.campaign import BoundCampaign
+from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
+from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
+from fitting.design.choice import Problem, choose, target_sigmas
+from fitting.design.information import (
+    Place,
+    Rows,
+    Series,
+    information,
+    information_of_data,
+    information_of_setups,
+    prior_sigmas,
+    scale_sigma,
+    unmeasured,
+)
+from fitting.design.points import Terrain, settle, spread_out, walk
+from fitting.fit.job import measured_of
+from fitting.fit.objective import evaluate_many
+from fitting.inference.uncertainty import SMALLEST_SIGMA
+from fitting.simulate.batch import Workers
+from fitting.text.errors import BadInput
+
+FloatArray = npt.NDArray[np.float64]
+Scalar = float | int | bool | str
+
+#: Points at which a design is judged, the given one included.
+PLACES = 8
+#: Peaks below this many standard deviations are not proposed: they might not be seen at all.
+LEAST_SIGNAL = 3.0
+#: Relative departure from proportionality up to which a model counts as linear in the drive level.
+LINEAR = 1e-6
+#: Step in x for the gradient of a derived output.
+GRADIENT_STEP = 1e-4
+#: Points of equal fit from which their spread bounds what is known of the target.
+ENOUGH = 5
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked: target (parameter or derived output), criterion, where, seed of the walk.
+
+    `start` is an alternative and the parameters (n,) in their units, None for the fit that is
+    nearest to the references.
+    """
+
+    target: str
+    criterion: str = "target"
+    start: tuple[Mapping[str, Scalar], FloatArray] | None = None
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Everything that a choice rests on, candidates as (setup, repeats).
+
+    `problem` in variables of unit prior variance; `amplitudes_v` (places, setups, tones);
+    `values` of the target at the `places`, `spread_values` at all points of equal fit.
+    """
+
+    problem: Problem
+    setups: tuple[Setup, ...]
+    repeats: tuple[int, ...]
+    setup_of: tuple[int, ...]
+    amplitudes_v: FloatArray
+    places: tuple[Place, ...]
+    values: FloatArray
+    spread_values: FloatArray
+    linear: bool
+    runs: int = 0
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the target over points of equal fit; infinite for too few."""
+        known = self.spread_values[np.isfinite(self.spread_values)]
+        return float(np.std(known)) if known.size >= ENOUGH else float("inf")
+
+    def sigmas(self, chosen: Sequence[int]) -> FloatArray:
+        """Expected standard deviation of the target at every place, no more than its spread."""
+        return self._within(target_sigmas(self.problem, self.problem.information(chosen)))
+
+    def sigmas_beside(self, chosen: Sequence[int]) -> FloatArray:
+        """The same with each candidate beside the chosen, shape (candidates, places)."""
+        gains = np.swapaxes(self.problem.gains, 0, 1)
+        return self._within(target_sigmas(self.problem, self.problem.information(chosen) + gains))
+
+    def _within(self, sigmas: FloatArray) -> FloatArray:
+        return np.asarray(sigmas / np.hypot(1.0, sigmas / self.spread))
+
+
+def weigh(
+    bound: BoundCampaign,
+    workers: Workers,
+    limits: Limits,
+    question: Question,
+    told: Callable[[str], None] = lambda state: None,
+    also: Sequence[BoundCampaign] = (),
+) -> Weighed:
+    """Information of the data so far and of every candidate, at points of equal fit.
+
+    The campaign is the one to be continued; what was measured in others (`also`, of the same FMU
+    and parameters, each with a scale of its own) counts as known.
+
+    Raises:
+        BadInput: an unknown target, no candidate within the limits, or another campaign with other
+            parameters.
+        FmuFailure: the FMU failed.
+    """
+    _check_target(bound, question.target)
+    data = Series(bound, workers, measured_of(bound))
+    known = (data, *(_alike(other, bound, workers) for other in also))
+    steps, prior = data.steps(), prior_sigmas(bound.parameters)
+    told("points of equal fit")
+    given, others = _equal_fits(known, question, prior, steps, limits)
+    values = _values(data, question.target, [given, *others])
+    useful = [p for p, v in zip(others, values[1:], strict=True) if np.isfinite(v)]
+    judged = useful if question.criterion == "target" else others
+    places = spread_out(bound.parameters, given, judged, PLACES, prior)
+    told(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
+    gradients = _gradients(data, question.target, places)
+    scale = _scale_sigma(bound, data)
+    unit = np.append(prior, scale)
+    base = np.stack([_known(known, place, steps, limits) for place in places])
+    told("candidates")
+    setups = setups_of(bound, limits)
+    rows, linear = _setup_rows(bound, workers, limits, setups, places, steps)
+    return _weighed(
+        limits,
+        setups,
+        rows,
+        np.eye(len(unit)) + base * np.outer(unit, unit),
+        unit,
+        np.column_stack([gradients * prior, np.zeros(len(places))]),
+        tuple(places),
+        _values(data, question.target, places),
+        values,
+        linear,
+    )
+
+
+def _alike(other: BoundCampaign, bound: BoundCampaign, workers: Workers) -> Series:
+    """Another campaign's data, in the search vector of the first."""
+    names, wanted = ({p.name for p in b.parameters} for b in (other, bound))
+    if names != wanted:
+        raise BadInput(
+            f"{other.path}: fits {', '.join(sorted(names))}, but {bound.path} fits "
+            f"{', '.join(sorted(wanted))}; wanted the same parameters"
+        )
+    same = replace(other, parameters=bound.parameters, alternatives=bound.alternatives)
+    return Series(same, workers, measured_of(same))
+
+
+def _known(known: Sequence[Series], place: Place, steps: FloatArray, limits: Limits) -> FloatArray:
+    """Information (n + 1, n + 1) of all data at a place; only the first shares its scale."""
+    total = np.zeros(2 * (place.x.size + 1,))
+    for k, series in enumerate(known):
+        rows = series.rows([place], steps, limits.setting_sigmas)[0]
+        found, covariance, columns = information_of_data(series, rows, limits.setting_sigmas)
+        if k == 0:
+            total += found
+        else:
+            own = scale_sigma(series.measured) * columns[:, -1]
+            total[:-1, :-1] += information(columns[:, :-1], covariance + np.outer(own, own))
+    return total
+
+
+def _check_target(bound: BoundCampaign, target: str) -> None:
+    names = [parameter.name for parameter in bound.parameters]
+    if target not in (*names, *bound.derived):
+        raise BadInput(
+            f"{bound.path}: target '{target}' is neither fitted nor derived; wanted one of "
+            f"{', '.join((*names, *bound.derived))}"
+        )
+
+
+def _scale_sigma(bound: BoundCampaign, data: Series) -> float:
+    """Prior of the scale's logarithm; next to nothing where there is none or where it is fitted."""
+    if any(parameter.role == "scale" for parameter in bound.parameters):
+        return 1e-9
+    return max(scale_sigma(data.measured), 1e-9)
+
+
+def _equal_fits(
+    known: tuple[Series, ...],
+    question: Question,
+    prior: FloatArray,
+    steps: FloatArray,
+    limits: Limits,
+) -> tuple[Place, list[Place]]:
+    """The given point (the fit nearest to the references), and others that fit as well."""
+    bound = known[0].bound
+    lower, upper = search_bounds(bound.parameters)
+    if question.start is None:
+        start = Place(bound.alternatives[0], np.clip(np.zeros(len(prior)), lower, upper))
+    else:
+        alternative, p = question.start
+        start = Place(alternative, np.clip(to_search(bound.parameters, p), lower, upper))
+    blocks = []
+    for series in known:
+        first = series.rows([start], steps, limits.setting_sigmas)[0]
+        covariance = information_of_data(series, first, limits.setting_sigmas)[1]
+        blocks.append(covariance + scale_sigma(series.measured) ** 2)
+    terrain = Terrain(known, block_diag(*blocks), prior, steps)
+    given = settle(terrain, start)
+    others: list[Place] = []
+    for k, alternative in enumerate(bound.alternatives):
+        here = given
+        if alternative != given.place.alternative:
+            here = settle(terrain, Place(alternative, given.place.x))
+            others.append(here.place)
+        others += [f.place for f in walk(terrain, here, question.seed + k)]
+    # a point that was asked for is kept, also where it fits badly
+    return (given.place if question.start is None else start), others
+
+
+def _gradients(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
+    """Gradients of the target in x, (k, n), by central differences; NaN where it has none."""
+    parameters = data.bound.parameters
+    names = [parameter.name for parameter in parameters]
+    if target in names:
+        gradients = np.zeros((len(places), len(names)))
+        gradients[:, names.index(target)] = parameters[names.index(target)].scale
+        return gradients
+    lower, upper = search_bounds(parameters)
+    nodes, spans = [], []
+    for place in places:
+        for i in range(len(names)):
+            ends = [place.x.copy(), place.x.copy()]
+            for x, sign in zip(ends, (1.0, -1.0), strict=True):
+                x[i] = np.clip(x[i] + sign * GRADIENT_STEP, lower[i], upper[i])
+            nodes += [Place(place.alternative, x) for x in ends]
+            spans.append(ends[0][i] - ends[1][i])
+    values = _values(data, target, nodes)
+    slopes = (values[0::2] - values[1::2]) / np.array(spans)
+    return np.asarray(slopes.reshape(len(places), len(names)))
+
+
+def _values(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
+    """The target at every place, a derived output as its mean over the experiments; NaN: none."""
+    parameters = data.bound.parameters
+    names = [parameter.name for parameter in parameters]
+    if target in names:
+        shown = [canonical(parameters, to_model(parameters, p.x)) for p in places]
+        return np.array([p[names.index(target)] for p in shown])
+    values = np.full(len(places), np.nan)
+    for alternative in data.bound.alternatives:
+        here = [k for k, place in enumerate(places) if place.alternative == alternative]
+        ps = [to_model(parameters, places[k].x) for k in here]
+        answers = data.response(alternative).derived_many(ps) if ps else []
+        for k, answer in zip(here, answers, strict=True):
+            values[k] = float(np.mean(answer[target])) if answer[target].size else np.nan
+    return values
+
+
+def _setup_rows(
+    bound: BoundCampaign,
+    workers: Workers,
+    limits: Limits,
+    setups: Sequence[Setup],
+    places: Sequence[Place],
+    steps: FloatArray,
+) -> tuple[list[Rows], bool]:
+    """Rows of all setups at every place, and whether the amplitude is proportional to the level.
+
+    Then one level is simulated, and the others follow.
+    """
+    levels = sorted({s.level for s in setups})
+    lowest = [s for s in setups if s.level == levels[0]]
+    series = _unmeasured(bound, workers, lowest)
+    linear = len(levels) == 1
+    if not linear:
+        highest = _unmeasured(bound, workers, [s for s in setups if s.level == levels[-1]])
+        low, high = (
+            evaluate_many(s.objective(places[0].alternative, steps), [places[0].x])[0].simulated_v
+            for s in (series, highest)
+        )
+        ratio = levels[-1] / levels[0]
+        linear = bool(np.all(np.abs(high - ratio * low) <= LINEAR * ratio * low))
+    if not linear:
+        return _unmeasured(bound, workers, setups).rows(places, steps, limits.setting_sigmas), False
+    index = {(s.tones_hz, s.output, tuple(s.settings.items())): i for i, s in enumerate(lowest)}
+    source = np.array([index[s.tones_hz, s.output, tuple(s.settings.items())] for s in setups])
+    tones = len(setups[0].experiment.read_hz)
+    picked = (source[:, np.newaxis] * tones + np.arange(tones)).ravel()
+    factors = np.repeat([s.level / levels[0] for s in setups], tones)
+    return [
+        replace(
+            rows,
+            amplitude_v=rows.amplitude_v[picked] * factors,
+            by_x=rows.by_x[picked],
+            by_setting=rows.by_setting[picked],
+        )
+        for rows in series.rows(places, steps, limits.setting_sigmas)
+    ], True
+
+
+def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup]) -> Series:
+    peaks = sum(len(setup.experiment.read_hz) for setup in setups)
+    return Series(as_campaign(bound, setups), workers, unmeasured(bound, peaks))
+
+
+def _weighed(
+    limits: Limits,
+    setups: tuple[Setup, ...],
+    rows: Sequence[Rows],
+    base: FloatArray,
+    unit: FloatArray,
+    gradients: FloatArray,
+    places: tuple[Place, ...],
+    values: FloatArray,
+    spread_values: FloatArray,
+    linear: bool,
+) -> Weighed:
+    """Candidates that can be seen and that the detector bears, and their information."""
+    amplitudes = np.stack([r.amplitude_v.reshape(len(setups), -1) for r in rows])
+    gains, repeats, setup_of = [], [], []
+    for count in limits.repeats:
+        floor = limits.noise_floor_v / np.sqrt(count)
+        sigmas = np.hypot(floor, limits.relative_noise * amplitudes)
+        above = np.min(amplitudes - LEAST_SIGNAL * sigmas, axis=2) >= 0.0
+        seen = (np.mean(above, axis=0) >= 0.5) & np.all(amplitudes > 0.0, axis=(0, 2))
+        borne = np.max(amplitudes[0], axis=1) <= limits.largest_v
+        kept = np.flatnonzero(seen & borne).tolist()
+        for rank, row in enumerate(rows):
+            relative = np.maximum(sigmas[rank, kept] / amplitudes[rank, kept], SMALLEST_SIGMA)
+            found = information_of_setups(row, relative, kept, limits.setting_sigmas)
+            gains.append((count, rank, found * np.outer(unit, unit)))
+        repeats += [count] * len(kept)
+        setup_of += kept
+    if not setup_of:
+        raise BadInput(
+            f"none of {len(setups)} setups can be measured: every peak is below "
+            f"{LEAST_SIGNAL:g} standard deviations of the noise or above the largest amplitude"
+        )
+    stacked = np.stack(
+        [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(rows))]
+    )
+    levels = np.array([setups[i].level for i in setup_of])
+    # spectra cost time; of two that take as long the gentler drive comes first
+    costs = np.array(repeats, dtype=float) + 1e-6 * levels / levels.max()
+    problem = Problem(base, stacked, gradients, len(unit) - 1, costs)
+    return Weighed(
+        problem,
+        setups,
+        tuple(repeats),
+        tuple(setup_of),
+        amplitudes,
+        places,
+        values,
+        spread_values,
+        linear,
+    )
+
+
+def chosen_by(weighed: Weighed, limits: Limits, criterion: str) -> list[int]:
+    """Candidates to measure, in order of use.
+
+    Raises:
+        BadInput: the criterion is the target's, and it can be differentiated at no point.
+    """
+    if criterion == "target" and not np.any(np.all(np.isfinite(weighed.problem.gradients), 1)):
+        raise BadInput(
+            "the target has no value, or none that can be differentiated, at any point of equal "
+            'fit; wanted another --target, or --criterion "D" or "A"'
+        )
+    return choose(weighed.problem, limits.number, criterion)

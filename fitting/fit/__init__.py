@@ -1,0 +1,1 @@
+"""The inverse problem: objective, Algorithm 2, the fit."""

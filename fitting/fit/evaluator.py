@@ -1,0 +1,90 @@
+"""What a solver sees of an objective: values and Jacobians, remembered and counted.
+
+The objective itself stays a record; this is the one place that keeps the last points, so that a
+solver that asks twice for the same x does not simulate twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.parameters import search_bounds
+from fitting.fit.objective import Nu, Objective, Point, evaluate_many, j_reg, jacobian_of, stencil
+
+FloatArray = npt.NDArray[np.float64]
+Kept = TypeVar("Kept")
+
+MISFITS = ("slack", "absolute", "squares")
+#: Points and Jacobians kept; a solver goes back by one or two iterates at most.
+REMEMBERED = 8
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Objective evaluations in all (inside Jacobians too), Jacobians, simulation runs."""
+
+    evaluations: int = 0
+    jacobians: int = 0
+    runs: int = 0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(
+            self.evaluations + other.evaluations,
+            self.jacobians + other.jacobians,
+            self.runs + other.runs,
+        )
+
+
+class Evaluator:
+    """Memory and counter in front of one objective; x outside the box is a programming error."""
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+        self.lower, self.upper = search_bounds(objective.parameters)
+        self.counts = Counts()
+        self._points: dict[bytes, Point] = {}
+        self._jacobians: dict[bytes, FloatArray] = {}
+
+    def point(self, x: FloatArray) -> Point:
+        """The point at x, simulated at most once while it is remembered."""
+        key = x.tobytes()
+        if key not in self._points:
+            self._remember(self._points, key, self._evaluate([x])[0])
+        return self._points[key]
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """dr/dx at x, shape (n_rows, n), one batch."""
+        key = x.tobytes()
+        if key not in self._jacobians:
+            matrix = jacobian_of(self._evaluate(stencil(self.objective, x)))
+            self.counts += Counts(jacobians=1)
+            self._remember(self._jacobians, key, matrix)
+        return self._jacobians[key]
+
+    def _evaluate(self, xs: Sequence[FloatArray]) -> list[Point]:
+        points = evaluate_many(self.objective, xs)
+        self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
+        return points
+
+    @staticmethod
+    def _remember(memory: dict[bytes, Kept], key: bytes, value: Kept) -> None:
+        if len(memory) >= REMEMBERED:
+            memory.pop(next(iter(memory)))
+        memory[key] = value
+
+
+def misfit_value(point: Point, misfit: str) -> float:
+    """Misfit: sum |r| for "slack" and "absolute", `Measured.squares` for "squares"."""
+    if misfit == "squares":
+        return point.squares
+    return point.j_fit
+
+
+def total(point: Point, nu: Nu, misfit: str) -> float:
+    """What is minimised at one point: misfit + J_reg."""
+    return misfit_value(point, misfit) + j_reg(point.x, nu)

@@ -1,0 +1,300 @@
+"""One regularised problem of Algorithm 2: min misfit(r(x)) + nu/2 |x|^2 in the box.
+
+nu may be one number or one per variable, where a prior of its own holds it.
+
+"slack" (default) gives the interior-point method the smooth problem
+
+    min_{x, s}  sum s + nu/2 |x|^2      -s <= r(x) <= s,   lower <= x <= upper,
+
+"absolute" hands it the kinked sum |r| as the paper writes it, "squares" the smooth sum of squares.
+The solver is scipy's trust-constr; nothing it says about its own success is taken on trust:
+progress is measured, and optimality is tested by the linearised problem.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
+
+from fitting.fit.evaluator import Evaluator, total
+from fitting.fit.gauss_newton import finish_squares
+from fitting.fit.linear_program import follow, promised_decrease, with_slacks
+from fitting.fit.objective import Nu, j_reg
+from fitting.fit.symmetry import off_symmetry
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Distance from a bound at which every solve starts, as a share of the box (at most in units of x).
+INSIDE_SHARE = 1e-3
+#: Iterates over which an interior-point solve must lower J, else it is stopped.
+PATIENCE = 12
+
+
+@dataclass(frozen=True)
+class SolveSettings:
+    """How one regularised problem is solved.
+
+    `misfit` is one of `evaluator.MISFITS`; a point is optimal where a linearised step promises
+    less than `absolute + relative J` (for "squares", a sum of another dimension,
+    `absolute^2 + relative J/10`); `iterations` bounds each interior-point run; `barrier` is
+    the largest first barrier parameter and `radius` the first trust radius; `restarts` counts the
+    further tries from a perturbed point where optimality is in doubt.
+    """
+
+    misfit: str = "slack"
+    absolute: float = 1e-7
+    relative: float = 1e-4
+    iterations: int = 60
+    barrier: float = 0.1
+    radius: float = 1.0
+    restarts: int = 1
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Outcome of one regularised problem.
+
+    `status` is "optimal" or "stalled", `message` a sentence; `optimality` the decrease of J that a
+    linearised step still promises; `iterations` of the interior point, `steps` of the finish.
+    """
+
+    x: FloatArray
+    optimality: float
+    status: str
+    message: str
+    iterations: int
+    steps: int
+
+
+def inside(x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    """Move x strictly into the box: an interior-point method that starts on a bound stalls."""
+    margin = INSIDE_SHARE * np.minimum(upper - lower, 1.0)
+    moved: FloatArray = np.clip(x, lower + margin, upper - margin)
+    return moved
+
+
+def solve(
+    evaluator: Evaluator,
+    start: FloatArray,
+    nu: Nu,
+    settings: SolveSettings,
+    generator: np.random.Generator,
+) -> Solve:
+    """Minimise misfit + J_reg from one start; never worse than the start.
+
+    Order: is the start optimal already? interior point; finish by linearised steps ("slack" and
+    "squares"); where optimality is still in doubt, again from a perturbed point, and the better is
+    kept.
+
+    Raises:
+        FmuFailure: the model failed at a point inside the box.
+
+    Source: the paper's Algorithm 2, line 3.
+    """
+    best = _attempt(evaluator, start, nu, settings)
+    for _ in range(settings.restarts if best.status != "optimal" else 0):
+        width = np.minimum(evaluator.upper - evaluator.lower, 1.0)
+        nudge = 0.02 * width * generator.standard_normal(best.x.size)
+        moved = inside(best.x + nudge, evaluator.lower, evaluator.upper)
+        again = _attempt(evaluator, moved, nu, settings)
+        if _value(evaluator, again.x, nu, settings) < _value(evaluator, best.x, nu, settings):
+            best = again
+        if best.status == "optimal":
+            break
+    return best
+
+
+def _value(evaluator: Evaluator, x: FloatArray, nu: Nu, settings: SolveSettings) -> float:
+    return total(evaluator.point(x), nu, settings.misfit)
+
+
+def _tolerance(value: float, settings: SolveSettings) -> float:
+    if settings.misfit == "squares":
+        return settings.absolute**2 + 0.1 * settings.relative * value
+    return settings.absolute + settings.relative * value
+
+
+def _attempt(evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSettings) -> Solve:
+    begun = _value(evaluator, start, nu, settings)
+    promise = _promise(evaluator, start, nu, settings)
+    if promise <= _tolerance(begun, settings):
+        least = begun - _tolerance(begun, settings)
+        value = partial(_value, evaluator, nu=nu, settings=settings)
+        beside = off_symmetry(evaluator, start, value, least)
+        if beside is None:
+            return Solve(start, promise, "optimal", "the start is optimal already", 0, 0)
+        start, begun = beside, value(beside)
+        promise = _promise(evaluator, start, nu, settings)
+    # a barrier of 2m + 2n terms costs (2m + 2n) mu at its minimum: no more than there is to gain
+    terms = 2 * (evaluator.point(start).residuals.size + start.size)
+    barrier = float(np.clip(promise / terms, 1e-9, settings.barrier))
+    x, iterations, said = _interior_point(evaluator, start, nu, replace(settings, barrier=barrier))
+    if not _value(evaluator, x, nu, settings) < begun:
+        # also catches NaN: trust-constr has been seen to report success for both
+        x, said = start, f"the interior point did not lower J ({said})"
+    steps = 0
+    if settings.misfit in ("slack", "squares"):
+        tolerance = _tolerance(_value(evaluator, x, nu, settings), settings)
+        finish = follow if settings.misfit == "slack" else finish_squares
+        end = finish(evaluator, x, nu, tolerance)
+        x, steps, promise = end.x, end.steps, end.optimality
+        said = f"{said}; {steps} linearised steps: {end.message}" if steps else said
+    else:
+        promise = _promise(evaluator, x, nu, settings)
+    reached = promise <= _tolerance(_value(evaluator, x, nu, settings), settings)
+    status = "optimal" if reached else "stalled"
+    return Solve(x, promise, status, said, iterations, steps)
+
+
+def _promise(evaluator: Evaluator, x: FloatArray, nu: Nu, settings: SolveSettings) -> float:
+    try:
+        return promised_decrease(evaluator, x, nu, settings.misfit)
+    except ArithmeticError:
+        return math.inf  # no certificate: the point counts as not optimal
+
+
+class _Watch:
+    """Keeps the best iterate by the true J; stops a solve that is there, or that gets nowhere."""
+
+    def __init__(self, evaluator: Evaluator, nu: Nu, settings: SolveSettings) -> None:
+        self.evaluator, self.nu, self.settings = evaluator, nu, settings
+        self.n = evaluator.lower.size
+        self.best_x: FloatArray | None = None
+        self.best = math.inf
+        self.mark, self.waited = math.inf, 0
+        self.iterations = 0
+        self.stopped = ""
+
+    def __call__(self, y: FloatArray, state: Any) -> bool:
+        self.iterations += 1
+        x = np.array(y[: self.n], dtype=float)
+        if np.all((x >= self.evaluator.lower) & (x <= self.evaluator.upper)):
+            value = _value(self.evaluator, x, self.nu, self.settings)
+            if value < self.best:
+                self.best, self.best_x = value, x
+                # the solver has this Jacobian already: the test costs no simulation
+                if _promise(self.evaluator, x, self.nu, self.settings) <= self._enough():
+                    self.stopped = "optimal"
+                    return True
+        if self.best < self.mark - 0.1 * self._enough():
+            self.mark, self.waited = self.best, 0
+        else:
+            self.waited += 1
+        if self.waited >= PATIENCE:
+            self.stopped = "J stopped falling"
+        return bool(self.stopped)
+
+    def _enough(self) -> float:
+        return _tolerance(self.best, self.settings)
+
+
+def _interior_point(
+    evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSettings
+) -> tuple[FloatArray, int, str]:
+    """Best iterate of trust-constr, its number of iterations and its own words."""
+    x0 = inside(start, evaluator.lower, evaluator.upper)
+    build = {"slack": _slack_problem, "absolute": _plain_problem, "squares": _squares_problem}
+    problem = build[settings.misfit](evaluator, x0, nu, settings)
+    watch = _Watch(evaluator, nu, settings)
+    options = {
+        "maxiter": settings.iterations,
+        "initial_tr_radius": settings.radius,
+        "initial_barrier_parameter": settings.barrier,
+        "initial_barrier_tolerance": settings.barrier,
+        "gtol": 1e-9,
+        "xtol": 1e-10,
+        "barrier_tol": 1e-9,
+    }
+    with warnings.catch_warnings():
+        # a quasi-Newton update without curvature is usual for rows that are straight
+        warnings.filterwarnings("ignore", message="delta_grad == 0.0", category=UserWarning)
+        warnings.filterwarnings("ignore", message="Singular Jacobian matrix", category=UserWarning)
+        answer = minimize(method="trust-constr", callback=watch, options=options, **problem)
+    if watch.best_x is None:
+        return x0, watch.iterations, "no iterate inside the box"
+    said = watch.stopped or str(answer.message).rstrip(".")
+    return watch.best_x, watch.iterations, f"interior point: {said}"
+
+
+def _slack_problem(
+    evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
+) -> dict[str, Any]:
+    n = x0.size
+    rows = np.abs(evaluator.point(x0).residuals)
+    m = rows.size
+    curvature = np.diag(np.concatenate([np.full(n, nu), np.zeros(m)]))
+
+    def bands(y: FloatArray) -> FloatArray:
+        r, s = evaluator.point(np.array(y[:n])).residuals, y[n:]
+        return np.concatenate([r - s, -r - s])
+
+    def band_slopes(y: FloatArray) -> Any:
+        return with_slacks(evaluator.jacobian(np.array(y[:n])))
+
+    free = np.full(m, np.inf)
+    return {
+        "fun": lambda y: float(np.sum(y[n:])) + j_reg(y[:n], nu),
+        "x0": np.concatenate([x0, rows + settings.barrier]),
+        "jac": lambda y: np.concatenate([nu * y[:n], np.ones(m)]),
+        "hess": lambda y: curvature,
+        "constraints": [
+            NonlinearConstraint(bands, -np.inf, 0.0, jac=band_slopes, hess=BFGS(init_scale=1.0))
+        ],
+        "bounds": _box(
+            np.concatenate([evaluator.lower, -free]), np.concatenate([evaluator.upper, free]), n
+        ),
+    }
+
+
+def _plain_problem(
+    evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
+) -> dict[str, Any]:
+    def slope(x: FloatArray) -> FloatArray:
+        signs = np.sign(evaluator.point(np.array(x)).residuals)
+        gradient: FloatArray = evaluator.jacobian(np.array(x)).T @ signs + nu * x
+        return gradient
+
+    return {
+        "fun": lambda x: total(evaluator.point(np.array(x)), nu, "absolute"),
+        "x0": x0,
+        "jac": slope,
+        "hess": BFGS(init_scale=1.0),
+        "bounds": _box(evaluator.lower, evaluator.upper, x0.size),
+    }
+
+
+def _squares_problem(
+    evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
+) -> dict[str, Any]:
+    def slope(x: FloatArray) -> FloatArray:
+        point = evaluator.point(np.array(x))
+        rows = point.row_weights * point.residuals
+        gradient: FloatArray = 2.0 * evaluator.jacobian(np.array(x)).T @ rows + nu * x
+        return gradient
+
+    def gauss_newton(x: FloatArray) -> FloatArray:
+        matrix = evaluator.jacobian(np.array(x))
+        weighted = evaluator.point(np.array(x)).row_weights[:, np.newaxis] * matrix
+        hessian: FloatArray = 2.0 * matrix.T @ weighted + nu * np.eye(x0.size)
+        return hessian
+
+    return {
+        "fun": lambda x: total(evaluator.point(np.array(x)), nu, "squares"),
+        "x0": x0,
+        "jac": slope,
+        "hess": gauss_newton,
+        "bounds": _box(evaluator.lower, evaluator.upper, x0.size),
+    }
+
+
+def _box(lower: FloatArray, upper: FloatArray, n: int) -> Bounds:
+    # the FMU may refuse what lies outside the box, so no trial may leave it
+    keep = np.arange(lower.size) < n
+    return Bounds(lower, upper, keep_feasible=keep)

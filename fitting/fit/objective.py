@@ -1,0 +1,268 @@
+"""What is minimised: residual rows and Tikhonov rows, kept apart; it does not know who minimises.
+
+    r_i(p) = (chi(p) z_i(p) - z*_i)/z*_i        J_fit = sum |r_i|        J_reg = nu/2 |x|^2
+
+with the search vector x = (p - p_ref)/scale. Evaluating changes nothing: points are records.
+
+A parameter with a Gaussian prior of its own (standard deviation s, scale = s) does not fade with
+nu: it keeps a weight in units of the noise. With rows of relative noise sigma the posterior's
+-2 log is sum r^2/sigma^2 + x^2, so sum r^2 stands beside sigma^2 x^2. The sum of absolute values is
+the -log of Laplace noise, sum |r|/b, whose mean absolute value is that of the Gaussian noise where
+b = sqrt(2/pi) sigma: it stands beside b/2 x^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
+from fitting.measurements.measured import Measured as Measured
+from fitting.measurements.response import Evaluation, Response
+from fitting.signal.scale import chi_of_maxima, chi_of_sweep, chi_robust
+
+FloatArray = npt.NDArray[np.float64]
+#: A weight for all variables, or one for each, (n,).
+Nu = float | FloatArray
+
+#: Share of the data that may be left where a point still counts as following them.
+PLATEAU = 0.5
+#: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
+SMALLEST_MISFIT = 1e-3
+#: Relative noise of a row, for the weight of a prior, where nobody knows it.
+ASSUMED_NOISE = 0.01
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Response, parameters and data; `steps` (n,) are the finite-difference steps in x."""
+
+    response: Response
+    parameters: tuple[Parameter, ...]
+    measured: Measured
+    steps: FloatArray
+
+
+@dataclass(frozen=True)
+class Point:
+    """One evaluated search vector: `residuals` (n_rows,), `simulated_v` = chi z (n_peaks,).
+
+    `scale_bias` is the relative error that the simulated grid leaves in chi, `runs` the number of
+    simulations it took; `squares` and `row_weights` (n_rows,) are those of `Measured.squares`;
+    `chis` the scales of all campaigns of a joint fit, `chi` the first.
+    """
+
+    x: FloatArray
+    parameters: FloatArray
+    residuals: FloatArray
+    chi: float
+    simulated_v: FloatArray
+    scale_bias: float
+    runs: int = 0
+    squares: float = float("nan")
+    row_weights: FloatArray = field(default_factory=lambda: np.empty(0))
+    chis: tuple[float, ...] = ()
+
+    @property
+    def j_fit(self) -> float:
+        """J_fit = sum |r_i|."""
+        return float(np.sum(np.abs(self.residuals)))
+
+
+def j_reg(x: FloatArray, nu: Nu) -> float:
+    """J_reg = sum nu_i/2 x_i^2, x the search vector (the paper's p - p_ref over its scale)."""
+    return 0.5 * float(np.sum(nu * x * x))
+
+
+def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
+    """nu_i of every parameter, (n,): nu, or the noise's own weight where it has a Gaussian prior.
+
+    With a prior: 2 sigma^2 for "squares", sqrt(2/pi) sigma for sums of absolute values, sigma the
+    relative noise of the rows (see the module).
+    """
+    sigma = objective.measured.rows_sigma
+    known = sigma[sigma > 0.0]
+    if known.size == 0:
+        known = np.array([ASSUMED_NOISE])
+    if misfit == "squares":
+        kept = 2.0 / float(np.mean(known**-2))
+    else:
+        kept = float(np.sqrt(2.0 / np.pi) * np.mean(known))
+    held = [
+        (p.scale / p.prior_sigma) ** 2 * kept if p.prior_sigma else nu for p in objective.parameters
+    ]
+    return np.array(held, dtype=float)
+
+
+def tikhonov_rows(x: FloatArray, nu: Nu) -> FloatArray:
+    """Rows t = sqrt(nu/2) x whose sum of squares is J_reg, shape (n,)."""
+    rows: FloatArray = np.sqrt(0.5 * nu) * x
+    return rows
+
+
+def scale_factor(measured: Measured, evaluation: Evaluation) -> tuple[float, float]:
+    """chi(p) of one evaluation and the relative bias its grid leaves.
+
+    Raises:
+        ValueError: the evaluation lacks what the chosen scale needs.
+
+    Source: the paper's Algorithm 1; computed anew for every p.
+    """
+    if measured.scale == "none":
+        return 1.0, 0.0
+    if measured.scale in ("fit", "free"):
+        return chi_of_sweep(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
+    if measured.scale == "robust":
+        return chi_robust(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
+    maximum = evaluation.sweep_maximum
+    if maximum is None:
+        raise ValueError("the response has no sweep maximum, which the scale needs")
+    bias = maximum.bias if maximum.bracketed else 0.0
+    return chi_of_maxima(measured.maximum_v, maximum.value), bias
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of one campaign at one point, with its scale."""
+
+    peaks: FloatArray
+    sweep: FloatArray
+    simulated_v: FloatArray
+    chi: float
+    bias: float
+
+
+def _rows(measured: Measured, evaluation: Evaluation, factor: float) -> _Rows:
+    chi, bias = scale_factor(measured, evaluation)
+    chi *= factor
+    simulated = chi * evaluation.peaks
+    sweep = np.empty(0)
+    if measured.fit_sweep:
+        # relative to the maximum: the far wings of a resonance are noise, not information
+        sweep = (chi * evaluation.sweep_amplitudes - measured.sweep_v) / measured.maximum_v
+    peaks = (simulated - measured.peaks_v) / measured.peaks_v
+    return _Rows(peaks, sweep, simulated, chi, bias)
+
+
+def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
+    measured, p = objective.measured, to_model(objective.parameters, x)
+    parts, answers = measured.parts or (measured,), evaluation.parts or (evaluation,)
+    free = iter(
+        [float(v) for q, v in zip(objective.parameters, p, strict=True) if q.role == "scale"]
+    )
+    factors = [float(np.exp(next(free))) if part.scale == "free" else 1.0 for part in parts]
+    made = [_rows(*each) for each in zip(parts, answers, factors, strict=True)]
+    rows = np.concatenate([*(m.peaks for m in made), *(m.sweep for m in made)])
+    squares = measured.squares(rows)
+    return Point(
+        x.copy(),
+        p,
+        rows,
+        made[0].chi,
+        np.concatenate([m.simulated_v for m in made]),
+        max(m.bias for m in made),
+        evaluation.runs,
+        *squares,
+        tuple(m.chi for m in made),
+    )
+
+
+def evaluate_many(objective: Objective, xs: Sequence[FloatArray]) -> list[Point]:
+    """Points at several search vectors, in one batch of simulations."""
+    ps = [to_model(objective.parameters, x) for x in xs]
+    answers = objective.response.evaluate_many(ps)
+    return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
+
+
+def unexplained(measured: Measured, point: Point) -> str:
+    """What says that a point does not follow the data at all; empty where it does.
+
+    A fit that ends far from any solution may sit on a plateau: flat, and so stationary. Peaks that
+    are half their size off on average, or a fitted sweep of whose variance less than half is
+    explained, are no description of the data, whatever the optimiser says.
+    """
+    count = measured.peaks_v.size
+    peaks, sweep = point.residuals[:count], point.residuals[count:]
+    if count and float(np.mean(np.abs(peaks))) > PLATEAU:
+        return f"the peaks are {100.0 * float(np.mean(np.abs(peaks))):.0f} % off on average"
+    if sweep.size:
+        shape = measured.sweep_v / measured.maximum_v
+        spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(sweep @ sweep)
+        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * sweep.size:
+            return "the simulated sweep does not follow the measured one"
+    return ""
+
+
+def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
+    """Search vectors of a central-difference Jacobian at x, kept inside the box, 2n of them."""
+    lower, upper = search_bounds(objective.parameters)
+    nodes = []
+    for i, step in enumerate(objective.steps):
+        for sign in (1.0, -1.0):
+            moved = np.array(x, dtype=float)
+            moved[i] = min(max(x[i] + sign * step, lower[i]), upper[i])
+            nodes.append(moved)
+    return nodes
+
+
+def jacobian_of(points: Sequence[Point]) -> FloatArray:
+    """dr/dx, shape (n_rows, n), from the points of `stencil` in its order."""
+    columns = []
+    for i in range(len(points) // 2):
+        above, below = points[2 * i], points[2 * i + 1]
+        columns.append((above.residuals - below.residuals) / (above.x[i] - below.x[i]))
+    return np.stack(columns, axis=1)
+
+
+def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
+    """dr/dx by central differences in one batch, shape (n_rows, n).
+
+    The steps balance truncation against the noise of the response (`make_objective`).
+    """
+    return jacobian_of(evaluate_many(objective, stencil(objective, x)))
+
+
+def make_objective(
+    response: Response, parameters: tuple[Parameter, ...], measured: Measured
+) -> Objective:
+    """Objective whose difference steps suit the response at the start and at the reference.
+
+    A central difference of a function known to eps, that varies over a length L, is best at
+    h = L (3 eps)^(1/3); eps is measured (`noise_level`), the length along x_i is taken as
+    1/max|dr/dx_i|, at most one unit of x and a tenth of the box.
+    """
+    lower, upper = search_bounds(parameters)
+    longest = np.minimum(1.0, 0.1 * (upper - lower))
+    start = to_search(parameters, starts(parameters))
+    middle = np.clip(np.zeros_like(start), lower, upper)
+    draft = Objective(response, parameters, measured, 1e-3 * longest)
+    points = evaluate_many(draft, [*stencil(draft, start), *stencil(draft, middle)])
+    half = len(points) // 2
+    slopes = np.maximum(
+        np.max(np.abs(jacobian_of(points[:half])), axis=0),
+        np.max(np.abs(jacobian_of(points[half:])), axis=0),
+    )
+    lengths = np.minimum(longest, 1.0 / np.maximum(slopes, np.finfo(float).tiny))
+    unit = float(np.cbrt(3.0 * noise_level(draft, middle, lengths)))
+    return Objective(response, parameters, measured, min(max(unit, 1e-5), 1e-2) * lengths)
+
+
+def noise_level(objective: Objective, x: FloatArray, lengths: FloatArray) -> float:
+    """Relative numerical noise of the rows at x, from a table of fourth differences.
+
+    Differences of order k of a smooth function at close points vanish; what is left is noise times
+    sqrt((2k)!/(k!)^2). At least the rounding of a double.
+
+    Source: R. Hamming, Introduction to Applied Numerical Analysis; J. More and S. Wild,
+    "Estimating computational noise", SIAM J. Sci. Comput. 33 (2011).
+    """
+    lower, upper = search_bounds(objective.parameters)
+    inward = np.where(x > 0.5 * (lower + upper), -1.0, 1.0)
+    nodes = [x + 1e-6 * k * inward * lengths for k in range(9)]
+    rows = np.stack([point.residuals for point in evaluate_many(objective, nodes)])
+    fourth = np.diff(rows, n=4, axis=0)
+    noise = np.sqrt(np.mean(fourth**2, axis=0) / 70.0)  # 8!/(4!)^2
+    return max(float(np.max(noise)), float(np.finfo(float).eps))

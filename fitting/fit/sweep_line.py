@@ -1,0 +1,217 @@
+"""The line that the sweep shows by itself, before any model: what the FMU's fit can be held to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from fitting.campaign import Sweep
+from fitting.campaign.instruments import own_estimates
+from fitting.fit.result import LineFit, SweepLine
+from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL
+from fitting.text.errors import BadInput
+from fitting.text.notation import probability, with_error
+
+FloatArray = NDArray[np.float64]
+
+#: A background counts as seen where noise alone gains as much less often than this.
+BACKGROUND_P = 1e-3
+#: Two fits disagree from this many standard errors of their difference.
+APART_SIGMA = 3.0
+#: Widening of the errors from which it is worth a warning.
+WORTH_TELLING = 1.5
+
+
+def line_of_sweep(sweep: Sweep) -> SweepLine:
+    """One damped mode fitted to a sweep, with the background that the campaign declares.
+
+    The fit with the other background stands beside it, to show what hangs on that choice. A sweep
+    that shows no such line is no mistake here (another FMU may have two): every number is then NaN
+    and the message says why. See `fitting.signal.peaks.fit_resonance` for the formula.
+    """
+    notes = dict(sweep.notes or {})
+    instrument = own_estimates(notes)
+    tried = {background: _fit(sweep, background) for background in BACKGROUNDS}
+    fit = tried[sweep.background]
+    fits = tuple(_line_fit(background, found) for background, found in tried.items())
+    nan = math.nan
+    if isinstance(fit, str):
+        return SweepLine(
+            nan,
+            nan,
+            nan,
+            nan,
+            nan,
+            nan,
+            nan,
+            nan,
+            sweep.unit,
+            nan,
+            sweep.background,
+            fit,
+            instrument,
+            notes,
+            fits,
+        )
+    return SweepLine(
+        fit.eta_hz,
+        fit.eta_std_hz,
+        fit.width_hz,
+        fit.width_std_hz,
+        fit.q,
+        fit.q_std,
+        fit.amplitude,
+        fit.amplitude_std,
+        sweep.unit,
+        fit.residual_rms,
+        sweep.background,
+        fit.message,
+        instrument,
+        notes,
+        fits,
+        background_p(sweep.amplitude_v, tried["none"], tried["complex"]),
+    )
+
+
+def _fit(sweep: Sweep, background: str) -> Resonance | str:
+    """The fit, or the sentence why there is none."""
+    try:
+        return fit_resonance(
+            sweep.frequency_hz, sweep.amplitude_v, background=background, source=sweep.source.name
+        )
+    except BadInput as error:
+        return str(error)
+
+
+def _line_fit(background: str, fit: Resonance | str) -> LineFit:
+    nan = math.nan
+    if isinstance(fit, str):
+        return LineFit(background, nan, nan, nan, nan, nan, nan, nan, nan, nan, nan, fit)
+    found = fit.structure
+    return LineFit(
+        background,
+        fit.eta_hz,
+        fit.eta_std_hz,
+        fit.width_hz,
+        fit.width_std_hz,
+        fit.q,
+        fit.q_std,
+        fit.residual_rms,
+        found.p_value,
+        found.points,
+        found.widening,
+        fit.message,
+    )
+
+
+def background_p(amplitude_v: FloatArray, plain: Resonance | str, full: Resonance | str) -> float:
+    """Probability that noise alone lets a complex background gain this much; NaN if not to be told.
+
+    F = ((S0 - S1)/2)/(S1/(m - 5))/w^2 with 2 and (m - 5)/w^2 degrees of freedom: S0, S1 the sums of
+    squares without and with background, w the widening of the latter's errors, which turns points
+    into independent points.
+
+    Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
+    """
+    if isinstance(plain, str) or isinstance(full, str):
+        return math.nan
+    if plain.residual_rms < SMALLEST_RESIDUAL:
+        return math.nan
+    largest = float(np.max(amplitude_v))  # shares of it: squares of any unit stay numbers
+    without, left = (
+        float(np.sum(((fit.curve - amplitude_v) / largest) ** 2)) for fit in (plain, full)
+    )
+    if not left > 0.0:
+        return 0.0
+    freedom = (amplitude_v.size - 5) / full.structure.widening**2
+    return float(fdtrc(2.0, freedom, max(0.0, 0.5 * (without - left) * freedom / left)))
+
+
+def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
+    """What a reader of the line must know; `fitted`: the campaign fits the FMU to this sweep.
+
+    Then the sweep's structure is told with the parameters and not here.
+    """
+    fits = {fit.background: fit for fit in line.fits}
+    said = []
+    chosen = fits.get(line.background)
+    if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
+        said.append(f"Sweep by itself: {_structure_words(chosen)}.")
+    if len(fits) == len(BACKGROUNDS) and _disagree(line):
+        plain, full = fits["none"], fits["complex"]
+        shift = full.frequency_hz - plain.frequency_hz
+        text = (
+            f"The line of the sweep depends on its model: {_fit_words(plain)}; {_fit_words(full)}. "
+            f"That moves it by {shift:+.2g} Hz, {_apart(plain, full):.2g} standard errors "
+            f"({probability(line.background_p)} for noise alone to gain as much)."
+        )
+        if fitted:
+            text += " Values fitted through an FMU that has no background share this dependence."
+        said.append(text)
+    return said
+
+
+def line_sentences(line: SweepLine) -> list[str]:
+    """The line, the instrument's own estimate, its residuals, its other fit, in a sentence each."""
+    if math.isnan(line.frequency_hz):
+        return [f"Sweep by itself: {line.message}."]
+    said = [
+        f"Sweep by itself: f = {line.frequency_hz:.9g} +- {line.frequency_std_hz:.2g} Hz, "
+        f"width {line.width_hz:.6g} +- {line.width_std_hz:.2g} Hz, "
+        f"Q = {line.q:.5g} +- {line.q_std:.2g}, "
+        f"A = {line.amplitude:.5g} +- {line.amplitude_std:.2g} {line.unit}, "
+        f"residual {100.0 * line.residual:.2g} % of the peak."
+    ]
+    own = []
+    if "frequency_hz" in line.instrument:
+        there = line.instrument["frequency_hz"]
+        own.append(f"f = {there:.9g} Hz ({there - line.frequency_hz:+.3g} Hz from this fit)")
+    if "q" in line.instrument:
+        there = line.instrument["q"]
+        own.append(f"Q = {there:g} ({100.0 * (there / line.q - 1.0):+.2g} %)")
+    if own:
+        said.append(f"The instrument's own estimate: {', '.join(own)}.")
+    for fit in line.fits:
+        if fit.background != line.background:
+            said.append(f"The same sweep {_fit_words(fit)}.")
+        elif fit.widening > 1.0:
+            said.append(f"{_structure_words(fit).capitalize()}.")
+    return said
+
+
+def _structure_words(fit: LineFit) -> str:
+    return (
+        f"the residuals are not noise, they hang together ({probability(fit.structure_p)} for "
+        f"white noise): the points are worth {fit.points:.3g} independent ones, and the errors "
+        f"are {fit.widening:.3g} times as wide for it"
+    )
+
+
+def _fit_words(fit: LineFit) -> str:
+    name = "without background" if fit.background == "none" else "with a complex background"
+    if math.isnan(fit.frequency_hz):
+        return f"{name} cannot be fitted ({fit.message})"
+    return (
+        f"{name}: f = {with_error(fit.frequency_hz, fit.frequency_std_hz, 'Hz')}, "
+        f"width {with_error(fit.width_hz, fit.width_std_hz, 'Hz')}, "
+        f"Q = {with_error(fit.q, fit.q_std)}, residual {100.0 * fit.residual:.2g} % of the peak"
+    )
+
+
+def _disagree(line: SweepLine) -> bool:
+    """Whether the two fits differ clearly, in what they find or in what they leave."""
+    if math.isnan(line.background_p):
+        return False
+    plain, full = line.fits
+    apart = abs(full.width_hz - plain.width_hz) / math.hypot(plain.width_std_hz, full.width_std_hz)
+    return max(apart, _apart(plain, full)) > APART_SIGMA or line.background_p < BACKGROUND_P
+
+
+def _apart(plain: LineFit, full: LineFit) -> float:
+    """Difference of the frequencies over its standard error."""
+    error = math.hypot(plain.frequency_std_hz, full.frequency_std_hz)
+    return abs(full.frequency_hz - plain.frequency_hz) / error

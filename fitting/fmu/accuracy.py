@@ -1,0 +1,86 @@
+"""How an FMU is told to be accurate, and what may be left out of it to be cheaper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from fitting.text.errors import BadInput
+
+Scalar = float | int | bool | str
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """Start values under which the FMU computes less than it could.
+
+    `bound` names an FMU output that bounds the relative error, "{output}" in it standing for the
+    output that is read; without it the error is measured.
+
+    Raises:
+        BadInput: no name, or nothing that is set.
+    """
+
+    name: str
+    set: Mapping[str, Scalar]
+    bound: str | None = None
+
+    def __post_init__(self) -> None:
+        if not (self.name and self.set):
+            raise BadInput(f"reduction {self.name!r}: wanted a name and values to set")
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What is known of an FMU: how it is told to be accurate, and what makes it cheaper.
+
+    `tolerance` and `substep` name the parameters that bound its solver's relative error and its
+    substep (s); `full` are start values of the model with nothing left out; `force` and `forbid`
+    name reductions.
+
+    Raises:
+        BadInput: a name in `force` or `forbid` that is none of the reductions (where there are
+            any: an FMU may have its own), or is in both.
+    """
+
+    tolerance: str | None = None
+    substep: str | None = None
+    full: Mapping[str, Scalar] = field(default_factory=dict)
+    reductions: tuple[Reduction, ...] = ()
+    force: Sequence[str] = ()
+    forbid: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        names = [r.name for r in self.reductions]
+        if len(set(names)) < len(names):
+            raise BadInput(f"reductions {', '.join(names)}: two have one name")
+        if self.reductions:
+            self.check_names()
+        both = sorted(set(self.force) & set(self.forbid))
+        if both:
+            raise BadInput(f"'{both[0]}' is both in force and in forbid")
+
+    def check_names(self) -> None:
+        """BadInput for a name in `force` or `forbid` that is none of the reductions."""
+        names = [r.name for r in self.reductions]
+        for key, wanted in (("force", self.force), ("forbid", self.forbid)):
+            for name in wanted:
+                if name not in names:
+                    known = ", ".join(names) or "none"
+                    raise BadInput(f"{key}: no reduction '{name}', wanted one of: {known}")
+
+    def over(self, own: Hints) -> Hints:
+        """These hints, and what an FMU says of its `own` where these say nothing.
+
+        Raises:
+            BadInput: `force` or `forbid` name none of the reductions.
+        """
+        merged = replace(
+            self,
+            tolerance=self.tolerance or own.tolerance,
+            substep=self.substep or own.substep,
+            full=self.full or own.full,
+            reductions=self.reductions or own.reductions,
+        )
+        merged.check_names()
+        return merged

@@ -1,0 +1,76 @@
+"""What an FMU says of its own accuracy: an annotation of this tool in its modelDescription.
+
+    <VendorAnnotations><Tool name="fmu-fit"><Accuracy tolerance="..." substep="...">
+      <Full><Set name="solver" value="2"/></Full>
+      <Reduction name="..." bound="{output}_error"><Set name="..." value="..."/></Reduction>
+    </Accuracy></Tool></VendorAnnotations>
+
+In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. An FMU without one says nothing.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from xml.etree import ElementTree
+
+from fitting.fmu.accuracy import Hints, Reduction, Scalar
+from fitting.fmu.description import FmuDescription
+from fitting.text.errors import BadInput
+
+TOOL = "fmu-fit"
+PLACES = (
+    f"VendorAnnotations/Tool[@name='{TOOL}']/Accuracy",
+    f"Annotations/Annotation[@type='{TOOL}']/Accuracy",
+)
+
+
+def read_hints(description: FmuDescription) -> Hints:
+    """The hints in an FMU's own annotation, in its names and units.
+
+    Raises:
+        BadInput: the annotation names a variable that is not there, or a value of another kind.
+    """
+    with zipfile.ZipFile(description.path) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
+    found = [element for place in PLACES for element in root.iterfind(place)]
+    if not found:
+        return Hints()
+    element = found[0]
+    for name in (element.get("tolerance"), element.get("substep")):
+        if name is not None:
+            description.variable(name)
+    return Hints(
+        element.get("tolerance"),
+        element.get("substep"),
+        _settings(element.find("Full"), description),
+        tuple(
+            Reduction(part.get("name", ""), _settings(part, description), part.get("bound"))
+            for part in element.iterfind("Reduction")
+        ),
+    )
+
+
+def _settings(
+    element: ElementTree.Element | None, description: FmuDescription
+) -> dict[str, Scalar]:
+    if element is None:
+        return {}
+    return {
+        part.get("name", ""): _value(part.get("name", ""), part.get("value", ""), description)
+        for part in element.iterfind("Set")
+    }
+
+
+def _value(name: str, text: str, description: FmuDescription) -> Scalar:
+    variable = description.variable(name)
+    try:
+        if variable.kind == "Boolean":
+            return {"true": True, "false": False}[text]
+        if variable.kind == "Integer":
+            return int(text)
+        return text if variable.kind == "String" else float(text)
+    except (ValueError, KeyError):
+        raise BadInput(
+            f"{description.path}: its annotation for {TOOL} sets {name} = {text!r}, wanted a "
+            f"{variable.kind}"
+        ) from None

@@ -1,0 +1,28 @@
+"""The drive that the tool itself generates for an FMU input."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.fmu.records import Tone
+from fitting.signal.spectrum import cycle_fraction
+
+FloatArray = NDArray[np.float64]
+
+
+def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int) -> FloatArray:
+    """Values to hold over each of ``steps`` communication steps, shape (steps,).
+
+    Σ a cos(2π f (t + h/2) + φ) / sinc(f h), t = start + k h, as `InputSignal` explains.
+    """
+    middle = np.asarray(start_s + (np.arange(steps) + 0.5) * step_s, dtype=np.float64)
+    values = np.zeros(steps)
+    for frequency_hz, amplitude, phase in tones:
+        if amplitude != 0.0:
+            held = amplitude / float(np.sinc(frequency_hz * step_s))
+            values += held * np.cos(2.0 * math.pi * cycle_fraction(frequency_hz, middle) + phase)
+    return values

@@ -1,0 +1,1 @@
+"""What the data determine: likelihood, profiles, intervals, verdicts."""

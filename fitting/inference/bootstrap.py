@@ -1,0 +1,147 @@
+"""Parametric bootstrap: data drawn anew at the most likely point, and fitted anew.
+
+    r_b(x) = r(x) - r(x^) - e,   e ~ N(0, V)      prior centres: x^_j + tau_j n
+
+Row space holds every campaign alike, joint ones too. All refits go side by side, so that each round
+is one large batch for the worker processes; or in parts through any executor that is handed in.
+
+Source: B. Efron and R. Tibshirani, An Introduction to the Bootstrap (1993), sections 6.5 and 13.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.parameters import to_model
+from fitting.fit.result import IDENTIFIABLE
+from fitting.inference.descent import Local, descend, located
+from fitting.inference.knowledge import Bootstrap, Percentiles, Profile
+from fitting.inference.likelihood import Likelihood, Surface
+from fitting.inference.lockstep import Exhausted, Sample, Task, together
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Refits handed to an executor at a time.
+CHUNK = 25
+
+
+def bootstrap(
+    likelihood: Likelihood,
+    local: Local,
+    profiles: Mapping[str, Profile],
+    samples: int,
+    seed: int,
+    executor: Executor | None = None,
+    limit: int = 10**9,
+) -> Bootstrap:
+    """Percentile intervals of refits, for every value that the data determine at least partly.
+
+    Where they do not, a refit stays where it began, and its scatter would be a lie.
+
+    Args:
+        likelihood: of the data, inflation included.
+        local: the most likely point with its slopes.
+        profiles: by name, for verdicts and where periods are counted from.
+        samples: number of synthetic data sets.
+        seed: of their noise; the same with and without an executor.
+        executor: where the refits run, in parts; the response must then be picklable. Without one
+            they run here, in the response's own batches.
+        limit: evaluations of the objective at most, without an executor.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    generator = np.random.default_rng(seed)
+    noise = generator.standard_normal((samples, local.sample.rows.size))
+    noise[:, likelihood.whitening.shape[0] :] *= likelihood.tension > 0.0
+    if executor is None:
+        refits = _refits(likelihood, local, noise, limit)
+    else:
+        parts = [noise[k : k + CHUNK] for k in range(0, samples, CHUNK)]
+        pending = [executor.submit(_refits, likelihood, local, part) for part in parts]
+        refits = [refit for future in pending for refit in future.result()]
+    done = [refit for refit in refits if refit is not None]
+    values = _values(likelihood, local, done, profiles) if len(done) > 1 else {}
+    wide = f", widened {likelihood.inflation:.3g} times" if likelihood.inflation > 1.0 else ""
+    sentence = (
+        f"Parametric bootstrap: {samples} data sets drawn at the most likely point with the noise "
+        f"of the rows{wide}, {len(done)} of them fitted anew (seed {seed}). Values that the data "
+        "do not determine have none."
+    )
+    return Bootstrap(samples, samples - len(done), seed, values, sentence)
+
+
+def _refits(
+    likelihood: Likelihood, local: Local, noise: FloatArray, limit: int = 10**9
+) -> list[tuple[FloatArray, FloatArray] | None]:
+    """(x, outputs) of a refit per row of whitened noise; None where none was reached."""
+    surface = Surface(likelihood, limit)
+    tasks = [_refit(likelihood, local, local.sample.rows + row) for row in noise]
+    return together(tasks, surface)
+
+
+def _refit(
+    likelihood: Likelihood, local: Local, offset: FloatArray
+) -> Task[tuple[FloatArray, FloatArray] | None]:
+    """The most likely point of data whose rows are those of the model less an offset."""
+    begin = Local(_less(local.sample, offset), local.matrix, local.outward)
+    try:
+        found = yield from _displaced(descend(likelihood, begin), offset)
+        if found is None:
+            return None
+        whole = yield from located(likelihood, found.x)
+    except Exhausted:
+        return None
+    return whole.x, whole.sample.outputs
+
+
+def _displaced(task: Task[Local | None], offset: FloatArray) -> Task[Local | None]:
+    """A search among rows that are less by an offset than those that are evaluated."""
+    try:
+        request = next(task)
+        while True:
+            answer = yield request
+            request = task.send([_less(sample, offset) for sample in answer])
+    except StopIteration as ended:  # at once, where the search is there already
+        result: Local | None = ended.value
+        return result
+
+
+def _less(sample: Sample, offset: FloatArray) -> Sample:
+    return Sample(sample.x, sample.rows - offset, sample.outputs)
+
+
+def _values(
+    likelihood: Likelihood,
+    local: Local,
+    refits: Sequence[tuple[FloatArray, FloatArray]],
+    profiles: Mapping[str, Profile],
+) -> dict[str, Percentiles]:
+    parameters = likelihood.parameters
+    here = to_model(parameters, local.x)
+    table = to_model(parameters, np.array([x for x, _ in refits]))
+    columns = {
+        p.name: profiles[p.name].best + table[:, i] - here[i]
+        for i, p in enumerate(parameters)
+        if p.name in profiles
+    }
+    for k, name in enumerate(likelihood.names):
+        if name not in profiles:
+            continue
+        columns[name] = np.array([outputs[k] for _, outputs in refits])
+    found = {}
+    for name, column in columns.items():
+        if (
+            name not in profiles
+            or profiles[name].verdict == IDENTIFIABLE[2]
+            or not np.all(np.isfinite(column))
+        ):
+            continue
+        low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
+        std = float(np.std(column, ddof=1))
+        found[name] = Percentiles(float(middle), std, (float(low), float(high)))
+    return found

@@ -1,0 +1,236 @@
+"""Do campaigns that were fitted together agree? Generalised least squares at the joint solution.
+
+    chi^2(S) = min_d |rho_S + W_S d|^2        W = V^-1/2 dr/dx,  rho = V^-1/2 r, rows of campaigns S
+
+Only directions that the data of S determine better than the box does take part: along the others
+the rows are curved and nothing is known. What the sets A and B both determine is then tested by
+
+    chi^2(A and B) - chi^2(A) - chi^2(B)  ~  chi^2 with  rank(A) + rank(B) - rank(A and B)
+
+degrees of freedom, the chi square of the difference of their common numbers.
+Source: the parameter goodness of fit of M. Maltoni and T. Schwetz, Phys. Rev. D 68 (2003) 033020.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import chdtrc, ndtri
+
+from fitting.campaign import BoundCampaign
+from fitting.campaign.joint import is_shared, series_names
+from fitting.campaign.parameters import prior_widths, search_bounds, to_model
+from fitting.fit.assembly import Solution
+from fitting.fit.joint_result import Estimate, JointResult, SeriesPart, Tension
+from fitting.fit.noise import noise_of
+from fitting.fit.objective import Point
+from fitting.measurements.joint_response import JointResponse
+
+FloatArray = npt.NDArray[np.float64]
+
+#: A direction counts as determined from this many times the precision of the box.
+BETTER_THAN_BOX = 3.0
+#: Disagreement, in standard deviations, that is worth a warning.
+WORTH_A_WARNING = 3.0
+#: Shares of the variance from which a campaign alone determines a value.
+DETERMINED = 0.9
+
+
+@dataclass(frozen=True)
+class _Minimum:
+    """Least chi square of a set of campaigns: number of determined directions, step, covariance."""
+
+    chi_square: float
+    rank: int
+    step: FloatArray
+    covariance: FloatArray
+    unseen: FloatArray
+
+
+@dataclass(frozen=True)
+class _System:
+    """Whitened rows of each campaign, in units of the prior: x = root y."""
+
+    rows: tuple[FloatArray, ...]
+    matrices: tuple[FloatArray, ...]
+    root: FloatArray
+    tension: FloatArray
+    x: FloatArray
+    owners: tuple[FloatArray, ...]
+
+    def minimum(self, parts: Sequence[int]) -> _Minimum:
+        """Least chi square of some campaigns, priors of their own values included."""
+        mine = np.any([self.owners[k] for k in parts], axis=0)
+        held = np.flatnonzero((self.tension > 0.0) & mine)
+        prior = np.diag(self.tension * self.root)[held]
+        matrix = np.concatenate([*(self.matrices[k] for k in parts), prior])
+        rows = np.concatenate([*(self.rows[k] for k in parts), (self.tension * self.x)[held]])
+        left, singular, right = np.linalg.svd(matrix, full_matrices=False)
+        seen = singular > BETTER_THAN_BOX * np.maximum(1.0, 1e-9 * singular[0])
+        inside = left[:, seen]
+        projected = inside.T @ rows
+        step = -(right[seen].T / singular[seen]) @ projected
+        spread = right[seen].T / singular[seen]
+        unseen = np.eye(self.root.size) - right[seen].T @ right[seen]
+        return _Minimum(
+            float(rows @ rows - projected @ projected),
+            int(np.count_nonzero(seen)),
+            self.root * step,
+            np.outer(self.root, self.root) * (spread @ spread.T),
+            np.outer(self.root, self.root) * unseen,
+        )
+
+
+def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
+    """Each campaign alone, against the rest and against each other one.
+
+    Residuals beyond a campaign's noise widen its errors first.
+    """
+    gradients = _gradients(solution)
+    names = series_names(bound.members)
+    system, inflation = _whitened(solution, bound)
+    everything = tuple(range(len(names)))
+    minima = [system.minimum([k]) for k in everything]
+    series = tuple(
+        SeriesPart(
+            name=name,
+            campaign=str(bound.members[k].path),
+            scale_kind=solution.objective.measured.parts[k].scale,
+            chi=solution.final.chis[k],
+            rows=system.rows[k].size,
+            determined=minima[k].rank,
+            chi_square_joint=float(system.rows[k] @ system.rows[k]),
+            chi_square_alone=minima[k].chi_square,
+            inflation=inflation[k],
+            alone=_alone(minima[k], gradients),
+            swept_initial_v=_swept(bound, solution.initial, solution, k),
+            swept_final_v=_swept(bound, solution.final, solution, k),
+        )
+        for k, name in enumerate(names)
+    )
+    pairs: list[tuple[tuple[int, ...], tuple[int, ...]]] = [
+        ((a,), (b,)) for a, b in itertools.combinations(everything, 2)
+    ]
+    if len(names) > 2:
+        pairs += [((k,), tuple(j for j in everything if j != k)) for k in everything]
+    tensions = tuple(_tension(system, one, other, names) for one, other in pairs)
+    return JointResult(series, tensions)
+
+
+def _swept(bound: BoundCampaign, point: Point, solution: Solution, k: int) -> tuple[float, ...]:
+    """A campaign's sweep as the model gives it at a point, scaled."""
+    response = solution.objective.response
+    if bound.members[k].sweep is None or not isinstance(response, JointResponse):
+        return ()
+    own = point.parameters[list(response.columns[k])]
+    return tuple(float(a) for a in point.chis[k] * response.members[k].sweep(own))
+
+
+def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
+    """Value and gradient in x of shared parameters and of the means of derived outputs."""
+    parameters, x = solution.parameters, solution.final.x
+    found = {}
+    for i, p in enumerate(parameters):
+        if is_shared(p):
+            found[p.name] = (float(solution.final.parameters[i]), p.scale * np.eye(x.size)[i])
+    lower, upper = search_bounds(parameters)
+    nodes = [np.clip(x + s * e, lower, upper) for e in 1e-4 * np.eye(x.size) for s in (1.0, -1.0)]
+    answers = solution.objective.response.derived_many(
+        [to_model(parameters, y) for y in (x, *nodes)]
+    )
+    spans = np.array([nodes[2 * i][i] - nodes[2 * i + 1][i] for i in range(x.size)])
+    for name in answers[0]:
+        means = np.array([float(np.mean(answer[name])) for answer in answers])
+        found[name] = (float(means[0]), (means[1::2] - means[2::2]) / spans)
+    return found
+
+
+def warnings_of(joint: JointResult) -> list[str]:
+    """Campaigns that contradict each other."""
+    return [t.sentence for t in joint.tensions if t.sigmas > WORTH_A_WARNING]
+
+
+def _whitened(solution: Solution, bound: BoundCampaign) -> tuple[_System, list[float]]:
+    point, measured = solution.final, solution.objective.measured
+    noise = noise_of(solution.objective, point)
+    widths = prior_widths(solution.parameters)
+    root = widths / np.sqrt(12.0)
+    tension = np.array(
+        [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
+    )
+    rows, matrices, owners = [], [], []
+    for k in range(len(bound.members)):
+        mine = measured.part_of_rows == k
+        factor = np.linalg.cholesky(noise.covariance[np.ix_(mine, mine)])
+        rows.append(np.linalg.solve(factor, point.residuals[mine]))
+        matrices.append(np.linalg.solve(factor, solution.matrix[mine]) * root)
+        owners.append(np.any(solution.matrix[mine] != 0.0, axis=0))
+    system = _System(tuple(rows), tuple(matrices), root, tension, point.x, tuple(owners))
+    inflation = []
+    for k, values in enumerate(rows):
+        least = system.minimum([k])
+        own = int(np.count_nonzero((tension > 0.0) & owners[k]))
+        freedom = max(values.size + own - least.rank, 1)
+        inflation.append(max(1.0, float(np.sqrt(least.chi_square / freedom))))
+    widened = _System(
+        tuple(r / f for r, f in zip(rows, inflation, strict=True)),
+        tuple(m / f for m, f in zip(matrices, inflation, strict=True)),
+        root,
+        tension,
+        point.x,
+        tuple(owners),
+    )
+    return widened, inflation
+
+
+def _alone(
+    minimum: _Minimum, gradients: Mapping[str, tuple[float, FloatArray]]
+) -> dict[str, Estimate]:
+    """What a campaign determines by itself: value and error along what its data see."""
+    found = {}
+    for name, (value, gradient) in gradients.items():
+        known = float(gradient @ minimum.covariance @ gradient)
+        unknown = float(gradient @ minimum.unseen @ gradient)
+        if not np.isfinite(known + unknown) or known < DETERMINED * (known + unknown):
+            found[name] = Estimate(float("nan"), float("nan"))
+            continue
+        found[name] = Estimate(value + float(gradient @ minimum.step), float(np.sqrt(known)))
+    return found
+
+
+def _tension(
+    system: _System, one: Sequence[int], other: Sequence[int], names: Sequence[str]
+) -> Tension:
+    a, b, both = (system.minimum(parts) for parts in (one, other, (*one, *other)))
+    freedom = a.rank + b.rank - both.rank
+    first, second = (" + ".join(names[k] for k in parts) for parts in (one, other))
+    if freedom <= 0:
+        return Tension(
+            first,
+            second,
+            0.0,
+            0,
+            float("nan"),
+            float("nan"),
+            f"{first} and {second} determine no number in common: they cannot contradict each "
+            "other.",
+        )
+    value = max(0.0, both.chi_square - a.chi_square - b.chi_square)
+    p = float(chdtrc(freedom, value))
+    sigmas = float(-ndtri(0.5 * p)) if p > 0.0 else float(np.sqrt(value))
+    verdict = "contradict each other" if sigmas > WORTH_A_WARNING else "agree"
+    common = "one number" if freedom == 1 else f"{freedom} numbers"
+    return Tension(
+        first,
+        second,
+        value,
+        freedom,
+        p,
+        sigmas,
+        f"{first} and {second} {verdict}: they differ by {sigmas:.2g} standard deviations in the "
+        f"{common} that both determine (chi square {value:.3g}).",
+    )

@@ -1,0 +1,247 @@
+"""Least squares over the likelihood, as a search that runs beside others; the most likely point.
+
+Levenberg and Marquardt's method with bounds and forward differences. One round asks for a point
+with its stencil, so a good step needs no second batch. It moves along directions that the data see
+and stays where it is along those that they do not: what it finds there is where it began, never
+where rounding took it.
+
+Source: J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630 (1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import gammaincc
+
+from fitting.inference.likelihood import Likelihood, Surface, slopes, stencil
+from fitting.inference.lockstep import Request, Sample, Task, together
+from fitting.inference.uncertainty import freedom
+from fitting.signal.least_squares import bounded_step
+
+FloatArray = npt.NDArray[np.float64]
+
+#: A descent ends where a linearised step promises less than this of chi square.
+PROMISE = 2e-3
+ITERATIONS = 25
+#: Chi square that a step across the whole box costs at first, and from which nothing moves.
+LEAST_DAMPING, MOST_DAMPING = 0.1, 1e8
+#: Free promises below which a descent that got stuck has arrived all the same.
+STALLED = 1.0
+#: Chi square beyond what the linearised step foresees from which it went astray.
+ASTRAY = 20.0
+#: Probability of a chi square below which it is taken for more than noise.
+TOO_LARGE_P = 0.05
+
+
+@dataclass(frozen=True)
+class Local:
+    """A sample with its slopes: `matrix` d rows/dx (m, n), `outward` d outputs/dx (k, n)."""
+
+    sample: Sample
+    matrix: FloatArray
+    outward: FloatArray
+
+    @property
+    def x(self) -> FloatArray:
+        """The search vector."""
+        return self.sample.x
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the rows; infinite where the model failed."""
+        square = float(self.sample.rows @ self.sample.rows)
+        return square if np.isfinite(square) else np.inf
+
+
+@dataclass(frozen=True)
+class Pin:
+    """What a descent holds: x_index at `target`, or output `output` near it with that `weight`.
+
+    `frozen` axes stay where they are.
+
+    With a weight w the minimum of chi^2 + w^2 (g - target)^2 lies on the profile of g all the same:
+    at its own g, which is read off afterwards.
+    """
+
+    target: float
+    index: int = -1
+    output: int = -1
+    weight: float = 0.0
+    frozen: tuple[int, ...] = ()
+
+    def miss(self, sample: Sample) -> float:
+        """Weighted distance of the held output from its target; zero for a parameter."""
+        if self.output < 0:
+            return 0.0
+        return self.weight * float(sample.outputs[self.output] - self.target)
+
+
+FREE = Pin(0.0)
+
+
+def located(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Local]:
+    """A point with its slopes, in one round; without those of the outputs if not wanted."""
+    samples = yield Request(stencil(likelihood, x), outputs=outputs)
+    return Local(samples[0], *slopes(samples))
+
+
+def descend(
+    likelihood: Likelihood,
+    here: Local,
+    pin: Pin = FREE,
+    promise: float = PROMISE,
+    enough: float = -np.inf,
+) -> Task[Local | None]:
+    """The nearest minimum of chi square with `pin` held; None where none was reached.
+
+    It ends where a linearised step promises less than `promise`, or where chi square, what the pin
+    misses included, is as low as `enough`.
+    """
+    damping, hope = LEAST_DAMPING, np.inf
+    moved = pin.index < 0  # a held parameter must first be brought to its value
+    for _ in range(ITERATIONS):
+        step, promised, left = _proposed(likelihood, here, pin, damping)
+        hope = min(hope, promised) if damping > LEAST_DAMPING else promised
+        if moved and (promised < promise or _merit(here, pin) <= enough):
+            # a step that is damped promises little anywhere: what did the free one promise?
+            return here if hope < STALLED or _merit(here, pin) <= enough else None
+        trial = yield from located(likelihood, here.x + step, pin.output >= 0)
+        merit = _merit(trial, pin)
+        gain = _merit(here, pin) - merit
+        if not moved:
+            if merit > left + ASTRAY and damping < MOST_DAMPING:
+                damping *= 1e3  # the free step threw the rest out of the valley
+                continue
+            if not np.isfinite(merit):
+                return None
+            here, moved, damping = trial, True, LEAST_DAMPING
+        elif gain > 0.0:
+            here, damping = trial, max(0.1 * damping, LEAST_DAMPING)
+            if gain < promise and promised < 10.0 * promise and damping == LEAST_DAMPING:
+                return here
+        else:
+            damping *= 30.0
+            if damping > MOST_DAMPING:
+                return here if hope < STALLED else None
+    return None
+
+
+def _merit(local: Local, pin: Pin) -> float:
+    merit = local.chi_square + pin.miss(local.sample) ** 2
+    return merit if np.isfinite(merit) else np.inf
+
+
+def _proposed(
+    likelihood: Likelihood, here: Local, pin: Pin, damping: float
+) -> tuple[FloatArray, float, float]:
+    """Step of the damped, bounded problem, the decrease of the merit it promises, and the rest."""
+    reach = np.minimum(likelihood.widths, 0.25 * likelihood.periods)
+    rows, target = [here.matrix], [-here.sample.rows]
+    if pin.output >= 0:
+        outward = np.where(np.isfinite(here.outward[pin.output]), here.outward[pin.output], 0.0)
+        rows.append(pin.weight * outward[np.newaxis])
+        target.append(np.array([-pin.miss(here.sample)]))
+    matrix, wanted = np.concatenate(rows), np.concatenate(target)
+    low = np.maximum(likelihood.lower - here.x, -reach)
+    high = np.minimum(likelihood.upper - here.x, reach)
+    fixed = np.zeros(here.x.size)
+    free = np.ones(here.x.size, dtype=bool)
+    free[list(pin.frozen)] = False
+    if pin.index >= 0:
+        free[pin.index] = False
+        fixed[pin.index] = pin.target - here.x[pin.index]
+    rest = wanted - matrix @ fixed
+    anchor = np.sqrt(damping) * np.diag(1.0 / likelihood.widths[free])
+    step = fixed.copy()
+    if np.any(free):
+        step[free] = bounded_step(
+            np.concatenate([matrix[:, free], anchor]),
+            np.concatenate([rest, np.zeros(anchor.shape[0])]),
+            low[free],
+            high[free],
+        )
+    left = wanted - matrix @ step
+    return step, float(wanted @ wanted - left @ left), float(left @ left)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The most likely point: its likelihood (inflation in it) and the point with its slopes.
+
+    `chi_square` of the data before inflation, `freedom` what it is held against; `converged`
+    whether a minimum was reached.
+    """
+
+    likelihood: Likelihood
+    local: Local
+    chi_square: float
+    freedom: float
+    converged: bool
+
+    @property
+    def least(self) -> float:
+        """Chi square (inflated, priors included) at the optimum."""
+        return self.local.chi_square
+
+
+def most_likely(surface: Surface, starts: Sequence[FloatArray], widening: float = 1.0) -> Optimum:
+    """Least squares in the box from several starts; residuals beyond the noise widen them.
+
+    The first start wins where another is no better by PROMISE: in a valley the point beside the
+    reported solution is taken. k^2 = chi^2/freedom where noise alone reaches that chi^2 less often
+    than TOO_LARGE_P, else one (`inflation_of`).
+
+    Args:
+        surface: evaluates the likelihood without inflation; is given the inflated one.
+        starts: search vectors, the end of Algorithm 2 first.
+        widening: at least this, e.g. for residuals that hang together.
+
+    Raises:
+        FmuFailure: the model failed at the first start.
+    """
+    likelihood = surface.likelihood
+    best, converged = _best_of(surface, starts)
+    m = likelihood.whitening.shape[0]
+    data = best.sample.rows[:m]
+    chi_square = float(data @ data)
+    prior = np.hypot(np.sqrt(12.0) / likelihood.widths, likelihood.tension)
+    free = freedom(best.matrix[:m], prior)
+    inflation = max(widening, inflation_of(chi_square, free))
+    if inflation > 1.0:
+        wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)
+        surface.likelihood = wider
+        best, converged = _best_of(surface, [best.x])
+    [whole] = together([located(surface.likelihood, best.x)], surface)
+    best = whole if whole is not None else best
+    return Optimum(surface.likelihood, best, chi_square, free, converged)
+
+
+def _best_of(surface: Surface, starts: Sequence[FloatArray]) -> tuple[Local, bool]:
+    likelihood = surface.likelihood
+    begun = [
+        local
+        for local in together([located(likelihood, x, False) for x in starts], surface)
+        if local is not None
+    ]
+    ended = together([descend(likelihood, local) for local in begun], surface)
+    best, converged = begun[0], False
+    for begin, end in zip(begun, ended, strict=True):
+        found = end if end is not None else begin
+        if found.chi_square < best.chi_square - (PROMISE if converged else 0.0) or begin is best:
+            best, converged = found, end is not None
+    return best, converged
+
+
+def inflation_of(chi_square: float, free: float) -> float:
+    """Factor on standard deviations for residuals beyond the noise: sqrt(chi^2/freedom) or one.
+
+    Source: the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2,
+    used only where chi^2 is too large for noise.
+    """
+    if free <= 0.0 or gammaincc(0.5 * free, 0.5 * chi_square) >= TOO_LARGE_P:
+        return 1.0
+    return max(1.0, float(np.sqrt(chi_square / free)))

@@ -1,0 +1,116 @@
+"""A value from another experiment, held against the result: distance in standard deviations."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fitting.fit.joint_result import ExternalTest
+from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
+from fitting.text.errors import BadInput
+from fitting.text.notation import quantity
+from fitting.text.tables import did_you_mean
+from fitting.text.units import convert, parse_quantity
+
+#: A value and its standard deviation: "0.8604 MHz +- 1 kHz", "0.8604 MHz ± 0.001 MHz".
+BOTH = re.compile(r"\s*(?P<value>.*?)\s*(?:±|\+-|\+/-)\s*(?P<std>.*?)\s*")
+
+
+def with_external(result: Result, given: Sequence[str]) -> Result:
+    """The result with one test per NAME=VALUE; VALUE has a unit and may have "+- STD" behind it.
+
+    Raises:
+        BadInput: no such parameter or derived output, no number, or a unit of another dimension.
+    """
+    if not given:
+        return result
+    return replace(result, external=tuple(_test(result, text) for text in given))
+
+
+def check_external(given: Sequence[str], known: Sequence[str] = ()) -> None:
+    """Complain of what cannot be read, before anything is computed.
+
+    `known`: the values that there will be, where that is known already.
+
+    Raises:
+        BadInput: not NAME=VALUE with a number, or none of the known names.
+    """
+    for text in given:
+        name, _, value = text.partition("=")
+        if not name or not value:
+            raise BadInput(f"--external: found {text!r}, wanted NAME=VALUE as in lambda=0.8604MHz")
+        for part in _parts(value):
+            parse_quantity(part, where=f"--external {name}")
+        if known and name not in known:
+            raise _no_such(name, known)
+
+
+def _parts(text: str) -> list[str]:
+    both = BOTH.fullmatch(text)
+    return [both["value"], both["std"]] if both else [text]
+
+
+def _test(result: Result, text: str) -> ExternalTest:
+    name, _, written = text.partition("=")
+    values: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
+    if name not in values:
+        raise _no_such(name, list(values))
+    found = values[name]
+    numbers = [_in(part, found.unit, name) for part in _parts(written)]
+    value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
+    outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
+    if found.identifiable == IDENTIFIABLE[2] or not math.isfinite(found.std):
+        low, high = _allowed(found)
+        where = "lies within" if low <= value <= high else "lies outside"
+        return ExternalTest(
+            name,
+            value,
+            std,
+            found.unit,
+            found.value,
+            math.nan,
+            math.nan,
+            f"{name} = {outside} cannot be tested: {name} is not determined by these data; the "
+            f"value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
+        )
+    own = _towards(found, value)
+    sigmas = (found.value - value) / math.hypot(own, std)
+    verdict = "agrees with" if abs(sigmas) <= 3.0 else "contradicts"
+    return ExternalTest(
+        name,
+        value,
+        std,
+        found.unit,
+        found.value,
+        own,
+        sigmas,
+        f"{name} = {quantity(found.value, own, found.unit)} {verdict} {outside}: they are "
+        f"{abs(sigmas):.3g} standard deviations apart.",
+    )
+
+
+def _allowed(found: ParameterResult | DerivedResult) -> tuple[float, float]:
+    """The interval of a value, or its range where it has none at the solution."""
+    if math.isfinite(found.ci95[0]):
+        return found.ci95
+    return found.box if isinstance(found, DerivedResult) else (found.lower, found.upper)
+
+
+def _no_such(name: str, known: Sequence[str]) -> BadInput:
+    return BadInput(f"--external: the result has no '{name}'{did_you_mean(name, sorted(known))}")
+
+
+def _towards(found: ParameterResult | DerivedResult, value: float) -> float:
+    """Standard deviation on the side of the external value: intervals may be asymmetric."""
+    low, high = found.ci95
+    side = (found.value - low if value < found.value else high - found.value) / 1.96
+    return side if math.isfinite(side) and side > 0.0 else found.std
+
+
+def _in(text: str, unit: str, name: str) -> float:
+    number, written = parse_quantity(text, where=f"--external {name}")
+    if written is None:
+        return number
+    return convert(number, written, unit or None, where=f"--external {name}")

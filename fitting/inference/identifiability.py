@@ -1,0 +1,298 @@
+"""Which changes the data do not see, in words that were tried: directions, idle parameters, twins.
+
+What is said of a direction is said of a finite change: the model was evaluated there, at the very
+numbers of the sentence, and the largest move of any row is told.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.parameters import canonical, to_model, to_search
+from fitting.fit.result import IDENTIFIABLE
+from fitting.inference.descent import Local, Optimum, descend, located
+from fitting.inference.exploration import Found
+from fitting.inference.knowledge import Direction, Equivalent, Profile
+from fitting.inference.likelihood import Likelihood, Surface
+from fitting.inference.lockstep import Exhausted, Request, Task, together
+from fitting.text.notation import number
+
+FloatArray = npt.NDArray[np.float64]
+
+#: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
+UNSEEN = 1.0
+#: Largest move of any row, in sigma, that is still called no change; for idle parameters likewise.
+NO_CHANGE, IDLE = 0.01, 0.1
+#: Shares of the box that are tried as a change, the largest first.
+SHARES = (0.05, 0.01, 0.002)
+#: Points closer than this share of the box are one minimum.
+SAME = 0.02
+
+
+def directions(surface: Surface, optimum: Optimum) -> tuple[Direction, ...]:
+    """Singular directions of the whitened sensitivities, unseen ones with a change that was tried.
+
+    Singular values are those of J diag(scale): sigma per unit of x. A direction is unseen where
+    half the box along it, as far as the linearisation holds, stays below one sigma.
+    """
+    likelihood, local = optimum.likelihood, optimum.local
+    m = likelihood.whitening.shape[0]
+    matrix = local.matrix[:m] * likelihood.inflation  # of the stated noise
+    _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
+    values = np.zeros(rows.shape[0])
+    values[: singular.size] = singular
+    names = [p.name for p in likelihood.parameters]
+    found = []
+    for value, row in zip(values, rows, strict=True):
+        row = row * np.sign(row[int(np.argmax(np.abs(row)))])
+        share = value / float(np.max(np.abs(row) / likelihood.widths))
+        vector = dict(zip(names, map(float, row), strict=True))
+        change, largest, sentence = _unseen(surface, optimum, row, share)
+        found.append(Direction(float(value), float(share), vector, change, largest, sentence))
+    return tuple(found)
+
+
+def _unseen(
+    surface: Surface, optimum: Optimum, row: FloatArray, share: float
+) -> tuple[dict[str, float], float, str]:
+    """A change along an unseen direction that moves nothing: (change, largest move, sentence)."""
+    nothing: tuple[dict[str, float], float, str] = ({}, math.nan, "")
+    if 0.5 * share >= UNSEEN:
+        return nothing
+    best = nothing
+    for size in SHARES:
+        for sign in (1.0, -1.0):
+            try:
+                tried = _tried(surface, optimum, row, sign * size)
+            except Exhausted:
+                return best
+            if tried is None:
+                continue
+            if tried[1] <= NO_CHANGE:
+                return tried
+            if not best[0] or tried[1] < best[1]:
+                best = tried
+    return best
+
+
+def _tried(
+    surface: Surface, optimum: Optimum, row: FloatArray, size: float
+) -> tuple[dict[str, float], float, str] | None:
+    """The direction followed by a share of the box, back onto the rows, rounded, and evaluated."""
+    likelihood, x = optimum.likelihood, optimum.local.x
+    parameters = likelihood.parameters
+    lead = int(np.argmax(np.abs(row) / likelihood.widths))
+    there = x + size * likelihood.widths[lead] / abs(row[lead]) * row
+    if np.any(there < likelihood.lower) or np.any(there > likelihood.upper):
+        return None
+    valley = _same_rows(surface, optimum, there)
+    if valley is None:
+        return None
+    p = to_model(parameters, x)
+    for digits in (2, 3, 4):
+        shown = np.array([_rounded(v, digits) for v in to_model(parameters, valley) - p])
+        largest = _largest_move(surface, optimum, to_search(parameters, p + shown))
+        if largest <= NO_CHANGE:
+            break
+    change = {
+        q.name: float(value)
+        for q, value, width in zip(parameters, shown, likelihood.widths, strict=True)
+        if abs(value) > 1e-9 * width * q.scale
+    }
+    return change, largest, _change_words(likelihood, change, largest)
+
+
+def _same_rows(surface: Surface, optimum: Optimum, begin: FloatArray) -> FloatArray | None:
+    """From a point beside the optimum to the nearest one whose rows are those of the optimum."""
+    local, likelihood = optimum.local, optimum.likelihood
+    m = likelihood.whitening.shape[0]
+    left = np.linalg.solve(likelihood.whitening, local.sample.rows[:m])
+    # data that the model meets exactly at the optimum
+    held = replace(likelihood, shift=likelihood.shift + left)
+
+    def search() -> Task[Local | None]:
+        here = yield from located(held, begin, False)
+        return (yield from descend(held, here, promise=1e-6))
+
+    kept, surface.likelihood = surface.likelihood, held
+    try:
+        found = together([search()], surface)[0]
+    finally:
+        surface.likelihood = kept
+    return None if found is None else found.x
+
+
+def _largest_move(surface: Surface, optimum: Optimum, x: FloatArray) -> float:
+    """Largest change of any row against the optimum, in sigma of that row."""
+    sample = surface([Request((x,), outputs=False)])[0][0]
+    m = optimum.likelihood.whitening.shape[0]
+    unwhitened = np.linalg.solve(
+        optimum.likelihood.whitening, (sample.rows - optimum.local.sample.rows)[:m]
+    )
+    return float(np.max(np.abs(unwhitened) / optimum.likelihood.row_sigma))
+
+
+def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:
+    units = {p.name: p.unit for p in likelihood.parameters}
+    (first, value), *rest = change.items()
+    others = [f"{name} {_signed(v)} {units[name]}".rstrip() for name, v in rest]
+    with_ = f" with {', '.join(others)}" if others else ""
+    most = max(math.ceil(largest * 1000.0) / 1000.0, 0.001)
+    head = f"a change of {first} by {_signed(value)} {units[first]}".rstrip()
+    return f"{head}{with_} changes no peak by more than {most:.2g} sigma"
+
+
+def _signed(value: float) -> str:
+    return f"{'+' if value >= 0.0 else '-'}{number(abs(value), 4)}"
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits - 1}e}") if math.isfinite(value) else value
+
+
+def without_effect(
+    surface: Surface, optimum: Optimum, profiles: Mapping[str, Profile]
+) -> tuple[str, ...]:
+    """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated."""
+    likelihood, x = optimum.likelihood, optimum.local.x
+    idle = []
+    for i, parameter in enumerate(likelihood.parameters):
+        own = profiles.get(parameter.name)
+        if own is None or own.verdict != IDENTIFIABLE[2]:
+            continue
+        if float(np.linalg.norm(optimum.local.matrix[:, i])) * likelihood.widths[i] > 3.0:
+            continue
+        width = likelihood.widths[i]
+        low = likelihood.lower[i] if np.isfinite(likelihood.lower[i]) else x[i] - 0.5 * width
+        moves = []
+        for share in (0.0, 0.27, 0.61, 1.0):
+            there = x.copy()
+            there[i] = low + share * width
+            try:
+                moves.append(_largest_move(surface, optimum, there))
+            except Exhausted:
+                moves.append(math.inf)
+        if max(moves) <= IDLE:
+            idle.append(parameter.name)
+    return tuple(idle)
+
+
+def equivalents(found: Found) -> tuple[Equivalent, ...]:
+    """Separate minima that fit as well: outside what the profiles of the optimum go through."""
+    optimum = found.optimum
+    likelihood = optimum.likelihood
+    parameters = likelihood.parameters
+    open_ = np.array([_is_open(found, p.name) for p in parameters])
+    kept: list[Equivalent] = []
+    places = [optimum.local.x]
+    for stop in sorted(found.pool, key=lambda each: each.delta):
+        gaps = [_gap(likelihood, stop.x, other) for other in places]
+        if any(not np.any((gap > SAME) & ~open_) for gap in gaps):
+            continue
+        if not _beyond(found, stop.x):
+            continue
+        places.append(stop.x)
+        shown = canonical(parameters, to_model(parameters, stop.x))
+        named = {p.name: float(v) for p, v in zip(parameters, shown, strict=True)}
+        derived = dict(zip(likelihood.names, map(float, stop.outputs), strict=True))
+        kept.append(
+            Equivalent(
+                named,
+                derived,
+                max(0.0, stop.delta),
+                "start",
+                _equivalent_words(named, derived, likelihood),
+            )
+        )
+    return tuple(kept)
+
+
+def _is_open(found: Found, name: str) -> bool:
+    """Whether a parameter is free from end to end: then its value tells no two minima apart."""
+    if name not in found.sides:
+        return True  # nobody asked how far it can go
+    ends = zip(found.sides[name], found.reached[name], strict=True)
+    return all(stop is not None or side.end != "crossed" for side, stop in ends)
+
+
+def _gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Distance of two points along every axis as a share of the box, periods taken off."""
+    apart = np.abs(one - other)
+    turned = np.isfinite(likelihood.periods)
+    period = likelihood.periods[turned]
+    rest = np.mod(apart[turned], period)
+    apart[turned] = np.minimum(rest, period - rest)
+    return np.asarray(apart / likelihood.widths)
+
+
+def _beyond(found: Found, x: FloatArray) -> bool:
+    """Whether a point lies outside the interval of some parameter."""
+    likelihood = found.optimum.likelihood
+    for i, parameter in enumerate(likelihood.parameters):
+        if _is_open(found, parameter.name):
+            continue
+        down, up = found.sides[parameter.name]
+        quantity = next(q for q in found.quantities if q.name == parameter.name)
+        low = quantity.low if math.isnan(down.at_95) else down.at_95
+        high = quantity.high if math.isnan(up.at_95) else up.at_95
+        period, at = float(likelihood.periods[i]), float(x[i])
+        if math.isfinite(period):  # the image next to the optimum
+            at -= period * round((at - quantity.best) / period)
+        slack = SAME * (high - low)
+        if not low - slack <= at <= high + slack:
+            return True
+    return False
+
+
+def _equivalent_words(
+    values: Mapping[str, float], derived: Mapping[str, float], likelihood: Likelihood
+) -> str:
+    units = {p.name: p.unit for p in likelihood.parameters}
+    shown = ", ".join(
+        f"{name} = {number(value, 5)} {units[name]}".rstrip() for name, value in values.items()
+    )
+    none = [name for name, value in derived.items() if not math.isfinite(value)]
+    said = f"{shown} fits as well"
+    if none:
+        said += f", but {', '.join(none)} has no value there"
+    return said
+
+
+def sentences(
+    optimum: Optimum,
+    profiles: Mapping[str, Profile],
+    unseen: Sequence[Direction],
+    idle: Sequence[str],
+    others: Sequence[Equivalent],
+    widening: float = 1.0,
+) -> tuple[str, ...]:
+    """What the data say, in words, for terminal and report."""
+    said = []
+    inflation = optimum.likelihood.inflation
+    square = f"chi^2 = {optimum.chi_square:.3g} on {optimum.freedom:.3g} degrees of freedom"
+    if widening > 1.0:
+        said.append(
+            f"The residuals of the sweep hang together: its noise is taken {widening:.3g} times as "
+            "wide, so that its points weigh as the independent ones they are worth."
+        )
+    elif inflation > 1.0:
+        said.append(f"{square}: all standard deviations are taken {inflation:.3g} times as wide.")
+    else:
+        said.append(f"{square}: the stated noise explains the residuals.")
+    for direction in unseen:
+        if direction.sentence:
+            said.append(f"{direction.sentence[0].upper()}{direction.sentence[1:]}.")
+    said += [f"{name} has no effect on these data, anywhere in its box." for name in idle]
+    said += [f"Another minimum: {other.sentence}." for other in others]
+    lost = [name for name, profile in profiles.items() if "cost" in profile.ends]
+    if lost:
+        said.append(
+            f"The profiles of {', '.join(lost)} were cut for their cost; their intervals go to the "
+            "ends of the range."
+        )
+    return tuple(said)

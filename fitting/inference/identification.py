@@ -1,0 +1,165 @@
+"""What a campaign's data determine, through its FMU, without a reconstruction or around one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign import BoundCampaign
+from fitting.campaign.parameters import references, search_bounds, starts, to_model, to_search
+from fitting.fit.job import measured_of
+from fitting.fit.noise import RowNoise, noise_of
+from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.result import Result, Scalar
+from fitting.fmu import FmuWorkers
+from fitting.inference.descent import most_likely
+from fitting.inference.inference import Asked, know
+from fitting.inference.knowledge import Equivalent, Knowledge
+from fitting.inference.likelihood import Surface, likelihood_of
+from fitting.inference.profiles import ROOT_95
+from fitting.measurements.campaign_plan import measured_plan
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.signal.residual_tests import residual_structure
+from fitting.text.errors import BadInput
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked: a fit to set out from, expected data instead of measured ones, limits.
+
+    Without `result` the search sets out from the campaign's start and reference values. With
+    `expected` the data are taken to be what the model says there, with the campaign's noise.
+    """
+
+    result: Result | None = None
+    expected: bool = False
+    bootstrap: int = 0
+    seed: int = 1
+    budget: int = 12000
+
+
+def identify(
+    bound: BoundCampaign, workers: FmuWorkers, units: Mapping[str, str], question: Question
+) -> Knowledge:
+    """Knowledge of one campaign; alternatives that fit as well are named beside it.
+
+    Raises:
+        BadInput: the campaign cannot be planned, or the result is another campaign's.
+        FmuFailure: the FMU failed.
+    """
+    plan = measured_plan(bound, workers, workers.description.variables)
+    measured = measured_of(bound)
+
+    def objective_of(alternative: Mapping[str, Scalar]) -> Objective:
+        response = FmuResponse(bound, workers, plan, alternative)
+        return make_objective(response, bound.parameters, measured)
+
+    chosen = bound.alternatives[0] if question.result is None else question.result.alternative
+    objective = objective_of(chosen)
+    begins = _beginnings(bound, question.result)
+    if question.expected:
+        begins = begins[:1]
+    noise = _noise(objective, begins[0], question.expected)
+    others = [a for a in bound.alternatives if dict(a) != dict(chosen)]
+    twins = (
+        ()
+        if question.expected
+        else tuple(
+            twin for a in others if (twin := _twin(objective_of(a), objective, a, begins, noise))
+        )
+    )
+    asked = Asked(
+        units,
+        question.seed,
+        question.budget,
+        begins[1:],
+        twins,
+        not question.expected,
+        question.bootstrap,
+    )
+    return know(objective, begins[0], noise, asked)
+
+
+def _beginnings(bound: BoundCampaign, result: Result | None) -> list[FloatArray]:
+    """Search vectors to set out from: a result's values, or the campaign's starts and references.
+
+    Raises:
+        BadInput: the result has other parameters.
+    """
+    parameters = bound.parameters
+    lower, upper = search_bounds(parameters)
+    if result is None:
+        own = [to_search(parameters, p) for p in (starts(parameters), references(parameters))]
+        return [np.clip(x, lower, upper) for x in own]
+    values = {name: p.value for name, p in result.parameters.items()}
+    values |= {offset.parameter: offset.fitted for offset in result.offsets}
+    missing = [p.name for p in parameters if p.name not in values]
+    if missing:
+        raise BadInput(
+            f"--at: the result has no value for {', '.join(missing)}; wanted a result of "
+            f"{bound.path}"
+        )
+    x = to_search(parameters, np.array([values[p.name] for p in parameters]))
+    for i, parameter in enumerate(parameters):
+        if parameter.period is not None:  # reported in [0, period), wherever the box lies
+            period = parameter.period / parameter.scale
+            x[i] -= period * np.ceil((x[i] - upper[i]) / period) if x[i] > upper[i] else 0.0
+            x[i] += period * np.ceil((lower[i] - x[i]) / period) if x[i] < lower[i] else 0.0
+    return [np.clip(x, lower, upper)]
+
+
+def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
+    """Noise of the rows near the data: at the most likely point, for rows of unknown noise."""
+    [point] = evaluate_many(objective, [begin])
+    noise = noise_of(objective, point)
+    if expected or np.all(objective.measured.rows_sigma > 0.0):
+        return noise
+    surface = Surface(likelihood_of(objective, noise.sigma, noise.common))
+    optimum = most_likely(surface, [begin])
+    [point] = evaluate_many(objective, [surface.likelihood.folded(optimum.local.x)])
+    noise = noise_of(objective, point)
+    if not objective.measured.fit_sweep:
+        return noise
+    first = objective.measured.peaks_v.size
+    rows = np.linalg.solve(surface.likelihood.whitening, optimum.local.matrix[: noise.sigma.size])
+    found = residual_structure(point.residuals[first:], np.asarray(rows[first:]))
+    sigma = noise.sigma.copy()
+    sigma[first:] *= found.widening
+    return RowNoise(sigma, noise.common)
+
+
+def _twin(
+    other: Objective,
+    objective: Objective,
+    settings: Mapping[str, Scalar],
+    begins: list[FloatArray],
+    noise: RowNoise,
+) -> Equivalent | None:
+    """Another alternative at its most likely point, if it fits as well as this one."""
+    both = [
+        most_likely(Surface(likelihood_of(each, noise.sigma, noise.common)), begins)
+        for each in (objective, other)
+    ]
+    here, there = both
+    wide = max(here.likelihood.inflation, there.likelihood.inflation)
+    delta = (there.chi_square - here.chi_square) / wide**2
+    if delta > ROOT_95**2:
+        return None
+    parameters = other.parameters
+    p = to_model(parameters, there.likelihood.folded(there.local.x))
+    outputs = other.response.derived_many([p])[0]
+    values = {q.name: float(v) for q, v in zip(parameters, p, strict=True)}
+    words = ", ".join(f"{name} = {value}" for name, value in settings.items())
+    return Equivalent(
+        values,
+        {name: float(np.mean(v)) for name, v in outputs.items()},
+        float(delta),
+        "alternative",
+        f"{words} fits as well",
+        words,
+    )

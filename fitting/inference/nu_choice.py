@@ -1,0 +1,138 @@
+"""nu as the data would choose it: L-curve and discrepancy principle, beside the given schedule.
+
+Corner of the L-curve: the nu at which the curve (ln J_fit, ln |x|) bends most, between where the
+prior costs misfit and where it costs nothing. Discrepancy principle: the largest nu whose chi
+square is no more than noise explains. Where a criterion chooses nothing, that is said.
+
+Source: P. Hansen and D. O'Leary, SIAM J. Sci. Comput. 14 (1993) 1487; V. Morozov (1966).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import chdtri
+
+from fitting.fit.continuation import ContinuationStep
+from fitting.fit.result import HistoryRow
+from fitting.inference.knowledge import NuChoice, NuRow
+from fitting.inference.likelihood import Likelihood, Surface
+from fitting.inference.lockstep import Request
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Probability with which noise alone stays below the allowed chi square.
+ALLOWED_P = 0.95
+#: Length in logarithms that the L-curve must go along both axes before a corner means anything.
+SHORT = 0.05
+
+
+def choose_nu(
+    likelihood: Likelihood, steps: Sequence[ContinuationStep], history: Sequence[HistoryRow]
+) -> NuChoice:
+    """Corner and discrepancy over the levels of a finished chain.
+
+    Args:
+        likelihood: of the stated noise, without inflation.
+        steps: levels of the reported chain.
+        history: their rows (and others), for parameters and outputs.
+
+    Raises:
+        FmuFailure: the model failed at one of the levels.
+    """
+    if not steps:
+        return NuChoice((), math.nan, math.nan, math.nan, math.nan, (), {}, {})
+    surface = Surface(likelihood)
+    xs = [np.array(step.x) for step in steps]
+    samples = surface([Request(tuple(xs), outputs=False)])[0]
+    m = likelihood.whitening.shape[0]
+    squares = [float(np.sum(sample.rows[:m] ** 2)) for sample in samples]
+    own = likelihood.tension == 0.0
+    distances = [float(np.linalg.norm(x[own])) for x in xs]
+    bends = curvatures([step.j_fit for step in steps], distances)
+    told = {row.level: row for row in history}
+    rows = tuple(
+        NuRow(
+            step.nu,
+            step.j_fit,
+            distance,
+            square,
+            bend,
+            dict(told[step.level].parameters) if step.level in told else {},
+            dict(told[step.level].derived) if step.level in told else {},
+        )
+        for step, distance, square, bend in zip(steps, distances, squares, bends, strict=True)
+    )
+    allowed = float(chdtri(m, 1.0 - ALLOWED_P))
+    corner = corner_of(rows)
+    discrepancy = max((row.nu for row in rows if row.chi_square <= allowed), default=math.nan)
+    prior = {p.name: p.reference for p in likelihood.parameters}
+    widths = {p.name: p.upper - p.lower for p in likelihood.parameters}
+    return NuChoice(
+        rows,
+        corner,
+        discrepancy,
+        allowed,
+        rows[-1].nu,
+        _sentences(rows, corner, discrepancy, allowed),
+        prior,
+        widths,
+    )
+
+
+def curvatures(misfit: Sequence[float], distance: Sequence[float]) -> list[float]:
+    """Signed curvature of the curve (ln misfit, ln distance) at its inner points, NaN at its ends.
+
+    That of the circle through a point and its neighbours (Menger); positive where the curve, passed
+    from large to small nu, turns from falling misfit to growing distance: the corner of an L.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curve = np.log(np.column_stack([misfit, distance]))
+    bends = [math.nan] * len(curve)
+    for i in range(1, len(curve) - 1):
+        if not np.all(np.isfinite(curve[i - 1 : i + 2])):
+            continue
+        a, b = curve[i] - curve[i - 1], curve[i + 1] - curve[i]
+        chord = curve[i + 1] - curve[i - 1]
+        size = float(np.linalg.norm(a) * np.linalg.norm(b) * np.linalg.norm(chord))
+        turn = float(b[0] * a[1] - b[1] * a[0])  # clockwise is positive
+        bends[i] = 2.0 * turn / size if size > 0.0 and math.isfinite(size) else math.nan
+    return bends
+
+
+def corner_of(rows: Sequence[NuRow]) -> float:
+    """nu of the sharpest corner; NaN where the curve is too short along an axis to have one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curve = np.log([[row.j_fit, row.distance] for row in rows])
+    whole = curve[np.all(np.isfinite(curve), axis=1)]
+    if len(whole) < 3 or np.min(np.ptp(whole, axis=0)) < SHORT:
+        return math.nan
+    bent = [row for row in rows if row.curvature > 0.0]
+    return max(bent, key=lambda row: row.curvature).nu if bent else math.nan
+
+
+def _sentences(
+    rows: Sequence[NuRow], corner: float, discrepancy: float, allowed: float
+) -> tuple[str, ...]:
+    if math.isnan(corner):
+        first = (
+            "The L-curve has no corner: over all nu of the schedule misfit or distance from the "
+            "prior hardly changes, so that no nu stands out."
+        )
+    else:
+        first = f"The L-curve bends most at nu = {corner:.1e}."
+    if math.isnan(discrepancy):
+        least = min(row.chi_square for row in rows)
+        second = (
+            f"At no nu is the misfit within the noise: the least chi^2 is {least:.3g}, noise "
+            f"explains {allowed:.3g}; the discrepancy principle chooses none."
+        )
+    else:
+        second = (
+            f"Discrepancy principle: the misfit is within the noise up to nu = {discrepancy:.1e}."
+        )
+    last = f"The schedule ends at nu = {rows[-1].nu:.1e}, whose values are reported."
+    return first, second, last

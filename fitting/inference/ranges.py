@@ -1,0 +1,180 @@
+"""What a derived output could be without any data: its range over the box of the parameters.
+
+Points of the box find where it is small and large, a compass search from the best of them goes on
+to the extremes: along every axis that the output depends on, by half the step where none helps.
+
+Source: T. Kolda, R. Lewis and V. Torczon, "Optimization by direct search", SIAM Review 45 (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.parameters import Parameter, search_bounds, to_model
+from fitting.measurements.response import Response
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Seeded points of the box, and the most points of a grid over it, which holds its corners.
+BOX_SAMPLES, BOX_GRID = 64, 256
+#: The last step of the search, as a share of the box; rounds at most.
+LAST_STEP, ROUNDS = 2e-4, 60
+
+
+@dataclass(frozen=True)
+class OutputRange:
+    """Least and greatest mean of an output over the box, and where, (n,) each; NaN if it has none.
+
+    `depends` (n,) tells which parameters move it at all.
+    """
+
+    low: float
+    high: float
+    x_low: FloatArray
+    x_high: FloatArray
+    depends: npt.NDArray[np.bool_]
+
+
+@dataclass
+class _Climb:
+    """One search: the output, its sign (up or down), where it stands, its step."""
+
+    name: str
+    sign: float
+    x: FloatArray
+    value: float
+    step: float
+    axes: list[int] = field(default_factory=list)
+
+    def nodes(self, lower: FloatArray, upper: FloatArray) -> list[FloatArray]:
+        nodes = []
+        for i in self.axes:
+            for side in (1.0, -1.0):
+                moved = self.x.copy()
+                moved[i] += side * self.step * (upper[i] - lower[i])
+                nodes.append(np.clip(moved, lower, upper))
+        return nodes
+
+    def told(self, nodes: Sequence[FloatArray], values: FloatArray) -> None:
+        """Go to the best node, or halve the step."""
+        ranked = np.where(np.isfinite(values), self.sign * values, -np.inf)
+        best = int(np.argmax(ranked)) if ranked.size else 0
+        if ranked.size and ranked[best] > self.sign * self.value:
+            self.x, self.value = nodes[best], float(values[best])
+        else:
+            self.step *= 0.5
+
+
+def output_ranges(
+    response: Response, parameters: Sequence[Parameter], seed: int, known: Sequence[FloatArray]
+) -> dict[str, OutputRange]:
+    """Range of the mean of every derived output over the box, by name.
+
+    Values of one experiment, such as drift offsets, stay where the first known point has them: what
+    the sample did on the way is no freedom of the model.
+
+    Args:
+        response: the model.
+        parameters: with their boxes.
+        seed: of the points to begin with.
+        known: search vectors to look at besides, the solution first.
+
+    Raises:
+        FmuFailure: the model failed in the box.
+    """
+    lower, upper = search_bounds(parameters)
+    own = np.array([not p.experiments for p in parameters])
+    spread = box_points(lower[own], upper[own], seed)
+    samples = np.tile(known[0], (len(spread), 1))
+    samples[:, own] = spread
+    points = [*known, *samples]
+    table = _means(response, parameters, points)
+    ranges: dict[str, OutputRange] = {}
+    climbs: list[_Climb] = []
+    depends = _dependence(response, parameters, points[-3:])
+    for name, values in table.items():
+        for sign in (-1.0, 1.0):
+            ranked = np.where(np.isfinite(values), sign * values, -np.inf)
+            best = int(np.argmax(ranked))
+            if np.isfinite(ranked[best]):
+                axes = [int(i) for i in np.flatnonzero(depends[name] & own)]
+                climbs.append(_Climb(name, sign, points[best], float(values[best]), 0.1, axes))
+    for _ in range(ROUNDS):
+        going = [c for c in climbs if c.step > LAST_STEP and c.axes]
+        if not going:
+            break
+        nodes = [c.nodes(lower, upper) for c in going]
+        answers = _means(response, parameters, [x for each in nodes for x in each])
+        at = 0
+        for climb, each in zip(going, nodes, strict=True):
+            climb.told(each, answers[climb.name][at : at + len(each)])
+            at += len(each)
+    found = {(c.name, c.sign): c for c in climbs}
+    nothing = np.full(lower.size, np.nan)
+    for name in table:
+        low, high = found.get((name, -1.0)), found.get((name, 1.0))
+        if low is None or high is None:
+            ranges[name] = OutputRange(np.nan, np.nan, nothing, nothing, depends[name])
+        else:
+            ranges[name] = OutputRange(low.value, high.value, low.x, high.x, depends[name])
+    return ranges
+
+
+def box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
+    """Points of the box, shape (m, n): a grid with its corners, where that is small, and seeded."""
+    n = len(lower)
+    seeded = np.random.default_rng(seed).uniform(lower, upper, (BOX_SAMPLES, n))
+    levels = max(k for k in range(1, 10) if k**n <= BOX_GRID)
+    if levels < 2:
+        return np.asarray(seeded)
+    axes = [np.linspace(a, b, levels) for a, b in zip(lower, upper, strict=True)]
+    grid = np.stack([axis.ravel() for axis in np.meshgrid(*axes)], axis=1)
+    return np.concatenate([grid, seeded])
+
+
+def _means(
+    response: Response, parameters: Sequence[Parameter], xs: Sequence[FloatArray]
+) -> dict[str, FloatArray]:
+    if not xs:
+        return {}
+    answers = response.derived_many([to_model(parameters, x) for x in xs])
+    return {
+        name: np.array([float(np.mean(a[name])) if a[name].size else np.nan for a in answers])
+        for name in answers[0]
+    }
+
+
+def _dependence(
+    response: Response, parameters: Sequence[Parameter], bases: Sequence[FloatArray]
+) -> dict[str, npt.NDArray[np.bool_]]:
+    """Which parameters move an output, seen by steps from a few seeded points."""
+    lower, upper = search_bounds(parameters)
+    n = lower.size
+    nodes = []
+    for base in bases:
+        nodes.append(base)
+        for i in range(n):
+            for share in (0.31, 0.87):
+                moved = base.copy()
+                moved[i] = lower[i] + share * (upper[i] - lower[i])
+                nodes.append(moved)
+    found = {}
+    for name, values in _means(response, parameters, nodes).items():
+        rows = values.reshape(len(bases), 1 + 2 * n)
+        moves = np.zeros(n, dtype=bool)
+        for i in range(n):
+            for column in (1 + 2 * i, 2 + 2 * i):
+                moves[i] |= np.any(_differ(rows[:, 0], rows[:, column]))
+        found[name] = moves & np.array([not p.experiments for p in parameters])
+    return found
+
+
+def _differ(one: FloatArray, other: FloatArray) -> npt.NDArray[np.bool_]:
+    """Whether two values differ beyond rounding; one that exists differs from one that does not."""
+    both = np.isfinite(one) & np.isfinite(other)
+    apart = np.abs(one - other) > 1e-12 * (np.abs(one) + np.abs(other))
+    return np.asarray(np.where(both, apart, np.isfinite(one) != np.isfinite(other)))

@@ -1,0 +1,1 @@
+"""Virtual laboratories: what knows the oscillator. No room of the fit can import it."""

@@ -1,0 +1,358 @@
+"""The virtual laboratory's string driven hard: cubic terms by harmonic balance on a torus, no FMU.
+
+The steady response to one or two tones is a sum of lines at whole combinations of them,
+
+    q~(t) = Re sum_k X_k exp(2 pi i k.u t),   sum |k_i| <= order, odd orders only,
+
+and X solves A(u_k) X_k + N_k(X) = F_k, with A of the linear system and N_k the lines of the cubic
+forces, taken on a grid of the tones' phases fine enough that nothing folds. Newton's method on X,
+from rest along growing drive. No averaging and no time stepping: it shares neither code nor method
+with the FMU. Source: A. Cardona, A. Lerusse, M. Geradin, Fast Fourier nonlinear vibration analysis,
+Comput. Mech. 22 (1998) 128.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.lab.string import TWO_PI, Bench, Series, Trace, TwoModes, noise, sweep_grid
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Orders that are tried one after the other, and the change of a line, relative to the largest, at
+#: which the one before was enough.
+ORDERS = (7, 11, 15, 19, 23)
+ENOUGH = 1e-5
+MOST_NEWTON = 25
+CLOSED = 1e-11  # change of the lines, relative to the largest, at which Newton's method ends
+SHORTEST_RAMP = 1e-4  # of the whole drive
+
+
+@dataclass(frozen=True)
+class Cubic:
+    """Cubic coefficients in 1/(m^2 s^2), forces per mass from a potential.
+
+    It is alpha1 q1^4/4 + alpha2 q2^4/4 + kappa q1^2 q2^2/2 in the hybridised modes.
+    """
+
+    alpha1: float
+    alpha2: float = 0.0
+    kappa: float = 0.0
+
+
+@dataclass(frozen=True)
+class Lines:
+    """A steady response: ``factors`` (n, tones), complex ``amplitudes`` (n, 2) in m of both modes.
+
+    Line n is at sum_i factors[n, i] u_i; of each pair k, -k the one whose first factor is positive.
+    """
+
+    factors: NDArray[np.int64]
+    amplitudes: ComplexArray
+
+    def at(self, *factors: int) -> ComplexArray:
+        """Amplitudes (2,) of both modes at one combination, "2 u1 - u2" as (2, -1)."""
+        wanted = np.array(factors)
+        for sign in (1, -1):
+            found = np.flatnonzero((self.factors == sign * wanted).all(axis=1))
+            if found.size:
+                line = self.amplitudes[found[0]]
+                return np.asarray(line if sign == 1 else line.conj())
+        raise ValueError(f"no line {factors}")
+
+
+class NoSteadyState(ArithmeticError):
+    """Newton's method found no response near the one it came from: a branch ends there."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Tones in Hz and their amplitude on both modes in m/s^2, all with phase zero."""
+
+    tones_hz: tuple[float, ...]
+    level: float
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.tones_hz) <= 2 or len(set(self.tones_hz)) < len(self.tones_hz):
+            raise ValueError(f"tones {self.tones_hz} Hz, wanted one or two that differ")
+
+
+def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | None = None) -> Lines:
+    """The response that grows out of rest with the drive, or the one near ``start``.
+
+    Orders are added until the last ones change no line by more than ``ENOUGH`` of the largest.
+
+    Raises:
+        NoSteadyState: a branch ends before the whole drive is reached, or the lines do not fall
+            off with their order.
+    """
+    lines = lines_to_order(modes, cubic, drive, ORDERS[0], start)
+    for order in ORDERS[1:]:
+        balance = _Balance(modes, cubic, drive, order)
+        more = lines_to_order(modes, cubic, drive, order, lines)
+        change = np.abs(balance.vector(more) - balance.vector(lines)).max()
+        lines = more
+        if change <= ENOUGH * np.abs(balance.vector(more)).max():
+            return lines
+    raise NoSteadyState(f"lines of order {ORDERS[-1]} still count")
+
+
+def lines_to_order(
+    modes: TwoModes, cubic: Cubic, drive: Drive, order: int, start: Lines | None = None
+) -> Lines:
+    """As :func:`steady_lines`, with the lines up to one order."""
+    balance = _Balance(modes, cubic, drive, order)
+    if start is not None:
+        return balance.lines(balance.solve(balance.vector(start), 1.0))
+    x, done, step = balance.rest(), 0.0, 1.0
+    while done < 1.0:
+        try:
+            x = balance.solve(x * (min(1.0, done + step) / done if done else 1.0), done + step)
+        except NoSteadyState:
+            step *= 0.5
+            if step < SHORTEST_RAMP:
+                raise
+            continue
+        done += step
+        step = min(2.0 * step, 1.0 - done)
+    return balance.lines(x)
+
+
+class _Balance:
+    """The equations of one drive, lengths in ``unit``, forces in those of the linear response."""
+
+    def __init__(self, modes: TwoModes, cubic: Cubic, drive: Drive, order: int) -> None:
+        self.factors = _odd_factors(len(drive.tones_hz), order)
+        self.count = len(self.factors)
+        lines_hz = self.factors @ np.array(drive.tones_hz)
+        self.linear = _matrices(modes, lines_hz)
+        force = np.zeros((self.count, 2), dtype=complex)
+        force[np.abs(self.factors).sum(axis=1) == 1] = drive.level
+        response = np.linalg.solve(self.linear, force[:, :, np.newaxis])[:, :, 0]
+        self.unit = float(np.abs(response).max()) or 1.0
+        self.force = force / self.unit
+        self.cubic = tuple(c * self.unit**2 for c in (cubic.alpha1, cubic.alpha2, cubic.kappa))
+        self.size = 4 * order + 1 + order % 2  # products of three lines fold onto none of them
+
+    def rest(self) -> ComplexArray:
+        return np.zeros((self.count, 2), dtype=complex)
+
+    def vector(self, lines: Lines) -> ComplexArray:
+        """The lines as unknowns; those that are not there are zero."""
+        known = {tuple(k): a for k, a in zip(lines.factors.tolist(), lines.amplitudes, strict=True)}
+        none = np.zeros(2, dtype=complex)
+        rows: ComplexArray = np.array([known.get(tuple(k), none) for k in self.factors.tolist()])
+        return np.asarray(rows / self.unit)
+
+    def lines(self, x: ComplexArray) -> Lines:
+        return Lines(self.factors, x * self.unit)
+
+    def solve(self, x: ComplexArray, part: float) -> ComplexArray:
+        """Newton's method from ``x`` under ``part`` of the drive."""
+        for _ in range(MOST_NEWTON):
+            q = self._motion(x)
+            rest = np.einsum("nij,nj->ni", self.linear, x) + self._cubic_lines(q)
+            rest -= part * self.force
+            change = self._newton(q, rest)
+            x = x - change
+            size = float(np.abs(change).max())
+            if not math.isfinite(size) or size > 10.0:
+                break
+            if size <= CLOSED * max(float(np.abs(x).max()), np.finfo(float).tiny):
+                return x
+        raise NoSteadyState(f"no steady state near the last one at {part:.6g} of the drive")
+
+    def _motion(self, x: ComplexArray) -> FloatArray:
+        """q~ on the grid of phases, (2, size, ...)."""
+        grid = np.zeros((2, *(self.size,) * self.factors.shape[1]), dtype=complex)
+        for mode in (0, 1):
+            grid[(mode, *self.factors.T)] = x[:, mode]
+        axes = tuple(range(1, grid.ndim))
+        return np.asarray(np.fft.ifftn(grid, axes=axes).real * grid[0].size)
+
+    def _at_lines(self, values: FloatArray, factors: NDArray[np.int64]) -> ComplexArray:
+        """Complex Fourier coefficients of values on the grid, at some combinations."""
+        coefficients = np.fft.fftn(values) / values.size
+        return np.asarray(coefficients[tuple(np.moveaxis(factors % self.size, -1, 0))])
+
+    def _cubic_lines(self, q: FloatArray) -> ComplexArray:
+        a1, a2, kappa = self.cubic
+        forces = (
+            a1 * q[0] ** 3 + kappa * q[0] * q[1] ** 2,
+            a2 * q[1] ** 3 + kappa * q[1] * q[0] ** 2,
+        )
+        return np.stack([2.0 * self._at_lines(f, self.factors) for f in forces], axis=1)
+
+    def _newton(self, q: FloatArray, rest: ComplexArray) -> ComplexArray:
+        """Solve J dX = rest, where J dX = P dX + M conj(dX) has a part with the conjugate."""
+        a1, a2, kappa = self.cubic
+        cross = 2.0 * kappa * q[0] * q[1]
+        slopes = (
+            (3.0 * a1 * q[0] ** 2 + kappa * q[1] ** 2, cross),
+            (cross, 3.0 * a2 * q[1] ** 2 + kappa * q[0] ** 2),
+        )
+        n, k = self.count, self.factors
+        apart, summed = k[:, np.newaxis] - k[np.newaxis], k[:, np.newaxis] + k[np.newaxis]
+        plain = np.zeros((n, 2, n, 2), dtype=complex)
+        mirror = np.zeros_like(plain)
+        for i, j in itertools.product((0, 1), repeat=2):
+            plain[:, i, :, j] = self._at_lines(slopes[i][j], apart)
+            mirror[:, i, :, j] = self._at_lines(slopes[i][j], summed)
+        index = np.arange(n)
+        plain[index, :, index, :] += self.linear
+        p, m = plain.reshape(2 * n, 2 * n), mirror.reshape(2 * n, 2 * n)
+        system = np.block([[(p + m).real, (m - p).imag], [(p + m).imag, (p - m).real]])
+        right = np.concatenate([rest.ravel().real, rest.ravel().imag])
+        scale = 1.0 / np.abs(system).max(axis=1)
+        found: FloatArray = np.linalg.solve(system * scale[:, np.newaxis], right * scale)
+        return np.asarray((found[: 2 * n] + 1j * found[2 * n :]).reshape(n, 2))
+
+
+def _odd_factors(tones: int, order: int) -> NDArray[np.int64]:
+    span = range(-order, order + 1)
+    rows = [
+        k
+        for k in itertools.product(span, repeat=tones)
+        if sum(map(abs, k)) <= order and sum(k) % 2 and next(x for x in k if x) > 0
+    ]
+    return np.array(rows, dtype=np.int64)
+
+
+def _matrices(modes: TwoModes, lines_hz: FloatArray) -> ComplexArray:
+    """A(u) of the linear system at every line, (n, 2, 2), in 1/s^2; u may be negative."""
+    t = modes.transform()
+    damping = TWO_PI * (t @ np.diag([modes.d1_hz, modes.d2_hz]) @ t.T)
+    matrix = 1j * TWO_PI * lines_hz[:, np.newaxis, np.newaxis] * damping
+    for i, eta in enumerate((modes.eta_plus_hz, modes.eta_minus_hz)):
+        matrix[:, i, i] += TWO_PI**2 * (eta - lines_hz) * (eta + lines_hz)
+    return np.asarray(matrix)
+
+
+# --- the bench -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DuffingBench:
+    """A bench whose string is driven hard: a level of both tones for each of its drive pairs.
+
+    ``levels`` (m/s^2) belong to ``bench.pairs_hz``, ``weak_level`` to the sweep. ``bench.crest_v``
+    is the height of that weak sweep. A line is measured with the relative error ``repeatability``
+    beside the noise floor.
+
+    Raises:
+        ValueError: levels that are not positive, or not one for each pair.
+    """
+
+    bench: Bench
+    cubic: Cubic
+    levels: tuple[float, ...]
+    weak_level: float
+    repeatability: float = 0.003
+
+    def __post_init__(self) -> None:
+        if len(self.levels) != len(self.bench.pairs_hz):
+            raise ValueError(f"{len(self.levels)} levels for {len(self.bench.pairs_hz)} pairs")
+        if not all(level > 0.0 for level in (*self.levels, self.weak_level)):
+            raise ValueError(f"drive levels {self.levels}, {self.weak_level} must be positive")
+        if not 0.0 <= self.repeatability < 0.1:
+            raise ValueError(f"repeatability {self.repeatability}, wanted 0 to 0.1")
+        if not all(map(math.isfinite, vars(self.cubic).values())):
+            raise ValueError(f"cubic coefficients {self.cubic} must be finite")
+
+
+#: Lines whose amplitudes are handed over: both tones and the first intermodulation lines.
+READ = ((1, 0), (0, 1), (2, -1), (-1, 2))
+
+
+@dataclass(frozen=True)
+class DuffingSeries:
+    """A measured series; ``peaks_v``, ``sigmas_v`` and its ``true_peaks_v`` (m, 4) of ``READ``.
+
+    It has no spectra: the lines are handed over as an analyser's markers, with their errors.
+    """
+
+    bench: DuffingBench
+    series: Series
+    peaks_v: FloatArray
+    sigmas_v: FloatArray
+
+
+def measure_duffing(lab: DuffingBench, seed: int) -> DuffingSeries:
+    """Run one series: a weak sweep, then the lines under every drive pair at its level.
+
+    The same ``lab`` and ``seed`` give the same numbers bit by bit.
+
+    Raises:
+        ValueError: a drive so strong that its response does not grow out of rest steadily.
+    """
+    bench, rng = lab.bench, np.random.default_rng(seed)
+    first, last = bench.at(0.0), bench.at(1.0)
+    sweep_hz = sweep_grid(bench)
+    crest_hz = (first.eta_plus_hz, first.eta_minus_hz)[bench.observed]
+    gain = bench.crest_v / float(np.abs(_swept(lab, first, [crest_hz])[0]))
+    wave = gain * _swept(lab, first, sweep_hz)
+    sweep = Trace(sweep_hz, np.abs(wave + noise(bench, rng, sweep_hz.size)))
+    states = [bench.at(m / max(1, len(lab.levels) - 1)) for m in range(len(lab.levels))]
+    true = []
+    for state, pair, level in zip(states, bench.pairs_hz, lab.levels, strict=True):
+        lines = _lines_of(state, lab.cubic, Drive(pair, level))
+        true.append([gain * lines.at(*k)[bench.observed] for k in READ])
+    waves = np.array(true)
+    floor = noise(bench, rng, waves.size).reshape(waves.shape)
+    jitter = 1.0 + bench.noise_scale * lab.repeatability * rng.standard_normal(waves.shape)
+    ends = [(m.eta_plus_hz, m.eta_minus_hz) for m in (first, last)]
+    series = Series(bench, seed, gain, sweep, (), ends[0], ends[1], tuple(states), np.abs(waves))
+    # a spectrum's mean floor, in one quadrature
+    quiet = bench.noise_scale * sum(bench.floor_v) / math.sqrt(2.0 * math.pi)
+    sigmas = np.hypot(quiet, bench.noise_scale * lab.repeatability * np.abs(waves))
+    return DuffingSeries(lab, series, np.abs(waves * jitter + floor), sigmas)
+
+
+def _lines_of(modes: TwoModes, cubic: Cubic, drive: Drive) -> Lines:
+    try:
+        return steady_lines(modes, cubic, drive)
+    except NoSteadyState as error:
+        raise ValueError(
+            f"tones {drive.tones_hz} Hz at {drive.level!r} m/s^2: {error}; wanted a weaker drive"
+        ) from error
+
+
+def _swept(
+    lab: DuffingBench, modes: TwoModes, frequency_hz: Sequence[float] | FloatArray
+) -> ComplexArray:
+    """The observed mode under one weak tone after the other, (n,)."""
+    found = [
+        _lines_of(modes, lab.cubic, Drive((float(f),), lab.weak_level)).at(1)[lab.bench.observed]
+        for f in frequency_hz
+    ]
+    return np.array(found)
+
+
+def duffing_bench() -> DuffingBench:
+    """The paper's string, q1 series, driven up to a shift of about a line width."""
+    eta, gaps = 6940260.0, (20.0, 30.0)
+    levels = (0.25, 0.35)
+    pairs = [(eta + 10.0 - gap, eta + 10.0 + gap) for gap in gaps for _ in levels]
+    bench = Bench(
+        series="duffing",
+        modes=TwoModes(1.9498, 120.0, 90.0, eta, 7027600.0),
+        observed=0,
+        pairs_hz=tuple(pairs),
+        crest_v=160e-6,
+        drift_hz=0.0,
+        curvature_hz=0.0,
+    )
+    return DuffingBench(bench, Cubic(1e32, 0.8e32, 0.5e32), levels * len(gaps), 0.04)
+
+
+def with_level(lab: DuffingBench, strongest: float) -> DuffingBench:
+    """The same bench with all levels in proportion, the strongest one as given, m/s^2."""
+    factor = strongest / max(lab.levels)
+    return replace(lab, levels=tuple(factor * level for level in lab.levels))

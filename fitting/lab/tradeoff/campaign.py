@@ -1,0 +1,112 @@
+"""A user's campaign as a scene in which accuracy is measured against cost, for any FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from fitting.campaign import BoundCampaign, FmuChoice, VariableLike
+from fitting.fmu.accuracy import Hints
+from fitting.lab.tradeoff.records import Scalar
+from fitting.lab.tradeoff.scenes import Drive, Scene, Solver, single_tone
+from fitting.signal.scale import half_power_width
+from fitting.text.errors import BadInput
+
+#: What is tried of a solver that the campaign's [accuracy] table names.
+TOLERANCES, QUICK_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8), (1e-2, 1e-4, 1e-6)
+SUBSTEPS, QUICK_SUBSTEPS = (20.0, 40.0, 80.0, 160.0), (20.0, 80.0)
+
+
+def scene_of_campaign(
+    bound: BoundCampaign, fmu: FmuChoice, variables: Mapping[str, VariableLike]
+) -> Scene:
+    """A campaign as a scene, at the reference values of its parameters.
+
+    Its FMU is taken as it is; what [accuracy] names of tolerance, substep and reductions is tried.
+
+    Raises:
+        BadInput: no way to know the campaign's line width.
+    """
+    width = bound.line_width_hz
+    if width is None and bound.sweep is not None:
+        width = half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
+    if width is None:
+        raise BadInput(
+            f"{bound.path}: [observe] has no line_width; wanted it, or a sweep, to know how long "
+            "the FMU takes to settle"
+        )
+    drive, sweep = bound.drive, bound.sweep
+    fitted: dict[str, Scalar] = {p.name: p.reference for p in bound.parameters}
+    values: dict[str, Scalar] = dict(bound.start_values)
+    values.update(dict.fromkeys(drive.amplitudes, drive.level))
+    values.update({**bound.alternatives[0], **fitted})
+    drives = tuple(Drive(e.tones_hz, {**e.settings, **fitted}, e.output) for e in bound.experiments)
+    tones = [tone for d in drives for tone in d.tones_hz]
+    scene = Scene(
+        name="campaign",
+        title=bound.title,
+        description=f"{bound.path.name} at the reference values of its parameters",
+        fmu=fmu,
+        values=values,
+        drives=drives,
+        output=bound.output,
+        width_hz=width,
+        fastest_hz=max(tones, default=0.0),
+        solvers=solvers_of(bound.hints, values, variables),
+        linear=False,
+        steady=bound.steady_start,
+        tone=drive.frequencies[0] if drive.kind == "tones" else "",
+        tone_unit=drive.frequency_unit,
+        levels=drive.amplitudes,
+        level=drive.level,
+        input=drive.input,
+        held=drive.samples_per_period if drive.kind == "input" else 0,
+        sweep_values={**sweep.settings, **fitted} if sweep is not None else {},
+        sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
+        hints=bound.hints,
+        synthetic=bound.synthetic,
+    )
+    if drives or sweep is None:
+        return scene
+    # a campaign of a sweep alone: a single tone at its maximum
+    top = float(sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))])
+    return replace(scene, drives=(single_tone(scene, top),), fastest_hz=top)
+
+
+def solvers_of(
+    hints: Hints, values: Mapping[str, Scalar], variables: Mapping[str, VariableLike]
+) -> tuple[Solver, ...]:
+    """The full model and each reduction, with every knob that the hints name.
+
+    All of them set the same variables; what one does not name has the campaign's value, or the
+    FMU's own.
+    """
+    knobs = [
+        ("tolerance", hints.tolerance, TOLERANCES, QUICK_TOLERANCES),
+        ("substeps per period", hints.substep, SUBSTEPS, QUICK_SUBSTEPS),
+    ]
+    reductions = hints.reductions
+    names = [*hints.full, *(name for r in reductions for name in r.set)]
+    names += [name for _, name, _, _ in knobs if name is not None]
+    defaults = {n: values[n] if n in values else _start(variables[n]) for n in names}
+    full = {**defaults, **hints.full}
+    kinds = [("full model" if names else "fmu", full)]
+    kinds += [(r.name, {**full, **r.set}) for r in reductions]
+    found = []
+    for name, chosen in kinds:
+        turned = [
+            Solver(name, chosen, kind, variable, fine, quick)
+            for kind, variable, fine, quick in knobs
+            if variable is not None
+        ]
+        found += turned or [Solver(name, chosen)]
+    return tuple(found)
+
+
+def _start(variable: VariableLike) -> Scalar:
+    start: Scalar | None = getattr(variable, "start", None)
+    if start is None:
+        raise BadInput(f"[accuracy]: the FMU gives '{variable.name}' no start value; wanted one")
+    return start

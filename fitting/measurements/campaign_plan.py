@@ -1,0 +1,225 @@
+"""The plan of a campaign with the FMU at hand: what it says of itself, measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign import BoundCampaign, Experiment
+from fitting.campaign.parameters import references, starts
+from fitting.fmu.accuracy import Hints
+from fitting.fmu.variables import VariableLike
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import Plan, known_width_hz, plan_campaign, with_windows
+from fitting.signal.scale import FINE_POINTS, Maximum, bend_of, refine_maximum
+from fitting.simulate.budget import Budget, Decision
+from fitting.simulate.probe import Probe, Shot, Workers
+from fitting.simulate.search import Found, Search
+from fitting.simulate.settling import SAFETY
+from fitting.text.errors import FmuFailure
+from fitting.text.notation import hertz
+
+FloatArray = npt.NDArray[np.float64]
+
+#: Seeded points of the box that are tried beside start and reference, where nothing has to settle.
+SEEDED = 3
+#: A fit may try less damping than there is at start and reference: time to settle, times this.
+LESS_DAMPING = 2.0
+#: A run that would take longer than this is not planned, s.
+LIMIT_S = 20.0
+#: Spacings of three sweep points that are tried, in those of five.
+SPACINGS = (0.5, 0.25, 0.12)
+
+
+def measured_plan(
+    bound: BoundCampaign,
+    workers: Workers,
+    variables: Mapping[str, VariableLike],
+    own: Hints | None = None,
+) -> Plan:
+    """Plan of a campaign with settling, solver and reductions measured at start and reference.
+
+    Where the campaign declares a steady start, that is looked at as well, at seeded points of the
+    box too; where it states a line width, the time to settle is at least the one for half of it.
+    `own` is what the FMU says of its accuracy where the campaign says nothing.
+
+    Raises:
+        BadInput: the campaign cannot be planned.
+        FmuFailure: the FMU failed at the start.
+    """
+    draft = plan_campaign(bound)
+    response = FmuResponse(bound, workers, draft, bound.alternatives[0])
+    shots = _shots(response, workers)
+    if not shots:
+        return draft
+    hints = _applicable(bound, bound.hints.over(own or Hints()))
+    search = Search(Probe(shots, workers), bound.accuracy, hints, variables, LIMIT_S)
+    found = search.found()
+    settle_s = _settle_s(bound, found, draft)
+    drive = bound.drive
+    bound = replace(bound, drive=replace(drive, order=max(drive.order, found.order)))
+    plan = with_windows(bound, settle_s, _told_anew(found, settle_s), found.settings)
+    return _few_nodes(replace(response, bound=bound, plan=plan))
+
+
+def _applicable(bound: BoundCampaign, hints: Hints) -> Hints:
+    """Hints without reductions of what the campaign itself fits, tries or sets per experiment."""
+    own = {p.target for p in bound.parameters} | {n for p in bound.parameters for n in p.adds_to}
+    own |= set(bound.alternatives[0]) | {n for e in bound.experiments for n in e.settings}
+    kept = tuple(r for r in hints.reductions if own.isdisjoint(r.set))
+    names = {r.name for r in kept}
+    return replace(
+        hints,
+        reductions=kept,
+        force=tuple(n for n in hints.force if n in names),
+        forbid=tuple(n for n in hints.forbid if n in names),
+    )
+
+
+def _settle_s(bound: BoundCampaign, found: Found, draft: Plan) -> float:
+    if bound.steady_start or found.settle_s == 0.0:
+        return found.settle_s
+    stated = draft.settle_s if known_width_hz(bound) is not None else 0.0
+    return max(stated, LESS_DAMPING * found.settle_s)
+
+
+def _told_anew(found: Found, settle_s: float) -> Budget:
+    """The budget with the settling that is planned, which is longer than what was measured."""
+    if settle_s == found.settle_s:
+        return found.budget
+    decisions = tuple(_longer(d, settle_s) for d in found.budget.decisions)
+    return Budget(found.budget.wanted, decisions)
+
+
+def _longer(decision: Decision, settle_s: float) -> Decision:
+    if decision.subject != "settling":
+        return decision
+    why = f"{decision.choice} were seen to do: {decision.sentence}; longer for less damping"
+    return replace(decision, choice=f"{settle_s:.4g} s", sentence=why)
+
+
+def _few_nodes(response: FmuResponse) -> Plan:
+    """The plan with three sweep points instead of five, where they are proven to do.
+
+    1/A^2 is a quartic through the five points at start and reference; its third derivative over
+    its second, times a safety factor, bounds what a parabola through three points may be off by.
+    """
+    plan, bound = response.plan, response.bound
+    if len(plan.nodes_hz) != FINE_POINTS or plan.maximum_bias is None or plan.budget is None:
+        return plan
+    nodes = np.array(plan.nodes_hz)
+    points = [starts(bound.parameters), _reference(bound)]
+    found = [bend_of(nodes, response.amplitudes_at(p, nodes)) for p in points]
+    bend = SAFETY * max(bend for bend, _ in found)
+    if not np.isfinite(bend):
+        return plan
+    for part in SPACINGS:
+        three = nodes[2] + part * (nodes[3] - nodes[2]) * np.array([-1.0, 0.0, 1.0])
+        tops = [_top(three, nodes[2], c, bend) for _, c in found]
+        if all(top.bracketed and top.bias <= 0.5 * plan.maximum_bias for top in tops):
+            return _with_three(plan, three, bend)
+    return plan
+
+
+def _top(three: FloatArray, centre: float, quartic: FloatArray, bend: float) -> Maximum:
+    y = np.polynomial.Polynomial(quartic)(three - centre)
+    return refine_maximum(three, 1.0 / np.sqrt(np.maximum(y, np.finfo(float).tiny)), bend)
+
+
+def _with_three(plan: Plan, three: FloatArray, bend: float) -> Plan:
+    """The plan with these sweep points, and the decision told anew."""
+    if plan.budget is None or plan.maximum_bias is None:
+        return plan
+    decision = Decision(
+        "maximum of the sweep",
+        f"3 points {three[1] - three[0]:.4g} Hz apart",
+        plan.maximum_bias,
+        f"a parabola through 1/A^2 around {hertz(float(three[1]))}; its remainder is bounded by "
+        f"its third derivative, {bend:.1e}/Hz of the second ({SAFETY:g} times that at start and "
+        "reference), and more points are added where that exceeds the bound",
+    )
+    others = [d for d in plan.budget.decisions if d.subject != decision.subject]
+    return replace(
+        plan,
+        nodes_hz=tuple(map(float, three)),
+        maximum_bend=bend,
+        budget=Budget(plan.budget.wanted, (*others, decision)),
+    )
+
+
+def _reference(bound: BoundCampaign) -> FloatArray:
+    lower = np.array([p.lower for p in bound.parameters])
+    upper = np.array([p.upper for p in bound.parameters])
+    return np.clip(references(bound.parameters), lower, upper)
+
+
+def _shots(response: FmuResponse, workers: Workers) -> tuple[Shot, ...]:
+    """Drives to measure with: first and last experiment (or sweep point), at some points."""
+    bound = response.bound
+    parameters = bound.parameters
+    lower = np.array([p.lower for p in parameters])
+    upper = np.array([p.upper for p in parameters])
+    points = [starts(parameters), _reference(bound)]
+    if bound.steady_start:
+        rng = np.random.default_rng(bound.continuation.seed)
+        points += list(rng.uniform(lower, upper, (SEEDED, len(parameters))))
+    shots: list[Shot] = []
+    for k, point in enumerate(points):
+        these = [_shot(response, point, e) for e in _ends(bound.experiments)]
+        these = these or _swept_shots(response, point)
+        if k > 0 and not _runs(these, workers):
+            continue  # the FMU may refuse a part of the box
+        shots += these
+    return tuple(shots)
+
+
+def _ends(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
+    return experiments[:1] if len(experiments) < 2 else (experiments[0], experiments[-1])
+
+
+def _shot(response: FmuResponse, p: FloatArray, experiment: Experiment) -> Shot:
+    drive = response.bound.drive
+    held = drive.kind == "input"
+    return Shot(
+        response.values(p, experiment.label, experiment.settings),
+        tuple(experiment.read_hz),
+        (experiment.output or response.bound.output,),
+        drive.input if held else None,
+        drive.level,
+        drive.samples_per_period if held else 0,
+        tuple(experiment.tones_hz),
+        drive.order,
+    )
+
+
+def _swept_shots(response: FmuResponse, p: FloatArray) -> list[Shot]:
+    """First, largest and last point of a sweep that is fitted by itself."""
+    sweep, drive = response.bound.sweep, response.bound.drive
+    if sweep is None:
+        return []
+    held = drive.kind == "input"
+    top = sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))]
+    return [
+        Shot(
+            response.sweep_values(p, tone),
+            (tone,),
+            (response.bound.output,),
+            drive.input if held else None,
+            drive.level,
+            drive.samples_per_period if held else 0,
+            (tone,),
+            drive.order,
+        )
+        for tone in map(float, dict.fromkeys((sweep.frequency_hz[0], top, sweep.frequency_hz[-1])))
+    ]
+
+
+def _runs(shots: list[Shot], workers: Workers) -> bool:
+    try:
+        workers.run([shot.run(shot.window(0.0), {}) for shot in shots])
+    except FmuFailure:
+        return False
+    return True

@@ -1,0 +1,1 @@
+"""Draws and words, computes nothing: figures, tables, pages."""

@@ -1,0 +1,72 @@
+"""What the data determine, in words for terminal and report.
+
+Never a value with a small error where the data give none.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fitting.fit.result import IDENTIFIABLE
+from fitting.inference.knowledge import Bootstrap, Knowledge, Profile
+from fitting.text.notation import number, prefixed, span
+
+
+def profile_words(name: str, profile: Profile) -> str:
+    """One value: its 95 % interval, or that it is not determined and what it could be."""
+    if not math.isfinite(profile.best):
+        return f"{name}: {profile.verdict}, {profile.reason}; {_range(profile)}"
+    if profile.verdict == IDENTIFIABLE[2]:
+        return f"{name}: {profile.verdict}, {_range(profile)} fits ({profile.reason})"
+    low, high = profile.interval95
+    factor, unit = _size(profile)
+    up, down = (high - profile.best) / factor, (profile.best - low) / factor
+    tail = f" ({profile.reason})" if profile.verdict != IDENTIFIABLE[0] else ""
+    return (
+        f"{name}: {profile.verdict}, {span(low / factor, high / factor, unit)} at 95 % "
+        f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)})"
+        f"{tail}"
+    )
+
+
+def _size(profile: Profile) -> tuple[float, str]:
+    """Prefix for an interval, none where its width would be all zeros in it."""
+    low, high = profile.interval95
+    factor, unit = prefixed(max(abs(low), abs(high)), profile.unit)
+    if high - low < 1e-3 * factor or not profile.unit:
+        return 1.0, profile.unit
+    return factor, unit
+
+
+def _range(profile: Profile) -> str:
+    low, high = profile.interval95
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "anything"
+    factor, unit = _size(profile)
+    return f"anything from {span(low / factor, high / factor, unit)}"
+
+
+def knowledge_lines(knowledge: Knowledge) -> list[str]:
+    """Lines for a terminal: a line per value, then what was found about directions and minima."""
+    lines = ["What the data determine (profile likelihood):"]
+    lines += [f"  {profile_words(name, p)}" for name, p in knowledge.profiles.items()]
+    lines += [f"  {said}" for said in knowledge.sentences]
+    if knowledge.nu is not None:
+        lines += [f"  {said}" for said in knowledge.nu.sentences]
+    if knowledge.bootstrap is not None:
+        lines += [f"  {said}" for said in bootstrap_lines(knowledge.bootstrap)]
+    spent = knowledge.effort
+    lines.append(f"  {spent.evaluations} evaluations, {spent.fmu_runs} FMU runs for this")
+    return [line.replace("\u00a0", " ") for line in lines]
+
+
+def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
+    """The bootstrap's sentence and the interval of every value."""
+    lines = [bootstrap.sentence]
+    for name, found in bootstrap.values.items():
+        low, high = found.interval95
+        lines.append(
+            f"bootstrap of {name}: {number(low, 7)} to {number(high, 7)} at 95 %, "
+            f"std {number(found.std, 2)}"
+        )
+    return lines

@@ -1,0 +1,96 @@
+"""What an amplitude column means: peak, rms or dBm, only ever by the user's declaration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.text.errors import BadInput
+from fitting.text.units import convert, parse_quantity
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """A declaration: ``kind`` "peak", "rms" or "dBm"; peak amplitudes come out in ``unit``.
+
+    ``impedance_ohm`` is the load that dBm refers to.
+    """
+
+    kind: str
+    unit: str
+    impedance_ohm: float | None = None
+
+
+def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Amplitude:
+    """Read "V peak", "V rms", another detector unit likewise ("m peak"), or "dBm".
+
+    Raises:
+        BadInput: any other text; dBm without an impedance, or an impedance without dBm.
+    """
+    words = text.split()
+    if words == ["dBm"]:
+        if impedance_ohm is None:
+            raise BadInput(f'{where}: "dBm" is a power: wanted impedance = "50 ohm" beside it')
+        return Amplitude("dBm", "V", impedance_ohm)
+    if impedance_ohm is not None:
+        raise BadInput(f'{where}: an impedance has a meaning with "dBm" only, found "{text}"')
+    if len(words) == 2 and words[1] in ("peak", "rms"):
+        parse_quantity(f"1 {words[0]}", where=where)  # refuses a unit that does not exist
+        return Amplitude(words[1], words[0])
+    raise BadInput(
+        f'{where}: found "{text}", wanted "V peak", "V rms" or "dBm" '
+        '(another detector unit likewise, as "m peak")'
+    )
+
+
+def to_peak(
+    values: FloatArray,
+    unit: str,
+    amplitude: Amplitude,
+    source: str,
+    places: Sequence[str],
+    column: str = "amplitude",
+) -> FloatArray:
+    """Peak amplitudes (n,) in ``amplitude.unit`` from values in the file's ``unit``.
+
+    peak = sqrt(2) rms; for dBm peak = sqrt(2 R 1 mW 10^(x/10)).
+
+    Raises:
+        BadInput: a unit that contradicts the declaration, a negative amplitude, or amplitudes that
+            no double holds with all its digits.
+    """
+    where = f"{source}: column '{column}'"
+    if (unit == "dBm") != (amplitude.kind == "dBm"):
+        declared = "dBm" if amplitude.kind == "dBm" else f"{amplitude.unit} {amplitude.kind}"
+        raise BadInput(f"{where}: is in {unit}, but the campaign declares {declared}")
+    if amplitude.impedance_ohm is not None:
+        with np.errstate(over="ignore"):
+            watts = 1e-3 * 10.0 ** (values / 10.0)
+        return _in_range(np.sqrt(2.0 * amplitude.impedance_ohm * watts), where)
+    for i in np.flatnonzero(values < 0.0)[:1]:
+        raise BadInput(
+            f"{source}: {places[i]}, column '{column}': negative amplitude {values[i]:.6g} {unit}; "
+            "wanted a magnitude"
+        )
+    # multiplied, not converted one by one: one rounding, the same for every point
+    factor = convert(1.0, unit, amplitude.unit, where=where)
+    with np.errstate(over="ignore"):
+        peaks = values * (factor * (math.sqrt(2.0) if amplitude.kind == "rms" else 1.0))
+    return _in_range(peaks, where)
+
+
+def _in_range(peaks: FloatArray, where: str) -> FloatArray:
+    """The peaks, if doubles hold the largest of them with all digits."""
+    largest = float(np.max(peaks, initial=0.0))
+    if not (largest == 0.0 or np.finfo(float).tiny <= largest <= np.finfo(float).max):
+        raise BadInput(
+            f"{where}: amplitudes up to {largest:.3g} are beyond the range of numbers; wanted "
+            "another unit"
+        )
+    return peaks

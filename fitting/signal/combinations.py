@@ -1,0 +1,114 @@
+"""Lines at combinations of the drive tones, as a nonlinear response has them: 2 u1 - u2."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fitting.signal.spectrum import exact
+from fitting.text.errors import BadInput
+from fitting.text.tables import did_you_mean
+
+TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
+
+
+#: Highest order of lines of a nonlinear response that sampling keeps off those that are read.
+USUAL_ORDER = 9
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A line at sum_i factors[i] f_i of the drive tones f_i; ``text`` as it was written."""
+
+    factors: tuple[int, ...]
+    text: str
+
+    @property
+    def order(self) -> int:
+        """sum_i |factors[i]|: 1 for a tone itself."""
+        return sum(map(abs, self.factors))
+
+    def frequency_hz(self, tones_hz: Sequence[float]) -> float:
+        """The line's frequency from the tones as they were written, rounded once."""
+        total = sum(k * exact(f) for k, f in zip(self.factors, tones_hz, strict=True))
+        return float(total)
+
+
+def parse_combination(text: str, names: Sequence[str], where: str) -> Combination:
+    """Read "2*u1 - u2", whole multiples of the named tones.
+
+    Raises:
+        BadInput: something else, a name that is no tone, or a combination that is nothing.
+    """
+    factors = dict.fromkeys(names, 0)
+    rest = text.strip()
+    while rest:
+        match = TERM.match(rest)
+        if match is None or not (match[1] or rest == text.strip()):
+            raise BadInput(f"{where}: found '{text}', wanted a sum of tones as '2*u1 - u2'")
+        sign, count, name = match.groups()
+        if name not in factors:
+            hint = did_you_mean(name, list(names))
+            raise BadInput(f"{where}: '{text}' holds '{name}', which is no tone of the drive{hint}")
+        factors[name] += (-1 if sign == "-" else 1) * int(count or 1)
+        rest = rest[match.end() :]
+    if not any(factors.values()):
+        raise BadInput(f"{where}: found '{text}', wanted a sum of tones as '2*u1 - u2'")
+    return Combination(tuple(factors.values()), text)
+
+
+def lines_to_read(
+    texts: Sequence[str], order: int | None, tones: tuple[str, ...], where: str
+) -> tuple[tuple[Combination, ...], int]:
+    """Lines to read, and the highest order of lines that the response may hold beside them.
+
+    Without an ``order`` that is 1, a linear response, where only tones are read.
+
+    Raises:
+        BadInput: no line, one line twice, or one beyond the order.
+    """
+    own = {
+        t: Combination(tuple(int(i == k) for i in range(len(tones))), t)
+        for k, t in enumerate(tones)
+    }
+    read = tuple(own[t] if t in own else parse_combination(t, tones, where) for t in texts)
+    if not read or len({line.factors for line in read}) < len(read):
+        raise BadInput(f"{where}: found {list(texts)}, wanted different lines, one at least")
+    highest = max(line.order for line in read)
+    if order is None:
+        order = 1 if highest == 1 else max(USUAL_ORDER, highest)
+    if order < highest:
+        raise BadInput(f"{where}: a line of order {highest}, but order = {order}")
+    return read, order
+
+
+def mixed_lines(tones: int, order: int) -> tuple[tuple[int, ...], ...]:
+    """Factors of all lines with sum |k_i| <= ``order``, one of each pair k, -k, without zero."""
+    span = range(-order, order + 1)
+    return tuple(
+        k
+        for k in itertools.product(span, repeat=tones)
+        if 0 < sum(map(abs, k)) <= order and next(x for x in k if x) > 0
+    )
+
+
+def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
+    """Positive frequencies of all lines with 2 <= sum |k_i| <= ``order``."""
+    if order < 2:
+        return ()
+    tones = [exact(f) for f in tones_hz]
+    mixed = [factors for factors in mixed_lines(len(tones), order) if sum(map(abs, factors)) > 1]
+    lines = [sum(k * f for k, f in zip(factors, tones, strict=True)) for factors in mixed]
+    return tuple(sorted({float(abs(f)) for f in lines if f}))
+
+
+def combination_name(factors: Sequence[int], names: Sequence[str]) -> str:
+    """Words for factors, positive terms first: "2 u1 - u2" for (2, -1) and (u1, u2)."""
+    words = ""
+    terms = [(k, n) for k, n in zip(factors, names, strict=True) if k]
+    for k, name in sorted(terms, key=lambda term: term[0] < 0):
+        sign = ("- " if k < 0 else "+ ") if words else ("-" if k < 0 else "")
+        words += f"{' ' if words else ''}{sign}{f'{abs(k)} ' if abs(k) > 1 else ''}{name}"
+    return words

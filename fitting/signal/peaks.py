@@ -1,0 +1,309 @@
+"""Laboratory traces to numbers: noise floor, amplitude at known tones, resonance of a sweep.
+
+Works on plain arrays in Hz and volts (or whatever unit the detector was declared in).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
+from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz
+
+FloatArray = NDArray[np.float64]
+
+FLOOR_KINDS = ("robust", "mean", "none")
+BACKGROUNDS = ("none", "complex")
+
+# |n| of complex Gaussian noise with sigma per quadrature is Rayleigh distributed.
+RAYLEIGH_MEAN = math.sqrt(math.pi / 2.0)
+RAYLEIGH_MEDIAN = math.sqrt(2.0 * math.log(2.0))
+
+GUARD_POINTS = 6  # a resolution filter sampled at its own bandwidth is below 1e-20 there
+MIN_FLOOR_POINTS = 10
+DETECTION_SIGMA = 4.0  # noise alone exceeds it in one trace point of 3000
+MIN_SWEEP_POINTS = 8
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """Noise of a magnitude trace: mean magnitude ``level_v`` and ``sigma_v`` per quadrature."""
+
+    level_v: float
+    sigma_v: float
+
+
+@dataclass(frozen=True)
+class PeakReading:
+    """Amplitudes at the known tones of one spectrum.
+
+    ``peaks_v`` (n,) with the floor removed, ``sigmas_v`` (n,) standard deviations, ``raw_v`` (n,)
+    as read, ``floor`` of the trace. All in the trace's amplitude unit.
+    """
+
+    peaks_v: FloatArray
+    sigmas_v: FloatArray
+    raw_v: FloatArray
+    floor: NoiseFloor
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """One damped mode fitted to a sweep; every value has its standard deviation beside it.
+
+    The standard deviations are widened where the residuals hang together: ``structure`` tells.
+    ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
+    of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
+    complex constant (0 without), ``residual_rms`` relative to the amplitude, ``correlation``
+    between eta and width, ``curve`` (n,) the fitted amplitudes.
+    """
+
+    eta_hz: float
+    eta_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    amplitude: float
+    amplitude_std: float
+    background: complex
+    residual_rms: float
+    correlation: float
+    curve: FloatArray
+    message: str
+    structure: Structure
+
+
+def noise_floor(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    tones_hz: Sequence[float],
+    kind: str,
+    *,
+    source: str = "spectrum",
+) -> NoiseFloor:
+    """Noise level of a magnitude spectrum from the points away from every tone.
+
+    "mean": level = average (the paper's xi), sigma = level / sqrt(pi/2). "robust" and "none":
+    sigma = median / sqrt(2 ln 2), level = sigma sqrt(pi/2); spurious lines and skirts on up to
+    half of the points shift it little. Rayleigh statistics of the magnitude in both.
+
+    Raises:
+        BadInput: too few points away from the tones.
+    """
+    away = np.ones(frequency_hz.size, dtype=bool)
+    for tone in tones_hz:
+        nearest = int(np.argmin(np.abs(frequency_hz - tone)))
+        away[max(0, nearest - GUARD_POINTS) : nearest + GUARD_POINTS + 1] = False
+    quiet = amplitude_v[away]
+    if quiet.size < MIN_FLOOR_POINTS:
+        raise BadInput(
+            f"{source}: {quiet.size} points more than {GUARD_POINTS} points away from the tones; "
+            f"the noise floor wants at least {MIN_FLOOR_POINTS} (a wider span, or ready peaks)"
+        )
+    if kind == "mean":
+        level = float(np.mean(quiet))
+        return NoiseFloor(level, level / RAYLEIGH_MEAN)
+    sigma = float(np.median(quiet)) / RAYLEIGH_MEDIAN
+    return NoiseFloor(sigma * RAYLEIGH_MEAN, sigma)
+
+
+def read_peaks(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    tones_hz: Sequence[float],
+    kind: str = "robust",
+    *,
+    source: str = "spectrum",
+) -> PeakReading:
+    """Amplitudes at ``tones_hz`` of a magnitude spectrum, noise floor removed.
+
+    "mean" subtracts the average floor, z* = z - xi, as the paper does. "robust" takes the noise off
+    in quadrature, z* = sqrt(z^2 - sigma^2), which leaves a bias of order sigma^4 / z^3; the plain
+    difference takes 1 percent off a peak 100 times the floor. "none" leaves z.
+
+    Raises:
+        BadInput: a tone outside the trace, or one that does not stand out of the floor.
+
+    Source: the paper, section on the laboratory data; Gudbjartsson and Patz, The Rician
+    distribution of noisy MRI data, Magn. Reson. Med. 34 (1995) 910, for the quadrature.
+    """
+    if kind not in FLOOR_KINDS:
+        raise ValueError(f"noise floor kind {kind!r}, wanted one of {FLOOR_KINDS}")
+    for tone in tones_hz:
+        _check_inside(frequency_hz, tone, source)
+    raw = np.array([_amplitude_at(frequency_hz, amplitude_v, tone) for tone in tones_hz])
+    if kind == "none" and frequency_hz.size < MIN_FLOOR_POINTS + (2 * GUARD_POINTS + 1) * len(raw):
+        floor = NoiseFloor(0.0, 0.0)  # a bare list of lines has no floor to read
+    else:
+        floor = noise_floor(frequency_hz, amplitude_v, tones_hz, kind, source=source)
+    for tone, height in zip(tones_hz, raw, strict=True):
+        if not height > DETECTION_SIGMA * floor.sigma_v:
+            raise BadInput(
+                f"{source}: no peak at the tone {hertz(tone, digits=8)}: {height:.3g} read on "
+                f"a noise floor of {floor.level_v:.3g}; wanted at least "
+                f"{DETECTION_SIGMA * floor.sigma_v:.3g} (wrong file, or wrong drive frequency?)"
+            )
+    if kind == "mean":
+        peaks = raw - floor.level_v
+    elif kind == "robust":
+        peaks = raw * np.sqrt(1.0 - (floor.sigma_v / raw) ** 2)  # no square of a volt: any scale
+    else:
+        peaks = raw
+    return PeakReading(peaks, np.full(raw.shape, floor.sigma_v), raw, floor)
+
+
+def _check_inside(frequency_hz: FloatArray, tone_hz: float, source: str) -> None:
+    first, last = float(frequency_hz[0]), float(frequency_hz[-1])
+    slack = 0.5 * (last - first) / max(1, frequency_hz.size - 1)
+    if not first - slack <= tone_hz <= last + slack:
+        raise BadInput(
+            f"{source}: does not contain the tone {hertz(tone_hz, digits=8)}; its points run "
+            f"from {hertz(first, last, digits=8, joined=' to ')}"
+        )
+
+
+def _amplitude_at(frequency_hz: FloatArray, amplitude_v: FloatArray, tone_hz: float) -> float:
+    """Amplitude of a line at a known frequency: the point itself, or the crest between points.
+
+    Where the tone lies on a point, that point is the amplitude and nothing is fitted to noise.
+    Between points the crest of the parabola through the logarithms of three points is taken: exact
+    for the Gaussian resolution filter of a spectrum analyser.
+    """
+    nearest = int(np.argmin(np.abs(frequency_hz - tone_hz)))
+    neighbours = frequency_hz[max(0, nearest - 1) : nearest + 2]
+    step = float(np.min(np.diff(neighbours))) if neighbours.size > 1 else 0.0
+    if abs(float(frequency_hz[nearest]) - tone_hz) <= 1e-3 * step or not 0 < nearest < (
+        frequency_hz.size - 1
+    ):
+        return float(amplitude_v[nearest])
+    f, a = neighbours - tone_hz, amplitude_v[nearest - 1 : nearest + 2]
+    if np.any(a <= 0.0):
+        return float(np.max(a))
+    curvature, slope, height = np.polyfit(f / step, np.log(a), 2)
+    crest = -slope / (2.0 * curvature) if curvature < 0.0 else math.inf
+    if abs(crest) > 1.0:  # no line within a point of the tone: leave it to the detection limit
+        return float(np.max(a))
+    return float(math.exp(height - slope**2 / (4.0 * curvature)))
+
+
+def mode_response(
+    frequency_hz: FloatArray, eta_hz: float, width_hz: float
+) -> NDArray[np.complex128]:
+    """Response of one driven damped mode, 1 at eta in magnitude, shape of ``frequency_hz``.
+
+    g(f) = w eta / ((eta - f)(eta + f) + i f w); the difference of squares is factored because at
+    high Q it cancels. |g|^2 is a Lorentzian of full width w close to eta.
+    """
+    detuning = (eta_hz - frequency_hz) * (eta_hz + frequency_hz)
+    return np.asarray(width_hz * eta_hz / (detuning + 1j * frequency_hz * width_hz))
+
+
+def fit_resonance(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    *,
+    background: str = "none",
+    sigma_v: float | None = None,
+    source: str = "sweep",
+) -> Resonance:
+    """Fit ``|A g(f) + b|`` to a sweep of amplitudes, see :func:`mode_response` for g.
+
+    ``b`` is zero, or with background="complex" one complex constant (direct crosstalk of the
+    drive). Magnitudes fix eta, width and ``|b|``, but not which of two mirrored pairs (A, b) it
+    is: with a background the amplitude is one of two candidates. ``sigma_v`` is the noise of a
+    point if known, otherwise the residual tells it. Errors are those of the linearised problem
+    times the widening that structured residuals ask for, see
+    `fitting.signal.residual_tests.residual_structure`.
+
+    Raises:
+        BadInput: too few points, no resonance within the sweep, or one that the points do not hold.
+    """
+    if background not in BACKGROUNDS:
+        raise ValueError(f"background {background!r}, wanted one of {BACKGROUNDS}")
+    unknowns = 5 if background == "complex" else 3
+    if frequency_hz.size < max(MIN_SWEEP_POINTS, unknowns + 1):
+        raise BadInput(
+            f"{source}: {frequency_hz.size} points are too few for a resonance fit; "
+            f"wanted at least {max(MIN_SWEEP_POINTS, unknowns + 1)}"
+        )
+    eta0, width0, height = _first_guess(frequency_hz, amplitude_v)
+
+    def curve(x: FloatArray) -> FloatArray:
+        wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
+        if unknowns == 5:
+            wave = wave + (x[3] + 1j * x[4])
+        return np.asarray(height * np.abs(wave), dtype=float)
+
+    start = np.zeros(unknowns)
+    start[2] = 1.0
+    fit = minimise_squares(
+        lambda x: (curve(x) - amplitude_v) / height,
+        start,
+        residual_sigma=None if sigma_v is None else sigma_v / height,
+    )
+    return _as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
+
+
+def _first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
+    """Crest, and the width of the region above 1/sqrt(2) of it."""
+    top = int(np.argmax(amplitude_v))
+    height = float(amplitude_v[top])
+    high = frequency_hz[amplitude_v >= height / math.sqrt(2.0)]
+    spacing = float(np.median(np.diff(frequency_hz)))
+    width = max(float(high[-1] - high[0]), spacing)
+    return float(frequency_hz[top]), width, height if height > 0.0 else 1.0
+
+
+def _as_resonance(
+    frequency_hz: FloatArray,
+    fit: LeastSquaresFit,
+    curve: FloatArray,
+    guess: tuple[float, float, float],
+    source: str,
+) -> Resonance:
+    eta0, width0, height = guess
+    structure = residual_structure(fit.residuals, fit.jacobian)
+    spread = structure.widening**2 * fit.covariance
+    x, variance = fit.values, np.diag(spread)
+    eta, width = eta0 + width0 * float(x[0]), width0 * math.exp(float(x[1]))
+    span = float(frequency_hz[-1] - frequency_hz[0])
+    inside = frequency_hz[0] <= eta <= frequency_hz[-1] and width < 3.0 * span
+    if not (fit.converged and inside):
+        raise BadInput(
+            f"{source}: no resonance between {frequency_hz[0]:.10g} and {frequency_hz[-1]:.10g} Hz "
+            f"(the fit ended at {eta:.10g} Hz, width {width:.4g} Hz: {fit.message})"
+        )
+    if not np.all(np.isfinite(variance[:2])):
+        raise BadInput(
+            f"{source}: the sweep does not determine its line near {eta:.10g} Hz, width "
+            f"{width:.4g} Hz (a grid too coarse for it, or at the rounding of the frequencies)"
+        )
+    eta_std, log_width_std = width0 * math.sqrt(variance[0]), math.sqrt(variance[1])
+    covariance = width0 * width * float(spread[0, 1])
+    correlation = covariance / (eta_std * width * log_width_std) if eta_std * log_width_std else 0.0
+    q = eta / width
+    q_variance = (eta_std / eta) ** 2 + log_width_std**2 - 2.0 * covariance / (eta * width)
+    return Resonance(
+        eta_hz=eta,
+        eta_std_hz=eta_std,
+        width_hz=width,
+        width_std_hz=width * log_width_std,
+        q=q,
+        q_std=q * math.sqrt(max(0.0, q_variance)),
+        amplitude=height * abs(float(x[2])),
+        amplitude_std=height * math.sqrt(variance[2]),
+        background=height * complex(x[3], x[4]) if x.size == 5 else 0j,
+        residual_rms=float(np.sqrt(np.mean(fit.residuals**2))) / abs(float(x[2])),
+        correlation=correlation,
+        curve=curve,
+        message=fit.message,
+        structure=structure,
+    )

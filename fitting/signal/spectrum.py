@@ -1,0 +1,307 @@
+"""Traces to amplitudes at known tones: coherent windows with a proof; else a fit of the tones.
+
+Frequencies are taken as the decimal numbers that people wrote (the shortest text of the double),
+and all reasoning about periods and folding is in whole numbers.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.text.errors import BadInput
+from fitting.text.notation import listed, number
+
+FloatArray = NDArray[np.float64]
+
+#: A window has at least this many beats of the closest tones, and periods of a single tone.
+BEATS = 5
+#: The band shown is this many times as wide as the tones are apart.
+BREADTH = 6
+LEAST_SAMPLES = 256
+MOST_SAMPLES = 2**20
+#: Condition number of a tone fit above which the tones are not told apart.
+WORST_CONDITION = 1e3
+#: Tones that are this many times as fast as others look like a forgotten unit.
+FAR_APART = 1e3
+#: Largest order of combinations of tones: within the band of the tones, and anywhere.
+NEAR_ORDER, ANY_ORDER = 41, 5
+#: Mixtures of more tones than these are not kept off them.
+MOST_MIXED = 4
+_SPLITTER = 134217729.0  # 2**27 + 1 cuts a double into two halves (Dekker 1971)
+
+
+@dataclass(frozen=True)
+class Band:
+    """A window of whole periods, sampled so that a band of frequencies is seen unfolded.
+
+    N = ``samples`` at t_j = j T/N, j < N, over T = ``window_s`` (exact). Frequency f is seen in bin
+    |f T - nearest multiple of N|; within the ``zone`` between z N/(2T) and (z + 1) N/(2T) that is
+    one to one, and every tone is inside: on a bin, and on none of the two edges, which are what is
+    seen as 0 and as half the sampling rate. So no tone folds onto another one.
+
+    Raises BadInput where a tone is not on a bin or not inside the zone.
+    """
+
+    tones_hz: tuple[float, ...]
+    window_s: Fraction
+    samples: int
+    zone: int
+
+    def __post_init__(self) -> None:
+        for tone, cycles in zip(self.tones_hz, self._cycles(), strict=True):
+            if cycles.denominator != 1:
+                raise BadInput(
+                    f"{tone!r} Hz makes {float(cycles)!r} periods in {float(self.window_s)!r} s, "
+                    "wanted a whole number"
+                )
+            if not self.zone * self.samples < 2 * cycles < (self.zone + 1) * self.samples:
+                raise BadInput(
+                    f"{tone!r} Hz, sampled {self.samples} times in {float(self.window_s)!r} s, is "
+                    "on or beyond an edge of the band, wanted it inside"
+                )
+
+    @property
+    def step_s(self) -> float:
+        """Time from sample to sample."""
+        return float(self.window_s / self.samples)
+
+    def bins(self) -> tuple[int, ...]:
+        """Bin of each tone in the discrete Fourier transform of the samples."""
+        seen = (int(cycles) % self.samples for cycles in self._cycles())
+        return tuple(min(k, self.samples - k) for k in seen)
+
+    def frequencies_hz(self) -> FloatArray:
+        """True frequency of every bin, shape (samples // 2 + 1,)."""
+        k = np.arange(self.samples // 2 + 1)
+        # odd zones are seen mirrored
+        first, sign = (self.zone // 2, 1) if self.zone % 2 == 0 else ((self.zone + 1) // 2, -1)
+        return np.asarray((first * self.samples + sign * k) / float(self.window_s))
+
+    def combination_bins(self) -> tuple[int, ...]:
+        """Bins of Σ k_i f_i with whole numbers k_i, where a nonlinear response has lines.
+
+        The mean, harmonics and mixtures up to order Σ|k_i| = 5, and what lies between and beside
+        the tones (Σ k_i = 1) up to order 41; each less where it would fill half of all bins. The
+        tones themselves are left out.
+        """
+        n = self.samples
+        cycles = {int(c) % n for c in self._cycles()}
+        gaps = {(a - b) % n for a in cycles for b in cycles}
+        near = _grown(cycles, gaps, NEAR_ORDER // 2, n)
+        mixed = _grown({0}, {s * c % n for c in cycles for s in (1, -1)}, ANY_ORDER, n)
+        folded = {min(m, n - m) for m in mixed | near}
+        return tuple(sorted(folded - set(self.bins())))
+
+    def _cycles(self) -> list[Fraction]:
+        return [exact(tone) * self.window_s for tone in self.tones_hz]
+
+
+def exact(frequency_hz: float) -> Fraction:
+    """The decimal number that a frequency was written as: 0.1 is 1/10."""
+    return Fraction(repr(float(frequency_hz)))
+
+
+def common_period(tones_hz: Sequence[float]) -> Fraction:
+    """Shortest time in which every tone makes whole periods, exact; tones of 0 Hz fit any."""
+    tones = [exact(tone) for tone in tones_hz if tone != 0.0]
+    if not tones:
+        raise BadInput("no tone above 0 Hz, wanted one at least")
+    denominator = math.lcm(*(tone.denominator for tone in tones))
+    return denominator / Fraction(math.gcd(*(int(tone * denominator) for tone in tones)))
+
+
+def plan_band(
+    tones_hz: Sequence[float],
+    *,
+    longest_s: float,
+    window_s: float | None = None,
+    samples: int | None = None,
+) -> Band | None:
+    """A coherent window for the tones; None where they have no common period up to ``longest_s``.
+
+    The window is the least number of common periods with five beats (for a single tone: 64 periods)
+    unless ``window_s`` is given, and the number of samples the least at which the band is six times
+    as wide as the tones are apart, unless ``samples`` is given. Among numbers of samples those are
+    passed over at which a harmonic or a mixture of the tones up to order 5 (3 f1, 2 f1 + f2), as a
+    nonlinear response has them, folds onto a tone; where there is no other, the first is taken.
+
+    Raises BadInput for tones that are not different and positive, for a window that is not whole
+    periods, and where no sampling up to 2**20 samples keeps the tones within one band.
+    """
+    tones = tuple(float(tone) for tone in tones_hz)
+    if len(set(tones)) != len(tones) or not all(0.0 < tone < math.inf for tone in tones):
+        raise BadInput(f"{told(tones)}: wanted different positive frequencies")
+    if samples is not None and samples < 1:
+        raise BadInput(f"samples is {samples!r}, wanted at least 1")
+    period = common_period(tones)
+    if window_s is not None:
+        window = exact(window_s)
+        # a decimal cannot hold every period: the nearest whole number of them is meant
+        periods = round(window / period)
+        if periods < 1 or abs(periods * period - window) > window / 10**9:
+            raise BadInput(
+                f"window of {window_s!r} s is {float(window / period):.9g} common periods of "
+                f"{float(period)!r} s, wanted a whole number"
+            )
+        window = periods * period
+    else:
+        wanted = 64 / exact(tones[0]) if len(tones) == 1 else BEATS / _closest(tones)
+        window = period * math.ceil(wanted / period)
+    if window > longest_s:
+        return None
+    halves = [int(2 * exact(tone) * window) for tone in tones]
+    tried = _candidates(halves) if samples is None else [samples]
+    possible = (n for n in tried if _common_zone(halves, n) is not None)
+    first = next(possible, None)
+    if first is not None:
+        mixed = _mixtures([half // 2 for half in halves])
+        clean = (n for n in itertools.chain([first], possible) if not _folds(halves, mixed, n))
+        n = next(clean, first)
+        return Band(tones, window, n, _common_zone(halves, n) or 0)
+    raise BadInput(
+        f"{told(tones)}: no sampling of {float(window)!r} s "
+        f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "
+        f"within one band, wanted more samples or tones closer to each other{unit_hint(tones)}"
+    )
+
+
+def told(tones_hz: Sequence[float]) -> str:
+    """Tones in words, none of their digits left out: "tones 6.94018 Hz and 6940360 Hz"."""
+    many = "tones" if len(tones_hz) > 1 else "tone"
+    texts = (repr(float(tone)).removesuffix(".0") for tone in tones_hz)
+    return f"{many} {listed(f'{text} Hz' for text in texts)}"
+
+
+def unit_hint(tones_hz: Sequence[float]) -> str:
+    """What to say where tones are so far apart that a unit may have been forgotten; or nothing."""
+    slow, fast = min(tones_hz), max(tones_hz)
+    if not 0.0 < FAR_APART * slow < fast:
+        return ""
+    return (
+        f"; they differ by a factor of {number(fast / slow, 2)}: is a unit missing, as in "
+        '"6.94 MHz"?'
+    )
+
+
+def amplitude_spectrum(values: FloatArray) -> FloatArray:
+    """Peak amplitude in every bin of whole periods: (2/N) |rfft|; 1/N at 0 and at half the rate.
+
+    ``values`` (samples,) or (samples, outputs); the result has (samples // 2 + 1) rows, in the unit
+    of the values.
+    """
+    n = values.shape[0]
+    amplitudes = np.abs(np.fft.rfft(values, axis=0)) * (2.0 / n)
+    amplitudes[0] /= 2.0
+    if n % 2 == 0:
+        amplitudes[-1] /= 2.0
+    return np.asarray(amplitudes, dtype=np.float64)
+
+
+def fit_tones(
+    tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Peak amplitudes (n_tones, outputs) by least squares of a mean and the tones.
+
+    For windows that are not whole periods. ``times_s`` (samples,), ``values`` (samples, outputs).
+    The second result is what is left of the values, (samples, outputs).
+    Raises BadInput where the samples do not tell the tones apart.
+    """
+    columns = [np.ones_like(times_s)]
+    for tone in tones_hz:
+        phase = 2.0 * math.pi * cycle_fraction(tone, times_s)
+        columns += [np.cos(phase), np.sin(phase)]
+    design = np.stack(columns, axis=1)
+    condition = float(np.linalg.cond(design)) if design.shape[0] >= design.shape[1] else math.inf
+    if condition > WORST_CONDITION:
+        raise BadInput(
+            f"{told(tones_hz)}: {times_s.size} samples over {float(np.ptp(times_s))!r} s "
+            f"do not tell them apart (condition number {condition:.3g}), wanted a longer window"
+        )
+    coefficients = np.linalg.lstsq(design, values, rcond=None)[0]
+    peaks = np.hypot(coefficients[1::2], coefficients[2::2])
+    return np.asarray(peaks), np.asarray(values - design @ coefficients)
+
+
+def cycle_fraction(frequency_hz: float, times_s: FloatArray) -> FloatArray:
+    """F t without its whole cycles, shape of ``times_s``; no digit of f t is lost at large t.
+
+    The product is formed exactly as the sum of two doubles (Dekker, Numer. Math. 18, 224, 1971);
+    2π f t in one double would carry an error of 1e-16 f t cycles.
+    """
+    product = frequency_hz * times_s
+    f_high, f_low = _split(np.float64(frequency_hz))
+    t_high, t_low = _split(times_s)
+    rest = ((f_high * t_high - product) + f_high * t_low + f_low * t_high) + f_low * t_low
+    return np.asarray(np.fmod(product, 1.0) + rest, dtype=np.float64)
+
+
+def _split(value: np.float64 | FloatArray) -> tuple[FloatArray, FloatArray]:
+    scaled = np.asarray(value * _SPLITTER)
+    high = scaled - (scaled - value)
+    return high, value - high
+
+
+def _grown(seeds: set[int], steps: set[int], times: int, modulus: int) -> set[int]:
+    """What is reached from the seeds in so many steps, as long as it is a quarter of all."""
+    reached = edge = seeds
+    for _ in range(times):
+        edge = {(m + step) % modulus for m in edge for step in steps} - reached
+        if len(reached) + len(edge) > modulus // 4:
+            break
+        reached = reached | edge
+    return reached
+
+
+def _mixtures(cycles: list[int]) -> set[int]:
+    """Periods of Σ k_i f_i in the window for 1 < Σ|k_i| <= 5, those that are a tone's left out."""
+    orders = range(-ANY_ORDER, ANY_ORDER + 1)
+    factors = itertools.product(orders, repeat=len(cycles)) if len(cycles) <= MOST_MIXED else []
+    reached = {
+        abs(sum(k * c for k, c in zip(ks, cycles, strict=True)))
+        for ks in factors
+        if 1 < sum(map(abs, ks)) <= ANY_ORDER
+    }
+    return reached - set(cycles)
+
+
+def _folds(halves: list[int], mixed: set[int], samples: int) -> bool:
+    """Whether one of the mixtures is seen where a tone is."""
+    tones = {min(half // 2 % samples, -(half // 2) % samples) for half in halves}
+    return any(min(m % samples, -m % samples) in tones for m in mixed)
+
+
+def _closest(tones: tuple[float, ...]) -> Fraction:
+    ordered = sorted(exact(tone) for tone in tones)
+    return min(b - a for a, b in pairwise(ordered))
+
+
+def _candidates(halves: list[int]) -> list[int]:
+    """Numbers of samples to try, the most wanted first; ``halves``: half periods of the tones."""
+    least = max(LEAST_SAMPLES, BREADTH * (max(halves) - min(halves)))
+    tried = range(least, min(8 * least, MOST_SAMPLES), max(1, least // 256))
+    everything = max(halves) + 2  # zone 0 holds all of them
+    centred = sorted(tried, key=lambda n: (_off_centre(halves, n), n))
+    return centred + ([everything] if everything <= MOST_SAMPLES else [])
+
+
+def _off_centre(halves: list[int], samples: int) -> float:
+    """How far the middle of the tones is from the middle of the band, in bands; 1 beyond it."""
+    zone = _common_zone(halves, samples)
+    if zone is None:
+        return 1.0
+    return round(abs((max(halves) + min(halves)) / (2 * samples) - zone - 0.5), 1)
+
+
+def _common_zone(halves: list[int], samples: int) -> int | None:
+    """The zone that has all tones inside; None if there is none."""
+    zones = {half // samples for half in halves}
+    on_edge = any(half % samples == 0 for half in halves)
+    return None if on_edge or len(zones) > 1 else zones.pop()

@@ -1,0 +1,1 @@
+"""What is asked of an FMU, and how accurately: one plan, drives, sweeps, batches of runs."""

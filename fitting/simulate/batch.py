@@ -1,0 +1,101 @@
+"""Runs asked of an FMU in one batch: equal ones are simulated once, whoever asked for them.
+
+Two runs are equal if their start values, window and input signal are: outputs that are read of the
+same run, and amplitudes that are wanted twice, then cost nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.fmu import InputSignal, Run
+from fitting.simulate.window import Window, tone_amplitudes
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
+Scalar = float | int | bool | str
+
+
+class Workers(Protocol):
+    """What is needed of `fitting.fmu.FmuWorkers`."""
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Outputs of each run, shape (samples, outputs)."""
+        ...
+
+
+def alike(table: FloatArray) -> tuple[IntArray, IntArray]:
+    """First index (g,) of every group of equal rows, and the group (k,) of every row.
+
+    Equal means bit for bit; ``table`` (k, n).
+    """
+    rows = np.ascontiguousarray(table)
+    if rows.shape[1] == 0 or rows.shape[0] == 1:
+        return np.zeros(1, dtype=np.intp), np.zeros(rows.shape[0], dtype=np.intp)
+    keys = rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
+    _, first, group = np.unique(keys, return_index=True, return_inverse=True)
+    return np.asarray(first, dtype=np.intp), np.asarray(group, dtype=np.intp).ravel()
+
+
+class Batch:
+    """Collects runs, simulates the different ones together, and reads amplitudes of them."""
+
+    def __init__(self) -> None:
+        self._index: dict[tuple[object, ...], int] = {}
+        self._runs: list[tuple[dict[str, Scalar], Window, InputSignal | None, list[str]]] = []
+        self.owners: list[int] = []
+        self._answers: list[FloatArray] = []
+        self._amplitudes: dict[tuple[int, str, tuple[float, ...]], FloatArray] = {}
+
+    def ask(
+        self,
+        values: Mapping[str, Scalar],
+        window: Window,
+        signal: InputSignal | None,
+        output: str,
+        owner: int = 0,
+    ) -> int:
+        """Number of the run that answers this; ``owner`` is noted for the first that asks."""
+        times = (window.settle_s, window.step_s, window.samples, signal)
+        key = (frozenset(values.items()), *times)
+        k = self._index.setdefault(key, len(self._runs))
+        if k == len(self._runs):
+            self._runs.append((dict(values), window, signal, []))
+            self.owners.append(owner)
+        if output not in self._runs[k][3]:
+            self._runs[k][3].append(output)
+        return k
+
+    def simulate(self, workers: Workers) -> None:
+        """Run all that was asked for, in one batch."""
+        runs = [
+            Run(
+                values,
+                window.settle_s,
+                window.step_s,
+                window.samples,
+                tuple(outputs),
+                input_signal=signal,
+            )
+            for values, window, signal, outputs in self._runs
+        ]
+        self._answers = workers.run(runs) if runs else []
+
+    def samples(self, k: int, output: str) -> FloatArray:
+        """One output of a simulated run, shape (samples,)."""
+        return np.asarray(self._answers[k][:, self._runs[k][3].index(output)])
+
+    def amplitudes(self, k: int, window: Window, output: str) -> FloatArray:
+        """Amplitudes at the window's tones of one output of a simulated run, shape (tones,)."""
+        key = (k, output, window.tones_hz)
+        if key not in self._amplitudes:
+            self._amplitudes[key] = np.asarray(tone_amplitudes(window, self.samples(k, output)))
+        return self._amplitudes[key]
+
+    def count(self, owners: int) -> IntArray:
+        """Number of simulated runs by who asked first, shape (owners,)."""
+        return np.bincount(np.array(self.owners, dtype=np.intp), minlength=owners)

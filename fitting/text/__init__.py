@@ -1,0 +1,1 @@
+"""What people write and read: errors, files, units, numbers in words, tables, JSON records."""

@@ -1,0 +1,265 @@
+"""How names and numbers are written for people: symbols, SI prefixes, offsets, errors.
+
+Names come from the campaign and the FMU; the rules below are typography and know none of them.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+#: Units that take a prefix; all others are left as they are.
+_TAKES_PREFIX = ("Hz", "V", "A", "m", "N", "s", "W", "J", "Pa", "F", "C", "rad")
+_PREFIXES = (
+    (1e9, "G"),
+    (1e6, "M"),
+    (1e3, "k"),
+    (1.0, ""),
+    (1e-3, "m"),
+    (1e-6, "µ"),
+    (1e-9, "n"),
+    (1e-12, "p"),
+    (1e-15, "f"),
+)
+#: Sizes beyond these have no prefix that spares zeros.
+_PREFIXED = (1e-18, 1e13)
+#: Units that mean a pure number.
+_NO_UNIT = ("", "1", "-", "dimensionless")
+_SIGNS = {"plus": "+", "minus": "−"}
+_SYMBOL = re.compile(r"([A-Za-z]+?)_?(\d+|(?<=_)[A-Za-z0-9]+)?")
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Numbers below this are written without a power of ten.
+_PLAIN_BELOW = 1e9
+#: Values whose range is below this share of their size are shown as differences from one of them.
+_NARROW = 1e-2
+#: Ranges below this share of the size are rounding, not variation.
+_CONSTANT = 1e-9
+
+
+def symbol(name: str) -> tuple[str, str] | None:
+    """Letter and index of a name that is one: "eta_plus" (η, +), "D11" (D, 11); else None."""
+    match = _SYMBOL.fullmatch(name)
+    if match is None:
+        return None
+    letter, index = match[1], match[2] or ""
+    if len(letter) > 1:
+        greek = _greek(letter)
+        if greek is None:
+            return None
+        letter = greek
+    return letter, _SIGNS.get(index, index)
+
+
+def _greek(word: str) -> str | None:
+    size = "CAPITAL" if word[0].isupper() else "SMALL"
+    # Unicode writes the twelfth letter without its b
+    spelled = word.upper().replace("MBD", "MD")
+    try:
+        return unicodedata.lookup(f"GREEK {size} LETTER {spelled}")
+    except KeyError:
+        return None
+
+
+def mathtext(name: str) -> str:
+    """A name as matplotlib sets it: a symbol in italics with its index, or the plain name."""
+    parts = symbol(name)
+    if parts is None:
+        return name.replace("$", r"\$")
+    letter, index = parts
+    return f"${letter}_{{\\mathrm{{{index}}}}}$" if index else f"${letter}$"
+
+
+def mean_of(name: str) -> str:
+    """The mean over the experiments, as matplotlib sets it."""
+    return f"⟨{mathtext(name)}⟩"
+
+
+def markup(name: str) -> str:
+    """A name as HTML (escaped): a symbol in italics with its index, or the plain name as code."""
+    parts = symbol(name)
+    if parts is None:
+        return f"<code>{html.escape(name)}</code>"
+    letter, index = parts
+    return f"<i>{letter}</i><sub>{index}</sub>" if index else f"<i>{letter}</i>"
+
+
+def plain(name: str) -> str:
+    """A name in running text without markup: a lone Greek letter as such, others as they are."""
+    parts = symbol(name)
+    return parts[0] if parts is not None and not parts[1] else name
+
+
+def unit_text(unit: str) -> str:
+    """A unit in text, empty for pure numbers."""
+    return "" if unit in _NO_UNIT else unit
+
+
+def prefixed(size: float, unit: str) -> tuple[float, str]:
+    """Factor and unit in which a number of that size reads well: (7e6, "Hz") -> (1e6, "MHz").
+
+    A power of ten stands where numbers would be long without: (2e-6, "rad"), (1e-300, "V").
+    """
+    if not (math.isfinite(size) and size > 0.0):
+        return 1.0, unit_text(unit)
+    if unit not in _TAKES_PREFIX or not _PREFIXED[0] <= size < _PREFIXED[1]:
+        if 1e-3 <= size < 1e6:
+            return 1.0, unit_text(unit)
+        power = 3 * math.floor(math.log10(size) / 3.0)
+        return 10.0**power, f"{power_of_ten(power)} {unit_text(unit)}".strip()
+    if unit in ("s", "rad") and size >= 1.0:
+        return 1.0, unit
+    for factor, prefix in _PREFIXES:
+        if size >= factor:
+            return factor, prefix + unit
+    return _PREFIXES[-1][0], _PREFIXES[-1][1] + unit
+
+
+def hertz(*values_hz: float, digits: int = 9, joined: str = " and ") -> str:
+    """Frequencies in Hz, kHz, MHz or GHz, as the largest asks: "6.94016 and 6.94036 MHz"."""
+    factor, unit = prefixed(max([1.0, *map(abs, values_hz)]), "Hz")
+    return f"{joined.join(f'{value / factor:.{digits}g}' for value in values_hz)} {unit}"
+
+
+@dataclass(frozen=True)
+class Scaling:
+    """How values are drawn: (value - offset)/factor, in `unit`; `origin` is the offset in words."""
+
+    offset: float
+    factor: float
+    unit: str
+    origin: str = ""
+
+    def __call__(self, value: float) -> float:
+        """A value as drawn."""
+        return (value - self.offset) / self.factor
+
+    def label(self, what: str) -> str:
+        """Axis label: quantity, the named offset, unit."""
+        shown = f"{what} − {self.origin}" if self.origin else what
+        return f"{shown} ({self.unit})" if self.unit else shown
+
+
+def scaling_for(values: Iterable[float], unit: str) -> Scaling:
+    """Prefix, and offset where values lie close together, so that ticks stay short and readable.
+
+    The offset is a round number within the range: 6940160 to 6940360 Hz is drawn in Hz from
+    6.94026 MHz.
+    """
+    finite = [v for v in values if math.isfinite(v)]
+    size = max((abs(v) for v in finite), default=0.0)
+    span = max(finite) - min(finite) if finite else 0.0
+    if not _CONSTANT * size < span < _NARROW * size:
+        factor, shown = prefixed(size, unit)
+        return Scaling(0.0, factor, shown)
+    step = 10.0 ** math.floor(math.log10(span / 5.0))
+    middle = round(0.5 * (max(finite) + min(finite)) / step) * step
+    whole, named = prefixed(abs(middle), unit)
+    digits = max(0, round(math.log10(whole / step)))
+    origin = f"{middle / whole:.{digits}f}".replace("-", "−") + (f" {named}" if named else "")
+    factor, shown = prefixed(span, unit)
+    return Scaling(middle, factor, shown, origin)
+
+
+def power_of_ten(exponent: int) -> str:
+    """10⁻³ for -3, as text that needs no markup."""
+    return f"10{str(exponent).translate(_SUPERSCRIPT)}"
+
+
+def on_log_axis(value: float) -> str:
+    """A tick of a logarithmic axis: 0.1, 1, 10 and 100 as such, else powers of ten."""
+    if not (math.isfinite(value) and value > 0.0):
+        return number(value)
+    exponent = math.floor(math.log10(value) + 1e-9)
+    mantissa = value / 10.0**exponent
+    if -1 <= exponent <= 2:
+        return f"{value:.2g}" if value < 100.0 else f"{value:.3g}"
+    power = power_of_ten(exponent)
+    return power if abs(mantissa - 1.0) < 0.005 else f"{mantissa:.2g}·{power}"
+
+
+def number(value: float, digits: int = 6) -> str:
+    """A number for people: `digits` significant ones, a true minus, powers of ten written out.
+
+    Powers only where the number would be long: 2.8e2 is 280, 7014832.6 to six digits 7014830.
+    """
+    if math.isnan(value):
+        return "–"
+    if value == 0.0:
+        return "0"  # without the sign that a zero may carry
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    text = f"{value:.{digits}g}"
+    if "e+" in text and abs(value) < _PLAIN_BELOW:
+        text = f"{float(text):.0f}"
+    mantissa, _, exponent = text.partition("e")
+    mantissa = mantissa.replace("-", "−")
+    if not exponent:
+        return mantissa
+    power = power_of_ten(int(exponent))
+    return power if mantissa == "1" else f"{mantissa}\u00a0×\u00a0{power}"
+
+
+def with_error(value: float, error: float, unit: str = "") -> str:
+    """Value ± error, the value rounded where the error's second digit stands, with its unit."""
+    tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
+    if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
+        return number(value, 9) + tail
+    place = math.floor(math.log10(error)) - 1
+    if not -12 <= place < 6:
+        return f"{number(value, 9)}\u00a0±\u00a0{number(error, 2)}{tail}"
+    digits = max(0, -place)
+    rounded = [f"{round(v, -place):.{digits}f}".replace("-", "−") for v in (value, error)]
+    return f"{rounded[0]}\u00a0±\u00a0{rounded[1]}{tail}"
+
+
+def quantity(value: float, error: float, unit: str) -> str:
+    """Value ± error with a prefix that suits the value, unless the error were all zeros in it."""
+    factor, shown = prefixed(abs(value), unit)
+    if 0.0 < error < 1e-3 * factor:
+        factor, shown = 1.0, unit
+    return with_error(value / factor, error / factor, shown)
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """An interval, its ends rounded where the third digit of its width stands.
+
+    Ends that are two to four powers of ten apart have three digits each.
+    """
+    tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        return f"{number(low)} to {number(high)}{tail}"
+    if 0.0 < 100.0 * low < high < 1e4 * low:
+        return f"{number(low, 3)} to {number(high, 3)}{tail}"
+    place = math.floor(math.log10(high - low)) - 2
+    if not -12 <= place < 6:
+        return f"{number(low)} to {number(high)}{tail}"
+    ends = (f"{round(v, -place):.{max(0, -place)}f}" for v in (low, high))
+    return f"{' to '.join(end.replace('-', '−') for end in ends)}{tail}"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share as a signed percentage."""
+    value = 100.0 * share
+    return f"{value:+.{max(0, digits - _places(value))}f} %".replace("-", "−")
+
+
+def probability(p: float) -> str:
+    """A probability as "p = 0.02", a tiny one as a bound."""
+    return f"p = {p:.1g}" if p >= 1e-12 else "p < 1e-12"
+
+
+def _places(value: float) -> int:
+    """Digits before the decimal sign, less one."""
+    return 0 if value == 0.0 or not math.isfinite(value) else max(0, int(math.log10(abs(value))))
+
+
+def listed(items: Iterable[str]) -> str:
+    """Words in a row: "a", "a and b", "a, b and c"."""
+    words = list(items)
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,137 @@
+"""Frozen records to JSON and back, exactly.
+
+Numbers keep all their digits (17 where needed), NaN and the infinities become null and "inf":
+plain JSON, readable by any program. Where text and number share a place, numbers are finite.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+
+Record = TypeVar("Record")
+
+
+def to_plain(value: Any) -> Any:
+    """A record, or any nest of records, tuples and mappings, as what JSON can hold.
+
+    Raises:
+        TypeError: a value of a kind that JSON has no word for.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: to_plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): to_plain(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [to_plain(item) for item in value]
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        if math.isnan(value):
+            return None
+        return value if math.isfinite(value) else ("inf" if value > 0 else "-inf")
+    raise TypeError(f"{type(value).__name__} {value!r} has no place in a JSON file")
+
+
+def from_plain(kind: type[Record], data: Any, where: str = "record") -> Record:
+    """The record of a class from what `to_plain` made of it.
+
+    Raises:
+        BadInput: a key that is missing or unknown, or a value of another kind; names the key.
+    """
+    record: Record = _decode(kind, data, where)
+    return record
+
+
+def _decode(kind: Any, data: Any, where: str) -> Any:
+    if kind is Any:
+        return data
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin in (typing.Union, types.UnionType):
+        return _decode_union(arguments, data, where)
+    if kind is float:
+        return _decode_float(data, where)
+    if dataclasses.is_dataclass(kind):
+        return _decode_record(kind, data, where)
+    if origin is tuple:
+        _check(isinstance(data, list), data, "a list", where)
+        kinds = [arguments[0]] * len(data) if arguments[-1] is Ellipsis else arguments
+        _check(len(kinds) == len(data), data, f"{len(kinds)} values", where)
+        return tuple(_decode(k, v, f"{where}[{i}]") for i, (k, v) in enumerate(zip(kinds, data)))  # noqa: B905
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        _check(isinstance(data, dict), data, "an object", where)
+        return {key: _decode(arguments[1], item, f"{where}.{key}") for key, item in data.items()}
+    exact = isinstance(data, kind) and (kind is bool or not isinstance(data, bool))
+    _check(exact, data, kind.__name__, where)
+    return data
+
+
+def _decode_union(kinds: tuple[Any, ...], data: Any, where: str) -> Any:
+    if data is None and type(None) in kinds:
+        return None
+    for kind in kinds:
+        if kind in (bool, int, str) and type(data) is kind:
+            return data
+    rest = [kind for kind in kinds if kind not in (bool, int, str, type(None))]
+    _check(bool(rest), data, " or ".join(str(kind) for kind in kinds), where)
+    return _decode(rest[0], data, where)
+
+
+def _decode_float(data: Any, where: str) -> float:
+    if data is None:
+        return math.nan
+    if data in ("inf", "-inf"):
+        return float(data)
+    _check(isinstance(data, (int, float)) and not isinstance(data, bool), data, "a number", where)
+    return float(data)
+
+
+def _decode_record(kind: Any, data: Any, where: str) -> Any:
+    _check(isinstance(data, dict), data, "an object", where)
+    hints = typing.get_type_hints(kind)
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    for name in data:
+        _check(name in fields, name, f"one of {', '.join(fields)}", where)
+    values = {}
+    for name, field in fields.items():
+        if name in data:
+            values[name] = _decode(hints[name], data[name], f"{where}.{name}")
+        else:
+            optional = field.default is not dataclasses.MISSING
+            optional = optional or field.default_factory is not dataclasses.MISSING
+            _check(optional, "nothing", f"the key '{name}'", where)
+    return kind(**values)
+
+
+def _check(good: bool, found: Any, wanted: str, where: str) -> None:
+    if not good:
+        raise BadInput(f"{where}: found {str(found)[:60]!r}, wanted {wanted}")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a record as JSON, whole or not at all."""
+    write_whole(path, json.dumps(to_plain(value), indent=1, allow_nan=False) + "\n")
+
+
+def read_json(path: Path, kind: type[Record]) -> Record:
+    """Read a record written by `write_json`.
+
+    Raises:
+        BadInput: no such file, no JSON, or not such a record; names the file and the key.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read as JSON: {error}") from error
+    return from_plain(kind, data, str(path))

@@ -1,0 +1,175 @@
+"""Delimited text with units in its header: one table, and where each of its cells stands."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitting.text.errors import BadInput
+
+FloatArray = NDArray[np.float64]
+
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column by name, with the unit its header writes (None: none written)."""
+
+    name: str
+    unit: str | None
+    index: int
+
+
+@dataclass(frozen=True)
+class Table:
+    """A delimited text file: ``columns``, ``cells`` (rows of text) and the line of every row."""
+
+    path: Path
+    columns: tuple[Column, ...]
+    cells: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+    decimal_comma: bool
+
+    def find(self, name: str) -> Column | None:
+        """The column of that name, capitals apart, or None."""
+        return next((c for c in self.columns if c.name.lower() == name.lower()), None)
+
+    def column(self, name: str) -> Column:
+        """The column of that name; raises BadInput with the nearest name if there is none."""
+        found = self.find(name)
+        if found is None:
+            present = [c.name for c in self.columns]
+            raise BadInput(f"{self.path}: no column '{name}'{did_you_mean(name, present)}")
+        return found
+
+    def numbers(self, column: Column) -> FloatArray:
+        """The finite numbers of a column, (n,); raises BadInput naming line and column."""
+        return np.array(
+            [
+                parse_number(
+                    row[column.index],
+                    f"{self.path}: row {line}, column '{column.name}'",
+                    decimal_comma=self.decimal_comma,
+                )
+                for row, line in zip(self.cells, self.lines, strict=True)
+            ],
+            dtype=float,
+        )
+
+    def texts(self, column: Column) -> tuple[str, ...]:
+        """The cells of a column as they stand."""
+        return tuple(row[column.index] for row in self.cells)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file, UTF-8 or, failing that, Latin-1 (older instruments' micro sign).
+
+    Raises:
+        BadInput: no such file, a folder, or not readable.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError as error:
+        siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        hint = did_you_mean(path.name, siblings, listed=False)
+        raise BadInput(f"{path}: no such file{hint}") from error
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def parse_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file; raises BadInput with the line if it is not TOML."""
+    try:
+        return tomllib.loads(read_text(path))
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"{path}: not valid TOML: {error}") from error
+
+
+def read_table(path: Path) -> Table:
+    """Read a delimited table whose first line that is not a ``#`` comment is the header."""
+    return parse_table(path, enumerate(read_text(path).splitlines(), start=1))
+
+
+def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
+    """Parse numbered lines: header, then rows with as many cells.
+
+    Delimiter ';' or tab where the header has one, else ','. With ';' or tab a comma within a number
+    is the decimal sign. Lines that are empty or start with ``#`` are passed over.
+
+    Raises:
+        BadInput: no header, no rows, a row with another number of cells, a column name twice.
+    """
+    kept = [(n, text) for n, text in numbered if text.strip() and not text.startswith("#")]
+    if not kept:
+        raise BadInput(f"{path}: is empty; wanted a header line and rows of numbers")
+    delimiter = next((d for d in (";", "\t") if d in kept[0][1]), ",")
+    rows = [split_line(text, delimiter) for _, text in kept]
+    header, body, lines = rows[0], rows[1:], [n for n, _ in kept[1:]]
+    while header and not header[-1] and all(len(r) < len(header) or not r[-1] for r in body):
+        body = [r[:-1] if len(r) == len(header) else r for r in body]
+        header = header[:-1]  # a delimiter at the end of every line
+    if not body:
+        raise BadInput(f"{path}: row {kept[0][0]} is the last; wanted rows of numbers below it")
+    for row, line in zip(body, lines, strict=True):
+        if len(row) != len(header):
+            raise BadInput(
+                f"{path}: row {line} has {len(row)} cells, the header {len(header)} "
+                f"(delimiter {delimiter!r}; a decimal comma needs ';' or tab between cells)"
+            )
+    columns = tuple(_column(text, i) for i, text in enumerate(header))
+    seen: set[str] = set()
+    for column in columns:
+        if column.name.lower() in seen:
+            raise BadInput(f"{path}: row {kept[0][0]}: column '{column.name}' appears twice")
+        seen.add(column.name.lower())
+    return Table(path, columns, tuple(body), tuple(lines), delimiter != ",")
+
+
+def split_line(text: str, delimiter: str) -> tuple[str, ...]:
+    """Cells of one line, quotes and surrounding blanks removed."""
+    return tuple(cell.strip() for cell in next(csv.reader([text], delimiter=delimiter)))
+
+
+def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float:
+    """A finite number; raises BadInput that starts with ``where`` and shows what was found."""
+    plain = text.replace(",", ".") if decimal_comma and "." not in text else text
+    if _NUMBER.fullmatch(plain):
+        value = float(plain)
+        if math.isfinite(value):
+            return value
+    raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+
+
+def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:
+    """A hint to append to a complaint: the nearest name, else (``listed``) what there is."""
+    lowered = {c.lower(): c for c in candidates}
+    near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)
+    if near:
+        return f"; did you mean '{lowered[near[0]]}'?"
+    if listed and candidates:
+        shown = ", ".join(candidates[:12]) + (", ..." if len(candidates) > 12 else "")
+        return f"; there is: {shown}"
+    return ""
+
+
+def _column(text: str, index: int) -> Column:
+    match = _HEADER.fullmatch(text)
+    if match and match["name"]:
+        return Column(match["name"], match["unit"] or None, index)
+    return Column(text, None, index)

@@ -1,0 +1,119 @@
+"""Written quantities and units: "6.94016 MHz" to a number in the unit that is wanted.
+
+Conversion is decimal and rounds once, so "6.94016 MHz" is 6940160.0 Hz and not its neighbour.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+from functools import cache
+from typing import Any
+
+import pint
+
+from fitting.text.errors import BadInput
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+# Names that FMI tools write and pint does not know; all else is left to pint.
+_FMI_NAMES = {"-": "dimensionless", "": "dimensionless", "1": "dimensionless"}
+_PLAIN = re.compile(r"[\w°Ωµμ%./*^() \u00b2\u00b3·-]+")
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Decimal)
+    registry.define("@alias ohm = Ohm")  # as SI and Modelica write it; takes prefixes
+    return registry
+
+
+@cache
+def _unit(text: str) -> pint.Unit | None:
+    """Unit of a written name, in pint's spelling or FMI's ("kg.m2", "m/s2"); None if unknown."""
+    name = _FMI_NAMES.get(text.strip(), text.strip())
+    if not _PLAIN.fullmatch(name):
+        return None
+    spelled = re.sub(r"(?<=[A-Za-z)])(-?\d+)", r"**\1", name).replace("·", "*")
+    spelled = re.sub(r"(?<=[\w)])\.(?=[A-Za-z(])", "*", spelled)
+    for candidate in (name, spelled):
+        try:
+            return _registry().parse_units(candidate)
+        except Exception:  # noqa: S112 - pint raises half a dozen types on nonsense
+            continue
+    return None
+
+
+def parse_quantity(text: str, *, where: str) -> tuple[float, str | None]:
+    """Number and unit of a written quantity: "6.94016 MHz" -> (6.94016, "MHz"), "3" -> (3.0, None).
+
+    Raises BadInput, beginning with ``where``, if it is not a finite number followed by a unit that
+    exists.
+    """
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise BadInput(f'{where}: found {text!r}, wanted a number and a unit, as "6.94016 MHz"')
+    value, unit = float(match[1]), match[2]
+    if not math.isfinite(value):
+        raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+    if not unit:
+        return value, None
+    if _unit(unit) is None:
+        raise BadInput(f"{where}: found {text!r}, but there is no unit {unit!r}")
+    return value, unit
+
+
+def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float:
+    """``value`` from ``unit`` to ``wanted``, rounded once; ``wanted`` None means SI base units.
+
+    Cycles and angles are not mixed: Hz to rad/s is refused instead of being taken for 1:1.
+    Raises BadInput, beginning with ``where``, if a unit is unknown or the two do not fit.
+    """
+    source = _unit(unit)
+    if source is None:
+        if unit == wanted:  # a private unit name of the FMU, used as the FMU writes it
+            return value
+        raise BadInput(f"{where}: there is no unit {unit!r}")
+    if wanted is None:
+        target = _registry().get_base_units(source, check_nonmult=False)[1]
+    elif (found := _unit(wanted)) is not None:
+        target = found
+    else:
+        raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} as the FMU writes it")
+    if source.dimensionality != target.dimensionality or _angles(source) != _angles(target):
+        raise BadInput(f"{where}: found unit {unit!r}, wanted {wanted!r} or one convertible to it")
+    if source == target or not math.isfinite(value):
+        return value
+    try:
+        return float(_registry().Quantity(Decimal(repr(float(value))), source).to(target).magnitude)
+    except TypeError as error:  # logarithmic units (dBm) have no decimal arithmetic
+        raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
+
+
+def base_unit(unit: str) -> str:
+    """SI base units of a unit that exists, as text: "mN" -> "kg·m/s²"."""
+    found = _unit(unit)
+    return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
+
+
+def same_kind(unit: str, other: str) -> bool:
+    """Whether values in ``unit`` convert to ``other``."""
+    try:
+        convert(1.0, unit, other, where="")
+    except BadInput:
+        return False
+    return True
+
+
+def _angles(unit: Any) -> Any:
+    """Power of the radian; pint counts it as a plain 1 and would take 1 Hz for 1 rad/s."""
+    root = _registry().get_root_units(unit, check_nonmult=False)[1]
+    return dict(_registry().Quantity(1, root).unit_items()).get("radian", 0)
+
+
+def checked_accuracy(value: float, where: str) -> float:
+    """The accuracy, if it is one; BadInput, beginning with ``where``, if it is none."""
+    if not (math.isfinite(value) and 0.0 < value < 1.0):
+        raise BadInput(f"{where}: found {value!r}, wanted a relative accuracy above 0 and below 1")
+    return value

@@ -1,0 +1,317 @@
+"""Do the intervals keep their promise? 95 % intervals over virtual laboratories with known truth.
+
+    python tests/bench/bench_coverage.py [--laboratories 200] [--setting NAME]
+        [--workers 2] [--seed 1] [--fmu]
+
+Every laboratory has its own noise (and, where offsets are fitted, its own drift). It is measured
+without the FMU (`fitting.lab.string`), fitted by phasors (`tests.phasors`; with --fmu through the
+FMU, which answers alike and takes ten times as long), and asked whether the truth lies in the 95 %
+interval of the profile likelihood. Prints a Markdown table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import build_fmu
+from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.parameters import references, to_search
+from fitting.fit.job import measured_of
+from fitting.fit.noise import noise_of
+from fitting.fit.objective import evaluate_many, make_objective
+from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.variables import VariableLike
+from fitting.inference.inference import Asked, know
+from fitting.inference.knowledge import Knowledge
+from fitting.lab.string import Series, TwoModes, measure, steady_state, string_bench
+from fitting.lab.synthesis import campaign_files
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import plan_campaign
+from fitting.measurements.response import Response
+from fitting.text.files import write_all
+from tests.support.phasors import PhasorResponse
+
+Variables = Mapping[str, VariableLike]
+
+#: Departure from the straight line at the middle of a series, Hz (standard deviation).
+CURVED_HZ = 30.0
+#: Relative noise of every amplitude where the other mode is recorded too.
+CROSS_NOISE = 0.01
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """A campaign as measured, and the truth of what is asked of it, by name."""
+
+    bound: BoundCampaign
+    truth: dict[str, float]
+    start: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A kind of laboratory: how one is made from a seed, and which values are asked for."""
+
+    name: str
+    words: str
+    make: Callable[[int, Variables, Path], Laboratory]
+    starts: int = 0
+
+
+def width_of(modes: TwoModes, mode: int) -> float:
+    """Full width of a mode, Hz: c^2 d1 + s^2 d2, or s^2 d1 + c^2 d2."""
+    c2, s2 = math.cos(modes.theta_rad) ** 2, math.sin(modes.theta_rad) ** 2
+    return (c2 * modes.d1_hz + s2 * modes.d2_hz, s2 * modes.d1_hz + c2 * modes.d2_hz)[mode]
+
+
+def coupling_of(series: Series) -> float:
+    """Mean of lambda over the experiments, Hz: sqrt(-1/2 sin 2 theta (eta-^2 - eta+^2))."""
+    found = [
+        math.sqrt(
+            -0.5
+            * math.sin(2.0 * m.theta_rad)
+            * (m.eta_minus_hz - m.eta_plus_hz)
+            * (m.eta_minus_hz + m.eta_plus_hz)
+        )
+        for m in series.true_modes
+    ]
+    return float(np.mean(found))
+
+
+def bound_of(series: Series, variables: Variables, folder: Path, drift: str = "") -> BoundCampaign:
+    """The campaign of a series, written, read and bound; `drift` lines go into [drift]."""
+    files = campaign_files(series, "bench_coverage")
+    files["campaign.toml"] = files["campaign.toml"].replace(
+        "eta_plus = { before", drift + "eta_plus = { before", 1
+    )
+    write_all(folder, files)
+    bound = bind(read_campaign(folder / "campaign.toml"), variables)
+    return replace(bound, alternatives=bound.alternatives[:1])
+
+
+def truth_of(series: Series) -> dict[str, float]:
+    """Width and quality factor of the observed mode, and the coupling."""
+    bench = series.bench
+    width = width_of(bench.modes, bench.observed)
+    etas = [(m.eta_plus_hz, m.eta_minus_hz)[bench.observed] for m in series.true_modes]
+    sign = ("plus", "minus")[bench.observed]
+    quality = float(np.mean(etas)) / width
+    return {f"width_{sign}": width, f"Q_{sign}": quality, "lambda": coupling_of(series)}
+
+
+def linear(name: str) -> Callable[[int, Variables, Path], Laboratory]:
+    """The paper's series with a drift that is linear, as the campaign assumes."""
+
+    def make(seed: int, variables: Variables, folder: Path) -> Laboratory:
+        bench = replace(string_bench(name), curvature_hz=0.0)
+        series = measure(bench, seed)
+        bound = bound_of(series, variables, folder)
+        return Laboratory(bound, truth_of(series), {})
+
+    return make
+
+
+def offsets(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """A drift that bends by 30 Hz (one sigma), with one fitted offset per experiment."""
+    bend = CURVED_HZ * float(np.random.default_rng([seed, 2]).standard_normal())
+    series = measure(replace(string_bench("q1"), curvature_hz=bend), seed)
+    bound = bound_of(series, variables, folder, 'model = "offsets"\nprior = "30 Hz"\n')
+    truth = truth_of(series)
+    own = [p for p in bound.parameters if p.experiments]
+    ends = series.eta_before_hz[0], series.eta_after_hz[0]
+    for k, (parameter, modes) in enumerate(zip(own, series.true_modes, strict=True)):
+        between = ends[0] + (ends[1] - ends[0]) * k / (len(own) - 1)
+        truth[parameter.name] = modes.eta_plus_hz - between
+    return Laboratory(bound, truth, {})
+
+
+def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """Both modes at the pairs of both series, 1 % noise each: what determines the coupling.
+
+    Five pairs around the lower mode, where the other is recorded too, and five around the upper
+    one, at the same drive and gain.
+    """
+    bench = replace(string_bench("q1"), curvature_hz=0.0)
+    series = measure(bench, seed)
+    bound = bound_of(series, variables, folder)
+    generator = np.random.default_rng([seed, 3])
+    upper = string_bench("q2").pairs_hz
+    rows = []
+    for k, (own, modes) in enumerate(zip(bound.experiments, series.true_modes, strict=True)):
+        for label, pair, mode in (
+            ("", own.tones_hz, 0),
+            ("_cross", own.tones_hz, 1),
+            ("_upper", upper[k], 1),
+        ):
+            peaks = series.gain * np.abs(steady_state(modes, np.array(pair))[:, mode])
+            noisy = peaks * (1.0 + CROSS_NOISE * generator.standard_normal(peaks.size))
+            settings = {**own.settings, **dict(zip(bound.drive.frequencies, pair, strict=True))}
+            rows.append(
+                replace(
+                    own,
+                    label=own.label + label,
+                    tones_hz=tuple(pair),
+                    settings=settings,
+                    peaks_v=noisy,
+                    sigmas_v=CROSS_NOISE * noisy,
+                    spectrum=None,
+                    output=("q1_hybrid", "q2_hybrid")[mode],
+                )
+            )
+    bound = replace(bound, experiments=tuple(rows))
+    return Laboratory(bound, truth_of(series), {"theta": 1.9635})
+
+
+SETTINGS = (
+    Setting("q1", "q1 series, linear drift", linear("q1")),
+    Setting("q2", "q2 series, linear drift", linear("q2")),
+    Setting("offsets", "q1 series, drift bent by 30 Hz, offsets fitted", offsets),
+    Setting("cross", "both modes at both series' pairs, 1 % noise", cross, starts=2),
+)
+
+
+def ask(
+    setting: Setting, laboratory: Laboratory, respond: Callable[[BoundCampaign], Response]
+) -> Knowledge:
+    """What the data of one laboratory determine, asked for the values of known truth alone."""
+    bound = laboratory.bound
+    names = tuple(laboratory.truth)
+    bound = replace(bound, derived=tuple(name for name in bound.derived if name in names))
+    objective = make_objective(respond(bound), bound.parameters, measured_of(bound))
+    p = references(bound.parameters)
+    for k, parameter in enumerate(bound.parameters):
+        p[k] = laboratory.start.get(parameter.name, p[k])
+    x = to_search(bound.parameters, p)
+    [point] = evaluate_many(objective, [x])
+    asked = Asked(only=names, starts=setting.starts, budget=20000, directions=False)
+    return know(objective, x, noise_of(objective, point), asked)
+
+
+@dataclass
+class Count:
+    """Of one value: laboratories, truths inside, verdicts, widths of the interval and range."""
+
+    inside: int = 0
+    total: int = 0
+    determined: int = 0
+    open: int = 0
+    shares: float = 0.0
+    narrowest: float = math.inf
+
+    def told(self, knowledge: Knowledge, name: str, truth: float) -> None:
+        """Count one laboratory."""
+        profile = knowledge.profiles[name]
+        low, high = profile.interval95
+        share = (high - low) / (profile.box[1] - profile.box[0])
+        self.total += 1
+        self.inside += low <= truth <= high
+        self.determined += profile.verdict == "determined"
+        self.open += profile.verdict == "not determined"
+        self.shares += share
+        self.narrowest = min(self.narrowest, share)
+
+    def plus(self, other: Count) -> Count:
+        """Both together."""
+        return Count(
+            self.inside + other.inside,
+            self.total + other.total,
+            self.determined + other.determined,
+            self.open + other.open,
+            self.shares + other.shares,
+            min(self.narrowest, other.narrowest),
+        )
+
+
+Counts = dict[str, Count]
+
+
+def coverage(setting: Setting, seeds: Sequence[int], fmu: Path, *, through: bool) -> Counts:
+    """Count over laboratories of these seeds, by value; drift offsets are counted together."""
+    variables = read_description(fmu).variables
+    counts: Counts = {}
+    with FmuWorkers(fmu, workers=2) if through else nullcontext() as workers:
+
+        def respond(bound: BoundCampaign) -> Response:
+            if workers is None:
+                return PhasorResponse(bound)
+            return FmuResponse(bound, workers, plan_campaign(bound), bound.alternatives[0])
+
+        for seed in seeds:
+            with tempfile.TemporaryDirectory() as folder:
+                laboratory = setting.make(seed, variables, Path(folder))
+                knowledge = ask(setting, laboratory, respond)
+            for name, truth in laboratory.truth.items():
+                offset = any(p.name == name and p.experiments for p in laboratory.bound.parameters)
+                kind = "drift offsets" if offset else name
+                counts.setdefault(kind, Count()).told(knowledge, name, truth)
+    return counts
+
+
+def share(setting: str, seeds: Sequence[int], fmu: Path, through: bool) -> Counts:
+    """`coverage` by the setting's name, for a process of its own."""
+    [chosen] = [s for s in SETTINGS if s.name == setting]
+    return coverage(chosen, seeds, fmu, through=through)
+
+
+def added(parts: Sequence[Counts]) -> Counts:
+    """Counts of several parts together."""
+    whole: Counts = {}
+    for part in parts:
+        for name, count in part.items():
+            whole[name] = whole[name].plus(count) if name in whole else count
+    return whole
+
+
+def table_rows(setting: Setting, counts: dict[str, Count]) -> list[str]:
+    """Rows of the Markdown table."""
+    rows = []
+    for name, c in counts.items():
+        word = (
+            "determined"
+            if c.determined == c.total
+            else ("not determined" if c.open == c.total else f"determined in {c.determined}")
+        )
+        rows.append(
+            f"| {setting.words} | {name} | {word} | {c.inside}/{c.total} | "
+            f"{100.0 * c.inside / c.total:.1f} % | {100.0 * c.shares / c.total:.3g} % |"
+        )
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--laboratories", type=int, default=200)
+    parser.add_argument("--setting", choices=[s.name for s in SETTINGS], action="append")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--fmu", action="store_true", help="fit through the FMU")
+    args = parser.parse_args()
+    print("| laboratory | value | verdict | truth inside | coverage | interval / range |")
+    print("|---|---|---|---|---|---|", flush=True)
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(args.workers) as pool:
+        fmu = build_fmu.build("CoupledOscillator", Path(folder))
+        for setting in SETTINGS:
+            if args.setting and setting.name not in args.setting:
+                continue
+            begun = time.monotonic()
+            seeds = [10_000 * args.seed + k for k in range(args.laboratories)]
+            parts = [seeds[k :: args.workers] for k in range(args.workers)]
+            pending = [pool.submit(share, setting.name, part, fmu, args.fmu) for part in parts]
+            counts = added([future.result() for future in pending])
+            print("\n".join(table_rows(setting, counts)), flush=True)
+            print(f"<!-- {setting.name}: {time.monotonic() - begun:.0f} s -->", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,254 @@
+"""Drift that is not linear: offsets and walks, through the FMU, against the virtual laboratory.
+
+Truth: `fitting.lab.string`, which shares no code with the FMU, and sums done by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.parameters import Parameter
+from fitting.fit.corrections import drift_warnings
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.fmu_job import identify_fmu, reconstruct_through
+from fitting.fit.interior_point import SolveSettings, solve
+from fitting.fit.job import Options, measured_of, options_of
+from fitting.fit.objective import Measured, Objective, weights
+from fitting.fit.result import Result
+from fitting.fmu import FmuWorkers, read_description
+from fitting.lab.string import Series, measure, string_bench
+from fitting.lab.synthesis import campaign_files
+from fitting.measurements.response import Evaluation
+from fitting.text.errors import BadInput
+
+OFFSETS = 'model = "offsets"\nprior = "30 Hz"\n'
+
+
+def written(folder: Path, files: dict[str, str], *changes: tuple[str, str]) -> Path:
+    """The campaign of these files, its text changed."""
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    path = folder / "campaign.toml"
+    text = path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path.write_text(text)
+    return path
+
+
+def bound_to(fmu: Path, path: Path) -> BoundCampaign:
+    return bind(read_campaign(path), read_description(fmu).variables)
+
+
+def series_of(curvature_hz: float, seed: int) -> Series:
+    return measure(replace(string_bench("q1"), curvature_hz=curvature_hz, noise_scale=0.5), seed)
+
+
+def quickly(bound: BoundCampaign) -> Options:
+    """One start and two nu: enough for what is determined."""
+    options = options_of(bound)
+    schedule = replace(options.schedule, starts=1, levels=2, nu_start=1e-2)
+    return Options(schedule, replace(options.solve, misfit="squares", restarts=0))
+
+
+def fitted(workers: FmuWorkers, bound: BoundCampaign) -> Result:
+    bound = replace(bound, alternatives=bound.alternatives[:1])
+    identity = identify_fmu(workers.description, "test")
+    return reconstruct_through(workers, bound, identity, quickly(bound))
+
+
+def true_offsets(series: Series) -> np.ndarray:
+    """Departure of every experiment from the interpolation between the ends, in Hz."""
+    eta = np.array([modes.eta_plus_hz for modes in series.true_modes])
+    return eta - np.linspace(eta[0], eta[-1], eta.size)
+
+
+def test_offsets_take_up_a_drift_that_is_not_linear(oscillator_fmu: Path, tmp_path: Path) -> None:
+    """At half the bench's noise, where its peaks give the line width to 0.4 % (one sigma)."""
+    away, widths = [], []
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        for seed, curvature in ((1, -20.0), (2, 30.0), (3, 40.0)):
+            series = series_of(curvature, seed)
+            path = written(tmp_path / str(seed), campaign_files(series, "test"))
+            if seed == 3:
+                straight = fitted(workers, bound_to(oscillator_fmu, path))
+                assert straight.deviations.final.mean > 0.12  # what linear interpolation leaves
+            path = written(tmp_path / str(seed), {}, ("eta_plus = {", OFFSETS + "eta_plus = {"))
+            bound = bound_to(oscillator_fmu, path)
+            result = fitted(workers, bound)
+            assert result.status == "converged", result.message
+            noise = float(np.mean(measured_of(bound).rows_sigma))
+            assert result.deviations.final.mean < 1.5 * noise
+            truth = true_offsets(series)
+            away += [(o.value - t) / o.std for o, t in zip(result.offsets, truth, strict=True)]
+            width = result.derived["width_plus"]
+            assert width.identifiable == "determined"
+            widths.append(width.value / series.bench.modes.widths_hz()[0] - 1.0)
+    assert np.max(np.abs(widths)) < 0.01
+    assert np.max(np.abs(away)) < 3.0
+    assert 0.4 < np.sqrt(np.mean(np.square(away))) < 1.6  # neither too proud nor too modest
+
+
+def test_a_walk_is_reported_as_offsets(oscillator_fmu: Path, tmp_path: Path) -> None:
+    """Steps are fitted, what they add up to is told: the same as independent offsets here."""
+    series = series_of(30.0, 5)
+    walk = OFFSETS.replace("offsets", "walk")
+    path = written(
+        tmp_path, campaign_files(series, "test"), ("eta_plus = {", walk + "eta_plus = {")
+    )
+    bound = bound_to(oscillator_fmu, path)
+    assert [p.name for p in bound.parameters[3:]] == [f"step[pair{m}]" for m in range(1, 6)]
+    assert bound.parameters[4].experiments == ("pair2", "pair3", "pair4", "pair5")
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        result = fitted(workers, bound)
+    assert [o.experiments for o in result.offsets] == [(f"pair{m}",) for m in range(1, 6)]
+    for o, truth in zip(result.offsets, true_offsets(series), strict=True):
+        assert abs(o.value - truth) < 3.0 * o.std
+    steps = np.diff([o.value for o in result.offsets])
+    assert steps == pytest.approx([o.fitted for o in result.offsets[1:]])
+
+
+def with_times(folder: Path, fmu: Path, drift: str, times: list[str]) -> BoundCampaign:
+    """The campaign with a column of time stamps."""
+    files = campaign_files(series_of(5.0, 1), "test")
+    head, *rows = [line for line in files["experiments.csv"].splitlines() if line[0] != "#"]
+    stamped = [f"{row},{time}" for row, time in zip([head, *rows], times, strict=True)]
+    files["experiments.csv"] = "\n".join(stamped) + "\n"
+    return bound_to(fmu, written(folder, files, ("eta_plus = {", drift + "eta_plus = {")))
+
+
+@pytest.mark.parametrize(
+    ("drift", "times", "shares"),
+    [
+        ("", ["time (min)", "0", "10", "20", "30", "100"], (0.0, 0.1, 0.2, 0.3, 1.0)),
+        (
+            'before_time = "-100 min"\nafter_time = "2 h"\n',
+            ["time (min)", "-100", "10", "10", "65", "120"],
+            (0.0, 0.5, 0.5, 0.75, 1.0),
+        ),
+        (
+            "",
+            [
+                "time",
+                "2024-05-01T08:00",
+                "2024-05-01T09:00",
+                "2024-05-01T20:00",
+                "2024-05-02T08:00",
+                "2024-05-02T08:00",
+            ],
+            (0.0, 1 / 24, 0.5, 1.0, 1.0),
+        ),
+    ],
+)
+def test_drift_follows_the_clock(
+    oscillator_fmu: Path, tmp_path: Path, drift: str, times: list[str], shares: tuple[float, ...]
+) -> None:
+    bound = with_times(tmp_path, oscillator_fmu, f'time = "time"\n{drift}', times)
+    before, after = bound.drifting["eta_plus"]
+    for e, share in zip(bound.experiments, shares, strict=True):
+        assert e.settings["eta_plus"] == pytest.approx(before + share * (after - before), abs=1e-6)
+
+
+def test_experiments_of_one_time_share_their_offset(oscillator_fmu: Path, tmp_path: Path) -> None:
+    times = ["time (s)", "0", "3", "3", "7", "12"]
+    bound = with_times(tmp_path, oscillator_fmu, OFFSETS + 'time = "time"\n', times)
+    names = [p.experiments for p in bound.parameters[3:]]
+    assert names == [("pair1",), ("pair2", "pair3"), ("pair4",), ("pair5",)]
+    walk = OFFSETS.replace("offsets", "walk") + 'time = "time"\n'
+    bound = with_times(tmp_path / "walk", oscillator_fmu, walk, times)
+    sigmas = [p.prior_sigma for p in bound.parameters[3:]]  # mean step: 4 s
+    assert sigmas == pytest.approx([30.0, *(30.0 * np.sqrt(np.array([3, 4, 5]) / 4))])
+    apart = OFFSETS + "share = false\n"
+    path = written(
+        tmp_path / "apart",
+        campaign_files(series_of(5.0, 1), "test"),
+        ("eta_plus = {", apart + "eta_plus = {"),
+    )
+    added = [p.adds_to for p in bound_to(oscillator_fmu, path).parameters[3:]]
+    assert added == [("eta_plus",)] * 5 + [("eta_minus",)] * 5
+
+
+@pytest.mark.parametrize(
+    ("drift", "found"),
+    [
+        ('model = "offsets"', r"\[drift\] prior: is missing"),
+        ('model = "offset"', "wanted one of|did you mean"),
+        ('prior = "30 Hz"', "has no meaning with model"),
+        ('model = "walk"\nprior = "30 s"', "prior"),
+        ('model = "walk"\nprior = "-3 Hz"', "wanted more than zero"),
+        ('time = "clock"', "no column 'clock'"),
+        ('before_time = "3 s"', "wanted only beside time"),
+        ('modle = "walk"', "modle"),
+    ],
+)
+def test_a_drift_that_makes_no_sense_is_refused(
+    oscillator_fmu: Path, tmp_path: Path, drift: str, found: str
+) -> None:
+    files = campaign_files(series_of(5.0, 1), "test")
+    path = written(tmp_path, files, ("eta_plus = {", f"{drift}\neta_plus = {{"))
+    with pytest.raises(BadInput, match=found) as caught:
+        bound_to(oscillator_fmu, path)
+    assert "\n" not in str(caught.value)
+
+
+def test_drift_beyond_the_line_width_is_told(oscillator_fmu: Path, tmp_path: Path) -> None:
+    path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
+    bound = bound_to(oscillator_fmu, path)
+    assert drift_warnings(bound, (), 200.0) == []
+    [said] = drift_warnings(bound, (), 94.0)
+    assert "eta_plus drifts by 100" in said
+    assert "line width of 94 Hz" in said
+
+
+class Line:
+    """Rows r_i = s_i (a + offset_i) of a straight model, to try the weight of a prior."""
+
+    slopes = np.array([1.0, 2.0])
+
+    def evaluate_many(self, ps: Sequence[np.ndarray]) -> list[Evaluation]:
+        return [Evaluation(1.0 + self.slopes * (p[0] + p[1:]), np.empty(0), None) for p in ps]
+
+    def peaks(self, p: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def sweep(self, p: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def derived_many(self, ps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
+        return [{} for _ in ps]
+
+
+def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
+    """Sum of squares in units of the noise: the exact Gaussian posterior, whatever nu is."""
+    sigma, prior = np.array([0.1, 0.3]), 0.5
+    parameters = (
+        Parameter("a", "1", -9.0, 9.0, 0.0, 0.0, 1.0, prior_sigma=2.0),
+        *(
+            Parameter(
+                f"o[{m}]", "1", -9.0, 9.0, 0.0, 0.0, prior, experiment=str(m), prior_sigma=prior
+            )
+            for m in (1, 2)
+        ),
+    )
+    data = np.array([0.7, -0.2])  # peaks 1 + data, relative errors sigma
+    measured = Measured(1.0 + data, sigma * (1.0 + data), np.empty(0), scale="none", weigh=True)
+    objective = Objective(Line(), parameters, measured, np.full(3, 1e-3))
+    matrix = np.array([[1.0, 1.0, 0.0], [2.0, 0.0, 2.0]])
+    precision = np.diag(1.0 / np.array([2.0, prior, prior]) ** 2)
+    noise = np.diag((sigma * (1.0 + data)) ** -2)
+    truth = np.linalg.solve(matrix.T @ noise @ matrix + precision, matrix.T @ noise @ data)
+    for nu in (1e-1, 1e-9):
+        evaluator = Evaluator(objective)
+        held = weights(objective, nu, "squares")
+        settings = SolveSettings(misfit="squares", absolute=1e-9, relative=1e-9)
+        answer = solve(evaluator, np.zeros(3), held, settings, np.random.default_rng(1))
+        assert evaluator.point(answer.x).parameters == pytest.approx(truth, abs=1e-5)

@@ -1,0 +1,230 @@
+"""Noise of peaks and rows: floor, declared, repeats, outliers; truth simulated or by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.noise import Noise, repeat_scatter, sweep_scale_sigma, sweep_sigmas
+from fitting.campaign.noise_table import noise_choice
+from fitting.campaign.section import Section
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.interior_point import SolveSettings, solve
+from fitting.fit.job import measured_of
+from fitting.fit.noise import noise_of, outlier_sentences, peak_sigmas
+from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fmu import read_description
+from fitting.measurements.measured import Measured, join_measured
+from fitting.text.errors import BadInput
+from tests.support.closed_form import (
+    measured_by,
+    string_campaign,
+    string_parameters,
+    string_response,
+)
+
+STRING_Q1 = Path(__file__).parents[2] / "data/string_q1"
+
+
+def string_q1(fmu: Path, folder: Path, noise: str) -> BoundCampaign:
+    """The shipped campaign with a table [noise]."""
+    for path in STRING_Q1.rglob("*.*"):
+        target = folder / path.relative_to(STRING_Q1)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(path.read_text())
+    text = (folder / "campaign.toml").read_text()
+    (folder / "campaign.toml").write_text(text.replace("[drift]", f"[noise]\n{noise}\n[drift]", 1))
+    return bind(read_campaign(folder / "campaign.toml"), read_description(fmu).variables)
+
+
+def test_declared_parts_add_in_quadrature_to_the_floor(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    plain = string_q1(oscillator_fmu, tmp_path / "plain", "")
+    noise = 'relative = "1 %"\nabsolute = "0.4 uV"'
+    both = string_q1(oscillator_fmu, tmp_path / "both", noise)
+    peaks = np.concatenate([e.peaks_v for e in plain.experiments])
+    floor = np.concatenate([e.sigmas_v for e in plain.experiments])
+    sigmas, sentence = peak_sigmas(both)
+    assert sigmas == pytest.approx(np.sqrt(floor**2 + (0.01 * peaks) ** 2 + 0.4e-6**2))
+    assert "1 % as declared" in sentence
+    assert "floor" in sentence
+    assert np.array_equal(measured_of(both).rows_sigma, sigmas / peaks)
+    assert np.array_equal(peak_sigmas(plain)[0], floor)
+    sweep = both.sweep
+    assert sweep is not None
+    declared = np.sqrt((0.01 * sweep.amplitude_v) ** 2 + 0.4e-6**2)
+    assert measured_of(both).sweep_sigmas_v == pytest.approx(declared)
+
+
+@pytest.mark.parametrize(
+    ("noise", "found"),
+    [
+        ('relative = "1 V"', "wanted a share"),
+        ("relative = -0.1", "wanted a share"),
+        ('absolute = "3 Hz"', "absolute"),
+        ('outliers = "drop"', "outliers"),
+        ("relativ = 0.1", "did you mean 'relative'"),
+        ("threshold = 0", "wanted a positive number"),
+    ],
+)
+def test_noise_that_makes_no_sense_is_refused(
+    oscillator_fmu: Path, tmp_path: Path, noise: str, found: str
+) -> None:
+    with pytest.raises(BadInput, match=r"\[noise\].*" + found):
+        string_q1(oscillator_fmu, tmp_path, noise)
+
+
+def test_rms_noise_is_a_peak_noise_of_root_two() -> None:
+    section = Section(Path("c.toml"), "", {"noise": {"relative": 0.02}})
+    assert noise_choice(section).relative == 0.02
+    assert Noise(0.0, 3.0).beside(np.ones(2), np.full(2, 4.0)) == pytest.approx([5.0, 5.0])
+
+
+def test_repeats_tell_the_scatter_beyond_the_floor() -> None:
+    """Pooled over many draws: the relative part that was put in, whatever the amplitudes are."""
+    generator = np.random.default_rng(3)
+    truth, floor = 0.02, 0.01
+    found = []
+    for _ in range(40):
+        amplitudes = [np.array([1.0, 5.0]), np.array([30.0, 2.0])]
+        groups = ["a"] * 4 + ["b"] * 3 + ["alone"]
+        which = [0] * 4 + [1] * 3 + [0]
+        peaks = [
+            amplitudes[k] * (1.0 + np.hypot(truth, floor) * generator.standard_normal(2))
+            for k in which
+        ]
+        scatter, freedom = repeat_scatter(groups, peaks, [floor * p for p in peaks])
+        assert freedom == (3 + 2) * 2
+        found.append(scatter)
+    assert np.sqrt(np.mean(np.square(found))) == pytest.approx(truth, rel=0.1)
+    assert repeat_scatter(["a", "b"], peaks[:2], peaks[:2]) == (0.0, 0)
+
+
+def test_the_error_of_the_scale_moves_rows_as_it_should(tmp_path: Path) -> None:
+    """U is the change of the rows when the measured sweep changes by one standard deviation."""
+    response = string_response(drift_hz=80.0, with_sweep=True)
+    for scale, fit_sweep in (("maximum", False), ("fit", False), ("maximum", True)):
+        measured = measured_by(response, noise=0.01, scale=scale, fit_sweep=fit_sweep)
+        top = float(np.max(measured.sweep_v))
+        spread = np.full(measured.sweep_v.size, 0.02 * top)
+        measured = replace(measured, sweep_sigmas_v=spread)
+        objective = Objective(response, string_parameters(), measured, np.full(3, 1e-3))
+        x = np.array([-0.1, 0.3, 0.1])
+        [point] = evaluate_many(objective, [x])
+        noise = noise_of(objective, point)
+        sigma = sweep_scale_sigma(measured.sweep_v, spread, scale)
+        louder = replace(
+            objective,
+            measured=replace(
+                measured,
+                sweep_v=measured.sweep_v * (1.0 + sigma),
+                maximum_v=measured.maximum_v * (1.0 + sigma if not fit_sweep else 1.0),
+            ),
+        )
+        [moved] = evaluate_many(louder, [x])
+        count = measured.peaks_v.size
+        if not fit_sweep:
+            change = moved.residuals - point.residuals
+            assert noise.common[:, 0] == pytest.approx(change, rel=1e-6)
+        else:
+            rows = point.chi * response.sweep(point.parameters) / measured.maximum_v
+            assert noise.common[count:, 0] == pytest.approx(sigma * rows)
+        assert noise.covariance.shape == (point.residuals.size,) * 2
+
+
+def test_scale_errors_of_joined_campaigns_stay_apart() -> None:
+    response = string_response(with_sweep=True)
+    one = measured_by(response, noise=0.01, scale="fit")
+    one = replace(one, sweep_sigmas_v=0.01 * one.sweep_v)
+    two = replace(one, peaks_v=one.peaks_v[:4], sigmas_v=one.sigmas_v[:4], fit_sweep=True)
+    joint = join_measured([one, two])
+    assert joint.part_of_rows.tolist() == [0] * 10 + [1] * 4 + [1] * one.sweep_v.size
+    assert joint.level[:14] == pytest.approx(1.0)
+    assert joint.rows_sigma.size == joint.level.size
+
+
+def with_an_outlier(outliers: str) -> tuple[Objective, np.ndarray]:
+    response = string_response(drift_hz=80.0)
+    measured = measured_by(response, noise=0.01, seed=4)
+    peaks = measured.peaks_v.copy()
+    peaks[3] *= 1.4
+    measured = replace(
+        measured, peaks_v=peaks, sigmas_v=0.01 * peaks, weigh=True, outliers=outliers
+    )
+    return make_objective(response, string_parameters(), measured), measured.rows_sigma
+
+
+def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
+    widths = {}
+    for outliers in ("keep", "huber"):
+        objective, sigma = with_an_outlier(outliers)
+        evaluator = Evaluator(objective)
+        settings = SolveSettings(misfit="squares")
+        x = solve(evaluator, np.zeros(3), 1e-4, settings, np.random.default_rng(1)).x
+        point = evaluator.point(x)
+        theta, d1, d2 = point.parameters
+        widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2
+        bound = string_campaign(objective.measured, string_response(drift_hz=80.0), tmp_path)
+        bound = replace(bound, noise=Noise(outliers=outliers))
+        said = outlier_sentences(
+            bound, point.residuals, sigma, evaluator.jacobian(x), np.full(3, 0.1)
+        )
+        assert len(said) == 1
+        assert "pair2 at 6.94034 MHz" in said[0]
+        assert "pair1" not in said[0]
+        assert ("count less" in said[0]) == (outliers == "huber")
+    truth = 120.0 * np.cos(1.9498) ** 2 + 90.0 * np.sin(1.9498) ** 2
+    assert abs(widths["huber"] - truth) < 0.5 * abs(widths["keep"] - truth)
+
+
+def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
+    named = 0
+    for seed in range(20):
+        response = string_response(drift_hz=80.0)
+        measured = measured_by(response, noise=0.01, seed=seed)
+        objective = Objective(response, string_parameters(), measured, np.full(3, 1e-3))
+        x = (np.array([1.9498, 120.0, 90.0]) - [p.reference for p in string_parameters()]) / [
+            p.scale for p in string_parameters()
+        ]
+        evaluator = Evaluator(objective)
+        bound = string_campaign(measured, response, tmp_path)
+        rows = evaluator.point(x).residuals
+        named += len(
+            outlier_sentences(
+                bound, rows, measured.rows_sigma, evaluator.jacobian(x), np.full(3, 0.1)
+            )
+        )
+    assert named <= 1
+
+
+def test_weights_follow_the_noise() -> None:
+    """Weighted squares are chi square in units of the mean precision; Huber is linear far out."""
+    sigma = np.array([0.01, 0.02, 0.04])
+    measured = Measured(np.ones(3), sigma, np.empty(0), scale="none", weigh=True)
+    rows = np.array([0.03, -0.01, 0.02])
+    value, weights = measured.squares(rows)
+    mean = np.mean(sigma**-2)
+    assert value * mean == pytest.approx(np.sum((rows / sigma) ** 2))
+    assert weights == pytest.approx(sigma**-2 / mean)
+    tamed = replace(measured, outliers="huber")
+    far = np.array([0.03, 0.0, 0.0]) * 10.0
+    step = np.array([1e-6, 0.0, 0.0])
+    slope = (tamed.squares(far + step)[0] - tamed.squares(far - step)[0]) / 2e-6
+    assert slope == pytest.approx(2 * 1.345 * 0.01 * weights[0], rel=1e-6)
+    assert slope == pytest.approx(2 * tamed.squares(far)[1][0] * far[0], rel=1e-6)
+
+
+def test_a_sweep_tells_its_noise_by_its_top() -> None:
+    generator = np.random.default_rng(2)
+    f = np.linspace(-300.0, 300.0, 241)
+    clean = 1.0 / np.sqrt(1.0 + (2 * f / 94.0) ** 2)
+    found = [
+        sweep_sigmas(1e6 + f, clean + 0.005 * generator.standard_normal(f.size), Noise())[0]
+        for _ in range(30)
+    ]
+    assert np.mean(found) == pytest.approx(0.005, rel=0.15)

@@ -1,0 +1,135 @@
+"""``fmu-fit check`` tells what is wrong with an FMU, and of what is right only that."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from fitting.cli.main import main
+from tests.support.cfmu_build import build_c_fmu
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    campaign = ROOT / "data" / "string_q1" / "campaign.toml"
+    assert main(["check", str(oscillator_fmu), "--campaign", str(campaign)]) == 0
+    text = capsys.readouterr().out
+    assert "problem" not in text
+    assert "eta_plus" in text
+    assert "suits this FMU" in text
+    assert "same bit for bit" in text
+    assert (
+        "needsExecutionTool: needs further software on the machine, here a libpython of "
+        "Python 3.8 to 3.13\n" in text
+    )
+
+
+def test_an_fmu_that_does_not_suit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    campaign = ROOT / "data" / "string_q1" / "campaign.toml"
+    assert main(["check", str(build_c_fmu(tmp_path)), "--campaign", str(campaign)]) == 2
+    assert "q1_hybrid" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("reset", ["RESET_DOES_NOTHING", "RESET_KEEPS_DERIVED"])
+def test_a_reset_that_lies_is_told(
+    reset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(build_c_fmu(tmp_path, reset=reset))]) == 0
+    assert "every run has a new instance" in capsys.readouterr().out
+
+
+def test_rules_broken_are_listed_and_exit_code_is_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound = build_c_fmu(tmp_path)
+    broken = tmp_path / "broken.fmu"
+    with zipfile.ZipFile(sound) as source, zipfile.ZipFile(broken, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                content = content.replace(b'unit="N/m" ', b'unit="furlong" ')
+            target.writestr(name, content)
+    assert main(["check", str(broken)]) == 2
+    told = capsys.readouterr()
+    assert "problem: " in told.out
+    assert "furlong" in told.out
+    assert "breaks 1 rules" in told.err
+
+
+def test_no_binary_for_this_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(build_c_fmu(tmp_path, platform="plan9"))]) == 2
+    assert "no binary for this platform" in capsys.readouterr().err
+
+
+def test_failing_fmu_is_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = build_c_fmu(tmp_path)
+    assert (
+        main(
+            [
+                "simulate",
+                str(path),
+                "--input",
+                "force",
+                "--drive",
+                "300 Hz",
+                "--set",
+                "misbehave=5",
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
+        == 3
+    )
+    told = capsys.readouterr()
+    assert "told to fail: misbehave = 5" in told.err
+    assert "misbehave = 5" in told.err
+    assert told.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("--step=0", "--step: found '0', wanted a positive number"),
+        ("--step=nan", "--step: found 'nan', wanted a finite number"),
+        ("--step=1 mm", "--step: found unit 'mm', wanted 's'"),
+        ("--timeout=-1", "--timeout: found '-1', wanted a positive number"),
+    ],
+)
+def test_impossible_times_are_refused_by_name(
+    option: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(tmp_path / "any.fmu"), option]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_times_take_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = build_c_fmu(tmp_path, once=True)
+    assert main(["check", str(fmu), "--step", "2 ms", "--timeout", "0.5 min"]) == 0
+    text = capsys.readouterr().out
+    assert "one step of 0.002 s" in text
+    assert "needsExecutionTool" not in text
+    assert "canBeInstantiatedOnlyOncePerProcess: one instance in a process" in text
+
+
+def test_a_run_out_of_time_names_the_option(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Seven million periods of the step-by-step solver do not fit into the time."""
+    arguments = ["--set", "solver=2", "--timeout", "1500 ms", "--out", str(tmp_path / "out")]
+    assert main(["simulate", str(oscillator_fmu), *arguments]) == 3
+    assert "no answer within 1.5 s and was stopped; --timeout sets" in capsys.readouterr().err
+
+
+def test_what_the_fmu_says_comes_first(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--set", "d1=-1e6", "--out", str(tmp_path / "out")]
+    assert main(["simulate", str(oscillator_fmu), *arguments]) == 3
+    told = capsys.readouterr().err
+    assert f"{oscillator_fmu}: d1 = -1000000.0 Hz is negative" in told
+    assert re.search(r"may grow; the growing oscillation .*; stopped early at t = 0\.0 s", told)

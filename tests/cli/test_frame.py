@@ -1,0 +1,96 @@
+"""What holds for every command: help with an example, one line of complaint, exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fitting
+from fitting.cli.main import COMMANDS, main
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ending:
+        main([name, "--help"])
+    assert ending.value.code == 0
+    text = " ".join(capsys.readouterr().out.split())
+    example = importlib.import_module(f"fitting.cli.{name}").EXAMPLE
+    assert f"example: {example}" in text
+    assert example.startswith(f"fmu-fit {name} ")
+    assert "`" not in text
+    for action in positionals(name):
+        assert action.help, f"{name} {action.metavar} has no description"
+
+
+def positionals(name: str) -> list[argparse.Action]:
+    parser = argparse.ArgumentParser()
+    importlib.import_module(f"fitting.cli.{name}").add_arguments(parser)
+    return [action for action in parser._actions if not action.option_strings]
+
+
+def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    text = capsys.readouterr().out
+    first_words = {line.split()[0] for line in text.splitlines() if line.strip()}
+    assert first_words >= set(COMMANDS)
+    assert "3 the FMU failed" in " ".join(text.split())
+    told = (ROOT / "README.md").read_text("utf-8").partition("| exit code | meaning |")[2]
+    codes = re.findall(r"^\| (\d+) \| ", told.partition("\n\n")[0], re.MULTILINE)
+    assert codes == ["0", "1", "2", "3", "130"]
+    for code in codes:
+        assert re.search(rf"\b{code} [a-z]", text), f"exit code {code} is not told"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "COMMAND"),
+        (["frobnicate"], "frobnicate"),
+        (["simulate"], "FMU"),
+        (["check", "absent.fmu"], "absent.fmu: No such file"),
+        (["check", "absent.fmu", "--step", "long"], "--step"),
+        (["check", "absent.fmu", "--timeout", "-1"], "--timeout: found '-1', wanted a positive"),
+        (["reconstruct", "c.toml", "--workers", "0"], "--workers: found '0', wanted a whole"),
+        (["reconstruct", "c.toml", "--workers", "-2"], "--workers: found '-2', wanted a whole"),
+        (["reconstruct", "c.toml", "--starts", "-3"], "--starts: found '-3', wanted a whole"),
+        (["reconstruct", "c.toml", "--starts", "0"], "--starts: found '0'"),
+        (["reconstruct", "c.toml", "--seed", "-3"], "--seed: found '-3', wanted a whole number"),
+        (["reconstruct", "c.toml", "--seed", "1.5"], "--seed: found '1.5'"),
+        (["synthesize", "--series", "q1", "--out", "o", "--seed", "-3"], "--seed: found '-3'"),
+        (["simulate", "absent.fmu", "--out", "o", "--timeout", "nan"], "--timeout: found 'nan'"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith("fmu-fit: ")
+    assert told.err.count("\n") == 1
+    assert words in told.err
+
+
+def test_module_is_the_command(tmp_path: Path) -> None:
+    asked = [sys.executable, "-m", "fitting", "--version"]
+    told = subprocess.run(asked, capture_output=True, text=True, cwd=ROOT, check=True)
+    assert told.stdout == f"fmu-fit {fitting.__version__}\n"
+
+
+def test_output_into_a_closed_pipe_is_no_traceback(oscillator_fmu: Path) -> None:
+    script = f"'{sys.executable}' -m fitting check '{oscillator_fmu}' | head -n 1"
+    told = subprocess.run(
+        ["sh", "-c", script], capture_output=True, text=True, cwd=ROOT, check=True
+    )
+    assert "CoupledOscillator" in told.stdout
+    assert told.stderr == ""

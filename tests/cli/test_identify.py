@@ -1,0 +1,175 @@
+"""`fmu-fit identify` and the bootstrap: by the command, through the FMU, and on closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.cli.main import main
+from fitting.fit.noise import RowNoise
+from fitting.inference.bootstrap import _displaced, bootstrap
+from fitting.inference.descent import Local, Optimum, most_likely
+from fitting.inference.inference import Asked, know
+from fitting.inference.knowledge import Identification, Knowledge
+from fitting.inference.likelihood import Surface, likelihood_of
+from fitting.inference.lockstep import Task, together
+from fitting.text.records import read_json
+from tests.support import single_line
+
+DATA = Path(__file__).parents[2] / "data"
+SIGMA, SPAN = 0.02, 4.0
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The command on the first shipped campaign, with its report; folder and what it printed."""
+    out = tmp_path_factory.mktemp("identified")
+    path = DATA / "string_q1" / "campaign.toml"
+    with pytest.MonkeyPatch.context() as patch:
+        said: list[str] = []
+        patch.setattr(
+            "builtins.print", lambda *words, **more: said.append(" ".join(map(str, words)))
+        )
+        assert main(["identify", str(path), "--out", str(out), "--workers", "2"]) == 0
+    return out, "\n".join(said)
+
+
+def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) -> None:
+    out, said = identified
+    lines = {line.split(":")[0].strip(): line for line in said.splitlines() if ":" in line}
+    assert "not determined, anything from 0 to 781 kHz" in lines["lambda"]
+    assert "not determined" in lines["theta"]
+    assert ": determined, " in lines["width_plus"]
+    assert "±" not in said
+    assert "changes no peak by more than" in said
+    found = read_json(out / "identify.json", Identification)
+    assert found.synthetic
+    assert found.knowledge.data
+    assert found.knowledge.derived["lambda"].verdict == "not determined"
+    # one direction of three is seen: the line width of the observed mode
+    first, second, third = (d.singular for d in found.knowledge.directions)
+    assert first > 100.0 * second > 100.0 * third
+    [twin] = [e for e in found.knowledge.equivalents if e.origin == "alternative"]
+    assert twin.sentence == "reflection = True fits as well"
+
+
+def test_the_page_holds_tables_and_figures_and_says_synthetic(
+    identified: tuple[Path, str],
+) -> None:
+    out, _ = identified
+    text = (out / "report.html").read_text("utf-8")
+    for words in (
+        "What the data determine",
+        "Profile likelihood",
+        "Singular values of the sensitivities",
+        "SYNTHETIC DATA",
+        "data:image/svg+xml;base64,",
+    ):
+        assert words in text
+    names = sorted(path.name for path in (out / "figures").glob("*.svg"))
+    assert names == ["10_together.svg", "11_outputs.svg", "9_profiles.svg"]
+    json.loads((out / "identify.json").read_text())
+
+
+def test_a_result_of_other_parameters_is_refused(
+    identified: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "none.json"
+    words = ["identify", str(DATA / "string_q1" / "campaign.toml"), "--at", str(missing)]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 2
+    assert f"{missing}: no such file" in capsys.readouterr().err
+
+
+def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Expected data fit exactly; the width's interval is centred on the reference."""
+    path = DATA / "string_q1" / "campaign.toml"
+    words = ["identify", str(path), "--expected", "--no-report", "--workers", "2"]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert "expected data, set out from the campaign's start" in capsys.readouterr().out
+    knowledge = read_json(tmp_path / "identify.json", Identification).knowledge
+    assert not knowledge.data
+    assert knowledge.chi_square < 1e-6
+    assert knowledge.inflation == 1.0
+    width = knowledge.derived["width_plus"]
+    assert width.verdict == "determined"
+    assert width.best == pytest.approx(94.18, abs=0.05)  # start: theta 0, d1 of the sweep
+    low, high = width.interval95
+    assert 0.5 * (low + high) == pytest.approx(width.best, rel=2e-3)
+    # at theta = 0 the coupling is 0 and has no slope: its range is what is left, not a zero
+    coupling = knowledge.derived["lambda"]
+    assert coupling.verdict == "not determined"
+    highest = math.sqrt(0.5 * (7027600.0**2 - 6940260.0**2))  # sin(2 theta) = -1
+    assert coupling.interval95[1] == pytest.approx(highest, rel=1e-3)
+
+
+# --- bootstrap ------------------------------------------------------------------------------------
+
+
+def test_a_search_that_is_there_already_asks_for_nothing() -> None:
+    def there() -> Task[Local | None]:
+        return None
+        yield  # a generator all the same
+
+    assert together([_displaced(there(), np.zeros(1))], lambda requests: []) == [None]
+
+
+@pytest.fixture(scope="module")
+def line() -> tuple[Optimum, Knowledge]:
+    objective = single_line.line_objective(sigma=SIGMA, span=SPAN)
+    sigma = objective.measured.rows_sigma
+    likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)), ("Q",))
+    optimum = most_likely(Surface(likelihood), [np.zeros(3)])
+    return optimum, know(objective, optimum.local.x, RowNoise(sigma, np.zeros((sigma.size, 0))))
+
+
+def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) -> None:
+    """Against the inverse of the information summed over these very points, in closed form."""
+    optimum, knowledge = line
+    found = bootstrap(optimum.likelihood, optimum.local, knowledge.profiles, 400, 7)
+    assert found.failed == 0
+    response = optimum.likelihood.objective.response
+    x = 2.0 * (response.tones_hz - 1000.0) / 8.0  # type: ignore[attr-defined]
+    wave = 1.0 + x**2
+    columns = [
+        2.0 * (2.0 / 8.0) * x * wave**-1.5,
+        2.0 / 8.0 * x**2 * wave**-1.5,
+        wave**-0.5,
+    ]
+    information = np.array([[float(np.sum(a * b)) for a in columns] for b in columns]) / SIGMA**2
+    bounds = np.sqrt(np.diag(np.linalg.inv(information)))
+    for name, bound in zip(("eta", "w", "A"), bounds, strict=True):
+        # 400 draws know a standard deviation to 3.5 %
+        assert found.values[name].std == pytest.approx(bound, rel=0.12)
+        low, high = found.values[name].interval95
+        assert high - low == pytest.approx(2 * 1.96 * bound, rel=0.2)
+    assert found.values["Q"].median == pytest.approx(125.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_any_executor_gives_the_same_bootstrap(line: tuple[Optimum, Knowledge], pool: type) -> None:
+    optimum, knowledge = line
+    arguments = (optimum.likelihood, optimum.local, knowledge.profiles, 40, 3)
+    here = bootstrap(*arguments)
+    with pool(2) as executor:
+        there = bootstrap(*arguments, executor)
+    assert there == here
+
+
+def test_nothing_is_resampled_that_the_data_do_not_determine(
+    line: tuple[Optimum, Knowledge],
+) -> None:
+    objective = single_line.line_objective(sigma=50.0, span=SPAN)
+    sigma = objective.measured.rows_sigma
+    noise = RowNoise(sigma, np.zeros((sigma.size, 0)))
+    knowledge = know(objective, np.zeros(3), noise, Asked(bootstrap=10))
+    assert knowledge.parameters["w"].verdict == "not determined"
+    assert knowledge.bootstrap is not None
+    assert "w" not in knowledge.bootstrap.values
+    assert math.isfinite(knowledge.parameters["w"].interval95[0])

@@ -1,0 +1,202 @@
+"""The synthesize command: its files, its options, what it refuses."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fitting.campaign import read_campaign
+from fitting.cli import synthesize
+from fitting.cli.main import main
+from fitting.lab.duffing import Cubic
+from fitting.lab.duffing_synthesis import read_duffing_bench
+from fitting.lab.synthesis import read_bench
+from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+def call(*words: str | Path) -> int:
+    parser = argparse.ArgumentParser()
+    synthesize.add_arguments(parser)
+    return synthesize.run(parser.parse_args([str(w) for w in words]))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()
+    }
+
+
+@pytest.mark.parametrize(
+    ("folder", "series", "seed"),
+    [("string_q1", "q1", 1), ("string_q2", "q2", 2), ("duffing_string", "duffing", 3)],
+)
+def test_shipped_campaigns_are_what_their_headers_say(
+    tmp_path: Path, folder: str, series: str, seed: int
+) -> None:
+    shipped = contents(DATA / folder)
+    command = f"fmu-fit synthesize --series {series} --seed {seed}"
+    assert f"# made by: {command}\n".encode() in shipped["campaign.toml"]
+    assert call(*command.split()[2:], "--out", tmp_path / "again") == 0
+    again = contents(tmp_path / "again")
+    assert sorted(again) == sorted(shipped)
+    for name in ("campaign.toml", "truth.toml", "experiments.csv"):
+        assert again[name].splitlines()[:2] == shipped[name].splitlines()[:2]
+    for name, data in again.items():
+        # transcendental functions differ in the last digit between machines: numbers, not bytes
+        assert numbers(data) == pytest.approx(numbers(shipped[name]), rel=1e-9, abs=1e-9), name
+
+
+def numbers(data: bytes) -> list[float]:
+    found = []
+    for line in data.decode().splitlines():
+        for word in line.replace(",", " ").replace("[", " ").replace("]", " ").split():
+            try:
+                found.append(float(word))
+            except ValueError:
+                continue
+    return found
+
+
+def test_two_folders_hold_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        call("--series", "q2", "--seed", "5", "--out", tmp_path / name)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def test_like_keeps_the_truth_and_draws_new_noise(tmp_path: Path) -> None:
+    call("--series", "q1", "--d1", "150", "--reflection", "--drift", "20", "--out", tmp_path / "a")
+    call("--like", tmp_path / "a" / "campaign.toml", "--seed", "9", "--out", tmp_path / "b")
+    first, second = read_bench(tmp_path / "a" / "truth.toml"), read_bench(tmp_path / "b/truth.toml")
+    assert first == second
+    assert second.modes.d1_hz == 150.0
+    assert second.modes.reflection is True
+    assert second.drift_hz == 20.0
+    peaks = [read_campaign(tmp_path / n / "campaign.toml").experiments[0].peaks_v for n in "ab"]
+    assert abs(peaks[0][0] - peaks[1][0]) > 1e-9
+
+
+def test_a_string_driven_hard_keeps_its_truth_too(tmp_path: Path) -> None:
+    call(
+        "--series",
+        "duffing",
+        "--alpha1",
+        "2e31",
+        "--kappa",
+        "0",
+        "--level",
+        "0.3",
+        "--weak-level",
+        "0.03",
+        "--d1",
+        "150",
+        "--seed",
+        "4",
+        "--out",
+        tmp_path / "a",
+    )
+    call("--like", tmp_path / "a" / "campaign.toml", "--alpha2", "1e31", "--out", tmp_path / "b")
+    first, second = (read_duffing_bench(tmp_path / n / "truth.toml") for n in "ab")
+    assert first.cubic == Cubic(2e31, 0.8e32, 0.0)
+    assert (max(first.levels), first.weak_level, first.bench.modes.d1_hz) == (0.3, 0.03, 150.0)
+    assert second == replace(first, cubic=Cubic(2e31, 1e31, 0.0))
+    experiments = [read_campaign(tmp_path / n / "campaign.toml").experiments[0] for n in "ab"]
+    assert len(experiments[0].peaks_v) == 4
+    assert experiments[0].peaks_v[0] != experiments[1].peaks_v[0]
+    assert experiments[0].settings["A1"].value == pytest.approx(0.3 * 0.25 / 0.35)
+
+
+def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
+    call(
+        "--series",
+        "q1",
+        "--noise-scale",
+        "0",
+        "--drift",
+        "0",
+        "--curvature",
+        "0",
+        "--out",
+        tmp_path,
+    )
+    truth = (tmp_path / "truth.toml").read_text()
+    campaign = read_campaign(tmp_path / "campaign.toml")
+    for experiment in campaign.experiments:
+        assert experiment.floor_v == 0.0
+        for peak in experiment.peaks_v:
+            assert f"{peak:.13g}"[:12] in truth
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--series", "q1", "--d1", "-3"], "damping d1 = -3.0"),
+        (["--series", "q1", "--eta-plus", "9e6"], "eta_plus = 9000000.0 Hz must lie"),
+        (["--series", "q1", "--noise-scale", "-1"], "noise_scale must not be negative"),
+        (["--series", "q1", "--alpha1", "1e32"], "--alpha1: has no meaning here"),
+        (["--series", "duffing", "--level", "-1"], "must be positive"),
+        (["--series", "duffing", "--level", "3"], "wanted a weaker drive"),
+        (["--series", "duffing", "--d1", "-3"], "damping d1 = -3.0"),
+        (["--like", DATA / "afm_sensor" / "campaign.toml"], "truth.toml: no such file"),
+    ],
+)
+def test_impossible_laboratories_are_refused(
+    tmp_path: Path, words: list[str | Path], message: str
+) -> None:
+    with pytest.raises(BadInput, match=message):
+        call(*words, "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_negative_seed_is_refused_by_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["synthesize", "--series", "q1", "--seed", "-1", "--out", str(tmp_path / "out")]
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "--seed: found '-1', wanted a whole number of at least 0" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_measured_campaign_is_never_overwritten(tmp_path: Path) -> None:
+    original = (DATA / "afm_sensor" / "campaign.toml").read_bytes()
+    (tmp_path / "campaign.toml").write_bytes(original)
+    with pytest.raises(BadInput, match="not synthetic"):
+        call("--series", "q1", "--out", tmp_path)
+    assert contents(tmp_path) == {"campaign.toml": original}
+
+
+def test_a_broken_truth_is_named(tmp_path: Path) -> None:
+    call("--series", "q1", "--out", tmp_path)
+    truth = tmp_path / "truth.toml"
+    whole = truth.read_text()
+    for old, new, words in [
+        ("d1_hz = 120.0\n", "", "key 'd1_hz' is missing"),
+        ("observed = 0", "observed = 7", "observed mode 7"),
+        ("[modes]", "[modest]", "key 'theta_rad' is missing"),
+        ("[bench]", "[bench", "not valid TOML"),
+    ]:
+        truth.write_text(whole.replace(old, new))
+        with pytest.raises(BadInput, match=words):
+            call("--like", tmp_path / "campaign.toml", "--out", tmp_path / "b")
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.txt"
+    write_whole(path, "old")
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_whole(path / "below", "new")
+    with pytest.raises(UnicodeEncodeError):
+        write_whole(path, "\ud800")
+    assert contents(tmp_path) == {"x.txt": b"old"}
+    mask = os.umask(0)
+    os.umask(mask)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o666 & ~mask

@@ -1,0 +1,142 @@
+"""The string driven hard: shipped campaign and new ones come back by campaign file alone."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import build_fmu
+from fitting.campaign import BoundCampaign, read_campaign
+from fitting.campaign.binding import bind
+from fitting.cli.main import main
+from fitting.fit.job import Identity, options_of
+from fitting.fit.reconstruction import reconstruct
+from fitting.fit.result import Result
+from fitting.fmu import FmuWorkers
+from fitting.lab.duffing import Drive, duffing_bench, measure_duffing, steady_lines
+from fitting.lab.duffing_synthesis import duffing_files
+from fitting.measurements.campaign_plan import measured_plan
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import Plan, plan_campaign
+from fitting.text.files import write_all
+
+SHIPPED = Path(__file__).parents[2] / "data" / "duffing_string"
+
+
+@pytest.fixture(scope="module")
+def workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FmuWorkers]:
+    path = build_fmu.build("DuffingOscillator", tmp_path_factory.mktemp("fmu"))
+    with FmuWorkers(path, timeout_s=60.0) as made:
+        yield made
+
+
+def bound_at(folder: Path, workers: FmuWorkers) -> BoundCampaign:
+    return bind(read_campaign(folder / "campaign.toml"), workers.description.variables)
+
+
+def test_peaks_through_the_fmu_are_those_of_the_laboratory(workers: FmuWorkers) -> None:
+    """Averaging and harmonic balance share no code: tones to 2e-5, intermodulation to 2e-4."""
+    bound = bound_at(SHIPPED, workers)
+    lab = duffing_bench()
+    width = lab.bench.modes.widths_hz()[0]
+    plan = measured_plan(bound, workers, workers.description.variables)
+    assert plan.promised < 1e-3
+    response = FmuResponse(bound, workers, plan, {})
+    found = response.peaks(np.array([width, lab.bench.modes.eta_plus_hz, lab.cubic.alpha1]))
+    wanted = []
+    for pair, level in zip(lab.bench.pairs_hz, lab.levels, strict=True):
+        lines = steady_lines(lab.bench.modes, lab.cubic, Drive(pair, level))
+        wanted += [abs(lines.at(*k)[0]) for k in ((1, 0), (0, 1), (2, -1), (-1, 2))]
+    deviation = np.abs(found.reshape(-1, 4) / np.reshape(wanted, (-1, 4)) - 1.0).max(axis=0)
+    assert deviation[:2].max() < 2e-5
+    assert deviation[2:].max() < 2e-4
+    assert np.reshape(wanted, (-1, 4))[:, 2:].min() > 0.04 * max(wanted)
+
+
+def test_the_shipped_campaign_fits_by_its_file_alone(tmp_path: Path) -> None:
+    words = ["--out", str(tmp_path), "--no-report", "--no-profiles"]
+    assert main(["reconstruct", str(SHIPPED / "campaign.toml"), *words]) == 0
+    result = json.loads((tmp_path / "result.json").read_text())
+    truth = tomllib.loads((SHIPPED / "truth.toml").read_text())
+    wanted = {
+        "alpha1": truth["cubic"]["alpha1"],
+        "eta_plus": truth["modes"]["eta_plus_hz"],
+        "d1": truth["outcome"]["width_plus_hz"],
+    }
+    for name, value in wanted.items():
+        found = result["parameters"][name]
+        assert abs(found["value"] - value) < 3.0 * found["std"], name
+        assert found["identifiable"] == "determined"
+    assert result["parameters"]["alpha1"]["std"] < 0.01 * wanted["alpha1"]
+    assert result["deviations"]["initial"]["mean"] > 0.3  # the linear start does not explain it
+    assert result["deviations"]["final"]["mean"] < 0.006  # as much as a line is repeatable
+    lines = [p["frequency_hz"] for p in result["peaks"] if p["experiment"] == "drive1"]
+    assert lines == [6940250.0, 6940290.0, 6940210.0, 6940330.0]
+
+
+def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
+    """A new series of that seed, fitted with the plan of another: its windows are the same."""
+    measured = measure_duffing(duffing_bench(), seed)
+    write_all(folder, duffing_files(measured, f"seed {seed}"))
+    bound = bound_at(folder, workers)
+    return reconstruct(
+        bound,
+        lambda alternative: FmuResponse(bound, workers, plan, alternative),
+        Identity(),
+        options_of(bound, quick=True),
+    )
+
+
+def test_the_cubic_coefficient_comes_back_within_its_noise(
+    tmp_path: Path, workers: FmuWorkers
+) -> None:
+    """Pulls of several seeds: none beyond 3, together no larger than a standard deviation."""
+    lab, shipped = duffing_bench(), bound_at(SHIPPED, workers)
+    plan = replace(plan_campaign(shipped), settings={"tolerance": 2e-4})
+    pulls = []
+    for seed in (11, 12, 13):
+        result = fit(seed, tmp_path / str(seed), workers, plan)
+        found = result.parameters["alpha1"]
+        assert found.std is not None
+        pulls.append((found.value - lab.cubic.alpha1) / found.std)
+    assert np.abs(pulls).max() < 3.0
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.8
+
+
+def test_simulate_lists_the_intermodulation_lines(
+    workers: FmuWorkers, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By name, in lines.csv and in words, with the amplitudes of harmonic balance."""
+    lab = duffing_bench()
+    pair, level = lab.bench.pairs_hz[1], lab.levels[1]
+    width = lab.bench.modes.widths_hz()[0]
+    values = {
+        "theta": 0.0,
+        "d1": width,
+        "alpha1": lab.cubic.alpha1,
+        "A1": level,
+        "A2": level,
+        "u1": pair[0],
+        "u2": pair[1],
+        "kappa": 0.0,
+        "alpha2": 0.0,
+        "eta_plus": 6940260.0,
+    }
+    words = [word for name, v in values.items() for word in ("--set", f"{name}={v!r}")]
+    words += ["--set", "periodic_start=true", "--settle", "0", "--out", str(tmp_path)]
+    assert main(["simulate", str(workers.description.path), *words]) == 0
+    with (tmp_path / "lines.csv").open() as stream:
+        rows = {row["combination"]: row for row in csv.DictReader(stream)}
+    lines = steady_lines(lab.bench.modes, lab.cubic, Drive(pair, level))
+    for name, factors in (("2 u1 - u2", (2, -1)), ("2 u2 - u1", (-1, 2)), ("3 u2 - 2 u1", (-2, 3))):
+        assert float(rows[name]["frequency (Hz)"]) == np.dot(factors, pair)
+        wanted = abs(lines.at(*factors)[0])
+        assert float(rows[name]["q1_hybrid (m)"]) == pytest.approx(wanted, rel=1e-4)
+    assert "m at 2 u1 - u2 = 6.94021 MHz" in capsys.readouterr().out

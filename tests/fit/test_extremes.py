@@ -1,0 +1,259 @@
+"""The whole chain at the edges of the model: each case is right, or says in a sentence that not.
+
+Files as a user has them, the real reader, the real FMU, Algorithms 1 and 2. Truth is the virtual
+laboratory's closed form, or mpmath's. `tests/fit/test_extremes_data.py` has the edges of the data,
+and `python tests/bench/bench_extremes.py` measures where each of them stops.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fitting.fit.result import Result
+from fitting.fmu import FmuWorkers
+from fitting.text.errors import BadInput
+from tests.support.extreme_scenes import POWERS, Fitted, Scene, fit, no_false_success
+
+EPS = 2.0**-52
+Fit = Callable[[Scene], Result]
+
+#: A sweep that is fitted as a whole needs no maximum on its grid, and few points.
+WHOLE = Scene(scale="fit", points=15)
+
+
+@pytest.fixture(scope="module")
+def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(oscillator_fmu, workers=1) as started:
+        yield started
+
+
+@pytest.fixture
+def fitted(workers: FmuWorkers, tmp_path: Path) -> Fit:
+    def run(scene: Scene) -> Result:
+        result = fit(scene, workers, tmp_path)
+        no_false_success(result, scene)
+        return result
+
+    return run
+
+
+def width_error(result: Result, scene: Scene) -> float:
+    """Relative error of the line width, of a fit that says it is done and knows."""
+    found = result.derived["width_plus"]
+    assert (result.status, found.identifiable) == ("converged", "determined")
+    return abs(found.value / scene.width - 1.0)
+
+
+@pytest.mark.parametrize("eta", [1.0, 7e6, 1e10])
+@pytest.mark.parametrize("q", [5.0, 1e4, 1e8])
+def test_quality_factors_and_frequencies(eta: float, q: float, fitted: Fit) -> None:
+    """Rounding of a frequency is Q eps of a line width; the rest is the optimiser's 1e-8."""
+    scene = replace(WHOLE, eta_plus=eta, eta_minus=1.5 * eta, d1=eta / q, d2=1.2 * eta / q)
+    assert width_error(fitted(scene), scene) < 1e-8 + 10.0 * q * EPS
+
+
+@pytest.mark.parametrize(("apart_hz", "bound"), [(1e-3, 1e-5), (1.0, 1e-7), (1e3, 1e-8)])
+def test_tones_from_a_millihertz_to_ten_line_widths_apart(
+    apart_hz: float, bound: float, fitted: Fit
+) -> None:
+    near = apart_hz / Scene().width
+    scene = Scene(tones=((0.0, near), (0.5, 0.5 + near)))
+    assert width_error(fitted(scene), scene) < bound
+
+
+@pytest.mark.parametrize("drift", [0.5, 50.0, 500.0])
+def test_a_drift_that_is_told_may_be_any_number_of_line_widths(drift: float, fitted: Fit) -> None:
+    scene = Scene(drift=drift)
+    assert width_error(fitted(scene), scene) < 1e-8
+
+
+def test_a_drift_that_is_not_told_is_no_success(fitted: Fit) -> None:
+    little = fitted(Scene(drift=0.5, drift_known=False))
+    assert little.derived["width_plus"].identifiable == "partly determined"
+    lost = fitted(Scene(drift=5.0, drift_known=False))
+    assert lost.status == "not converged"
+    assert "does not describe the data: the peaks are 1" in lost.message
+
+
+@pytest.mark.parametrize("misfit", ["slack", "squares"])
+def test_the_scale_of_the_amplitudes_changes_no_bit(misfit: str, fitted: Fit) -> None:
+    """Powers of two from 1e-285 to 1e285: the same x, chi scaled."""
+    scene = Scene(noise=1e-3, peaks=False, misfit=misfit)
+    one = fitted(scene)
+    for power in (-945, -20, 945):
+        other = fitted(replace(scene, crest=2.0**power))
+        assert other.parameters == one.parameters
+        assert other.scale.final == math.ldexp(one.scale.final, power)
+        assert [r.parameters for r in other.history] == [r.parameters for r in one.history]
+        assert [r.j_fit for r in other.history] == [r.j_fit for r in one.history]
+        assert other.deviations == one.deviations
+        assert other.warnings == one.warnings
+
+
+@pytest.mark.parametrize("scene", [Scene(), replace(WHOLE, use="fit")], ids=["maximum", "fit"])
+@pytest.mark.parametrize("crest", [1e-300, 1e290])
+def test_amplitudes_from_1e_300_to_1e290(scene: Scene, crest: float, fitted: Fit) -> None:
+    scene = replace(scene, crest=crest)
+    assert width_error(fitted(scene), scene) < 1e-8
+
+
+def test_a_drive_of_any_size(fitted: Fit) -> None:
+    for level in (1e-290, 1e300):
+        scene = Scene(level=level)
+        assert width_error(fitted(scene), scene) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (Scene(crest=1e300), "wanted a ratio within the range of numbers"),
+        (Scene(crest=1e-310), "are beyond the range of numbers; wanted another unit"),
+        (Scene(level=1e-300), "wanted positive and finite ones"),
+        (replace(WHOLE, level=1e-300), "the simulated sweep is zero everywhere"),
+    ],
+)
+def test_amplitudes_beyond_the_range_of_numbers_are_told(
+    scene: Scene, words: str, fitted: Fit
+) -> None:
+    with pytest.raises(BadInput, match=words):
+        fitted(scene)
+
+
+def test_the_unit_of_a_frequency_changes_no_bit(fitted: Fit) -> None:
+    scene = Scene(noise=1e-3, peaks=False, drift=3.0)
+    one, *others = (fitted(replace(scene, unit=unit)) for unit in POWERS)
+    for other in others:
+        assert other.parameters == one.parameters
+        assert other.derived == one.derived
+        assert other.peaks == one.peaks
+        assert other.warnings == one.warnings
+
+
+def test_a_scene_scales_with_its_frequencies(fitted: Fit) -> None:
+    """A hundred times and a millionth: the same Q, the same noise, the same relative width."""
+    scene = Scene(noise=1e-3, eta_plus=6.4e6, d1=64.0, d2=96.0, eta_minus=6.5e6, theta=1.75)
+    one = fitted(scene).derived["width_plus"].value / scene.width
+    for factor in (1e-6, 100.0):
+        names = ("d1", "d2", "eta_plus", "eta_minus")
+        other = replace(scene, **{name: factor * getattr(scene, name) for name in names})
+        found = fitted(other).derived["width_plus"].value / other.width
+        assert found == pytest.approx(one, rel=1e-7)
+
+
+POINT = replace(WHOLE, theta=3.0 * math.pi / 4.0, d1=150.0, d2=50.0)
+DEGENERATE = {
+    "equal eigenfrequencies": replace(WHOLE, eta_minus=6.94e6),
+    "equal eigenfrequencies and dampings": replace(WHOLE, eta_minus=6.94e6, d2=100.0),
+    "apart by 1e-12": replace(WHOLE, eta_minus=6.94e6 * (1.0 + 1e-12)),
+    "exceptional point": replace(POINT, eta_minus=6.94005e6),
+    "1 mHz beside it": replace(POINT, eta_minus=6.940050001e6),
+    "one damping 1e4 times the other": replace(WHOLE, d1=1e4, d2=1.0),
+}
+
+
+@pytest.mark.parametrize("scene", DEGENERATE.values(), ids=DEGENERATE.keys())
+def test_degenerate_modes_and_the_exceptional_point(scene: Scene, fitted: Fit) -> None:
+    """Eigenfrequencies apart by half the difference of the dampings, at 45 degrees: one mode."""
+    assert width_error(fitted(scene), scene) < 1e-7
+
+
+@pytest.mark.parametrize("reflection", [False, True])
+@pytest.mark.parametrize("eighths", [0, 2, 6, 8])
+def test_angles_of_symmetry(eighths: int, reflection: bool, fitted: Fit) -> None:
+    scene = Scene(theta=eighths * math.pi / 8.0, reflection=reflection)
+    result = fitted(scene)
+    assert width_error(result, scene) < 1e-8
+    real = math.sin(2.0 * scene.theta) <= 0.0
+    assert math.isnan(result.derived["lambda"].value) != real
+    assert any("lambda is not a real number" in said for said in result.warnings) != real
+
+
+def test_at_a_right_angle_the_other_damping_is_seen(fitted: Fit) -> None:
+    """theta = pi/2: the first mode is damped by d2 alone, and d1 is said to be unknown."""
+    blind = fitted(Scene(theta=math.pi / 2.0))
+    assert blind.parameters["d1"].identifiable == "not determined"
+    assert math.isnan(blind.parameters["d1"].std)
+    seen = fitted(Scene(theta=math.pi / 2.0, fitted={"d2": Fitted(20.0, 500.0, 180.0, 100.0)}))
+    assert seen.parameters["d2"].value == pytest.approx(120.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("start", [0.0, math.pi / 2.0, math.pi])
+def test_a_start_at_a_symmetric_angle_invents_no_angle(start: float, fitted: Fit) -> None:
+    box = {
+        "theta": Fitted(-2.0 * math.pi, 2.0 * math.pi, start, 1.0),
+        "d1": Fitted(10.0, 500.0, 90.0, 100.0),
+    }
+    result = fitted(Scene(fitted=box, nu=(0.1, 0.1, 3)))
+    angle = result.parameters["theta"]
+    assert angle.identifiable != "determined" or angle.value == pytest.approx(
+        2.0, abs=4 * angle.std
+    )
+
+
+@pytest.mark.parametrize("nu", [1.0, 1e-6, 1e-16])
+def test_a_small_prior_moves_nothing(nu: float, fitted: Fit) -> None:
+    scene = Scene(nu=(nu, 0.1, 2))
+    assert width_error(fitted(scene), scene) < 1e-8
+
+
+def test_a_prior_stronger_than_the_data_is_told(fitted: Fit) -> None:
+    result = fitted(Scene(nu=(1e6, 0.1, 2)))
+    assert result.parameters["d1"].value == pytest.approx(150.0, abs=0.01)
+    assert result.parameters["d1"].identifiable == "not determined"
+
+
+def test_nu_through_22_decades(fitted: Fit) -> None:
+    scene = Scene(nu=(1e6, 1e-2, 12))
+    result = fitted(scene)
+    assert result.history[-1].nu == pytest.approx(1e-16)
+    assert width_error(result, scene) < 1e-8
+
+
+@pytest.mark.parametrize("box", [(50.0, 100.0), (100.0, 200.0)])
+def test_a_solution_on_a_bound_is_reached_and_told(box: tuple[float, float], fitted: Fit) -> None:
+    for start in (sum(box) / 2.0, *box):
+        scene = Scene(fitted={"d1": Fitted(*box, start, 100.0)})
+        result = fitted(scene)
+        assert width_error(result, scene) < 1e-8
+        assert "d1 ended on a bound of its box (100 Hz)." in result.warnings
+
+
+@pytest.mark.parametrize("box", [(150.0, 200.0), (20.0, 80.0)])
+def test_a_solution_outside_the_box_ends_on_its_bound(
+    box: tuple[float, float], fitted: Fit
+) -> None:
+    result = fitted(Scene(fitted={"d1": Fitted(*box, sum(box) / 2.0, 100.0)}))
+    assert any("ended on a bound" in said for said in result.warnings)
+    assert result.parameters["d1"].identifiable != "determined"
+
+
+def free_line(off: float, width: float = 100.0) -> dict[str, Fitted]:
+    """Frequency and damping free, the start that many line widths off."""
+    start = 6.94e6 + off * width
+    return {
+        "eta_plus": Fitted(6.94e6 - 2e6, 6.94e6 + 2e6, start, 100.0),
+        "d1": Fitted(10.0, 1000.0, 150.0, 100.0),
+    }
+
+
+def test_a_start_within_the_line_finds_it(fitted: Fit) -> None:
+    scene = replace(WHOLE, use="fit", fitted=free_line(1.0))
+    result = fitted(scene)
+    assert width_error(result, scene) < 1e-7
+    assert result.parameters["eta_plus"].value == pytest.approx(6.94e6, abs=1e-5)
+
+
+@pytest.mark.parametrize("misfit", ["slack", "squares"])
+@pytest.mark.parametrize("off", [30.0, 1000.0, 10000.0])
+def test_a_start_far_off_is_no_success(off: float, misfit: str, fitted: Fit) -> None:
+    """There the response is flat in all parameters, and any point looks stationary."""
+    scene = replace(WHOLE, tones=(), use="fit", fitted=free_line(off), misfit=misfit)
+    result = fitted(scene)
+    assert result.status == "not converged"
+    assert "does not follow the measured one" in result.message
+    assert "Wanted a start nearer" in result.message

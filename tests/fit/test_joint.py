@@ -1,0 +1,300 @@
+"""Several campaigns fitted together, whether they agree, and values from elsewhere.
+
+Truth: the closed forms of `tests.closed_form` and the virtual laboratory; the statistics of the
+test of agreement are held to those of a chi square.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.joint import columns_of, join_campaigns, series_names
+from fitting.fit.assembly import solution_of
+from fitting.fit.continuation import Schedule, run_alternative
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.fmu_job import identify_fmu, reconstruct_through
+from fitting.fit.interior_point import SolveSettings
+from fitting.fit.job import measured_of, options_of
+from fitting.fit.joint_result import JointResult
+from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.result import Result, read_result, write_result
+from fitting.fmu import FmuWorkers, read_description
+from fitting.inference.consistency import consistency
+from fitting.inference.external import check_external, with_external
+from fitting.lab.string import measure, string_bench
+from fitting.lab.synthesis_cross import cross_files
+from fitting.measurements.joint_response import JointResponse
+from fitting.text.errors import BadInput
+from tests.support import closed_form
+from tests.support.closed_form import (
+    ClosedFormResponse,
+    measured_by,
+    string_campaign,
+    string_parameters,
+    string_response,
+)
+
+DATA = Path(__file__).parents[2] / "data"
+TRUTH = (1.9498, 120.0, 90.0)
+Campaigns = tuple[BoundCampaign, BoundCampaign]
+
+
+@pytest.fixture(scope="module")
+def shipped(oscillator_fmu: Path) -> Campaigns:
+    variables = read_description(oscillator_fmu).variables
+    one, two = (
+        bind(read_campaign(DATA / name / "campaign.toml"), variables)
+        for name in ("string_q1", "string_q2")
+    )
+    return one, two
+
+
+def test_campaigns_share_by_name_and_keep_what_is_theirs(shipped: Campaigns) -> None:
+    offset = replace(
+        shipped[0].parameters[1],
+        name="offset[pair2]",
+        experiment="pair2",
+        prior_sigma=3.0,
+        adds_to=("eta_plus",),
+    )
+    one = replace(shipped[0], parameters=(*shipped[0].parameters, offset))
+    joint = join_campaigns([one, shipped[1]])
+    assert [p.name for p in joint.parameters] == [
+        "theta",
+        "d1",
+        "d2",
+        "offset[string_q1/pair2]",
+    ]
+    assert columns_of(joint) == ((0, 1, 2, 3), (0, 1, 2))
+    assert joint.parameters[3].experiments == ("string_q1/pair2",)
+    assert [e.label for e in joint.experiments][:6:5] == ["string_q1/pair1", "string_q2/pair1"]
+    assert {e.output for e in joint.experiments} == {"q1_hybrid", "q2_hybrid"}
+    assert measured_of(joint).peaks_v.size == 20
+    # the damping of either is that of its own sweep: the first one's is taken, and told
+    assert any("'d1' has start 94.18 and 100" in note for note in joint.notes)
+
+
+@pytest.mark.parametrize("field", ["upper", "unit", "period", "alternatives", "twice"])
+def test_contradictions_name_both_files(shipped: Campaigns, field: str) -> None:
+    one, two = shipped
+    theta = two.parameters[0]
+    changed = {
+        "upper": replace(theta, upper=7.0),
+        "unit": replace(theta, unit="deg"),
+        "period": replace(theta, period=None),
+    }
+    if field == "alternatives":
+        two = replace(two, alternatives=({},))
+    elif field == "twice":
+        two = one
+    else:
+        two = replace(two, parameters=(changed[field], *two.parameters[1:]))
+    with pytest.raises(BadInput) as caught:
+        join_campaigns([one, two])
+    assert str(two.path) in str(caught.value)
+    assert field in ("twice",) or str(one.path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def series(
+    folder: Path, name: str, mode: int, seed: int, truth: tuple[float, float, float]
+) -> tuple[BoundCampaign, ClosedFormResponse]:
+    """A campaign of the closed form in a folder of its own, 1 % of noise."""
+    (folder / name).mkdir(parents=True, exist_ok=True)
+    response = string_response(mode=mode, drift_hz=60.0)
+    if mode == 1:  # around the other mode
+        shift = 7.02760e6 - 6.94026e6
+        response = replace(
+            response,
+            pairs_hz=tuple((a + shift, b + shift) for a, b in response.pairs_hz),
+            sweep_hz=response.sweep_hz + shift,
+        )
+    measured = measured_by(response, truth, noise=0.01, seed=seed)
+    bound = string_campaign(measured, response, folder / name)
+    return bound, response
+
+
+def joined(
+    folder: Path, modes: tuple[int, int], seed: int, other: tuple[float, float, float] = TRUTH
+) -> tuple[BoundCampaign, Objective]:
+    one, first = series(folder, "one", modes[0], 2 * seed, TRUTH)
+    two, second = series(folder, "two", modes[1], 2 * seed + 1, other)
+    joint = join_campaigns([one, two])
+    response = JointResponse((first, second), columns_of(joint))
+    measured = measured_of(joint)
+    exact = tuple(
+        replace(part, maximum_sigma=1e-9, maximum_v=whole.maximum_v)
+        for part, whole in zip(measured.parts, measured.parts, strict=True)
+    )
+    return joint, Objective(
+        response, string_parameters(), replace(measured, parts=exact), np.full(3, 1e-3)
+    )
+
+
+def test_joint_rows_are_those_of_each_campaign(tmp_path: Path) -> None:
+    joint, objective = joined(tmp_path, (0, 1), 3)
+    x = np.array([0.1, 0.2, -0.1])
+    [both] = evaluate_many(objective, [x])
+    for k, member in enumerate(joint.members):
+        alone = Objective(
+            objective.response.members[k],  # type: ignore[attr-defined]
+            string_parameters(),
+            measured_of(member),
+            objective.steps,
+        )
+        [point] = evaluate_many(alone, [x])
+        mine = objective.measured.part_of_rows == k
+        assert both.residuals[mine] == pytest.approx(point.residuals, rel=1e-12)
+        assert both.chis[k] == pytest.approx(point.chi)
+
+
+def agreement(
+    folder: Path, modes: tuple[int, int], seed: int, other: tuple[float, float, float] = TRUTH
+) -> JointResult:
+    joint, objective = joined(folder, modes, seed, other)
+    evaluator = Evaluator(objective)
+    schedule = Schedule(nu_start=1e-3, levels=1, starts=1)
+    outcome = run_alternative(objective, schedule, SolveSettings(misfit="squares"))
+    assert outcome.best is not None
+    return consistency(joint, solution_of(evaluator, outcome.best, schedule, 0.0, "squares"))
+
+
+def test_series_of_one_sample_differ_as_chi_square_does(tmp_path: Path) -> None:
+    """Both see the width of mode 1 and nothing else: one number, chi square 1 on average."""
+    found = [agreement(tmp_path, (0, 0), seed) for seed in range(12)]
+    for result in found:
+        assert [part.determined for part in result.series] == [1, 1]
+        [tension] = result.tensions
+        assert tension.freedom == 1
+    values = np.array([result.tensions[0].chi_square for result in found])
+    # the errors are widened by up to 1.2 where a short series scatters more than its noise
+    assert 0.3 < np.mean(values) < 2.2
+    assert np.mean(values > 3.84) <= 0.2
+
+
+def test_samples_of_other_width_contradict_each_other(tmp_path: Path) -> None:
+    """A width 8 % larger, each known to about 0.7 %: some eight standard deviations."""
+    scaled = (TRUTH[0], 1.08 * TRUTH[1], 1.08 * TRUTH[2])
+    result = agreement(tmp_path, (0, 0), 4, scaled)
+    [tension] = result.tensions
+    alone = [part.alone["D11"] for part in result.series]
+    apart = (alone[0].value - alone[1].value) / math.hypot(alone[0].std, alone[1].std)
+    assert tension.sigmas == pytest.approx(abs(apart), rel=0.1)
+    assert tension.sigmas > 5.0
+    assert "contradict each other" in tension.sentence
+
+
+def test_series_that_see_different_things_cannot_contradict(tmp_path: Path) -> None:
+    other = (TRUTH[0], 1.5 * TRUTH[1], 0.7 * TRUTH[2])
+    [tension] = agreement(tmp_path, (0, 1), 5, other).tensions
+    assert tension.freedom == 0
+    assert math.isnan(tension.sigmas)
+    assert "no number in common" in tension.sentence
+
+
+# --- through the FMU ------------------------------------------------------------------------------
+
+
+def quickly(workers: FmuWorkers, bound: BoundCampaign, levels: int = 2) -> Result:
+    """One alternative, one start, one or two nu, least squares."""
+    bound = replace(bound, alternatives=bound.alternatives[:1])
+    options = options_of(bound)
+    options = replace(
+        options,
+        schedule=replace(options.schedule, starts=1, levels=levels, nu_start=1e-2, beta=1e-3),
+        solve=replace(options.solve, misfit="squares", restarts=0),
+    )
+    return reconstruct_through(workers, bound, identify_fmu(workers.description, "test"), options)
+
+
+def test_the_shipped_series_together_hold_the_widths_alone(
+    oscillator_fmu: Path, shipped: Campaigns, tmp_path: Path
+) -> None:
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        result = quickly(workers, join_campaigns(shipped), levels=1)
+    assert result.parameters["theta"].identifiable == "not determined"
+    assert result.derived["lambda"].identifiable == "not determined"
+    for name in ("width_plus", "width_minus"):
+        assert result.derived[name].identifiable == "determined"
+    assert abs(result.derived["width_plus"].value - 94.107) < 3 * result.derived["width_plus"].std
+    assert result.joint is not None
+    alone = [part.alone for part in result.joint.series]
+    assert math.isfinite(alone[0]["width_plus"].std)
+    assert math.isnan(alone[0]["width_minus"].std)
+    assert math.isfinite(alone[1]["width_minus"].std)
+    assert math.isnan(alone[1]["theta"].std)
+    told = with_external(result, ["lambda=0.8604 MHz", "width_plus=0.1 kHz +- 2 Hz"])
+    assert math.isnan(told.external[0].sigmas)
+    assert "cannot be tested: lambda is not determined" in told.external[0].sentence
+    width = result.derived["width_plus"]
+    assert told.external[1].sigmas == pytest.approx(
+        (width.value - 100.0) / math.hypot(width.std, 2.0), rel=1e-3
+    )
+    write_result(told, tmp_path)
+    assert repr(read_result(tmp_path / "result.json")) == repr(told)
+
+
+def test_both_modes_at_both_resonances_hold_the_coupling(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """|q2| while driving at eta_plus gives D12, the series around eta_minus D22: theta follows."""
+    variables = read_description(oscillator_fmu).variables
+    bounds = []
+    for name in ("q1", "q2"):
+        bench = string_bench(name)
+        bench = replace(bench, modes=replace(bench.modes, theta_rad=1.9498), curvature_hz=20.0)
+        for file, text in cross_files(measure(bench, 21), 0.01, "test").items():
+            path = tmp_path / name / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+        bound = bind(read_campaign(tmp_path / name / "campaign.toml"), variables)
+        theta = replace(bound.parameters[0], lower=1.6, upper=2.3, start=1.8, period=None)
+        bounds.append(replace(bound, parameters=(theta, *bound.parameters[1:])))
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        result = quickly(workers, join_campaigns(bounds))
+    coupling = result.derived["lambda"]
+    assert coupling.identifiable == "determined"
+    # closed form of the paper at the true angle and the mean eigenfrequencies
+    truth = math.sqrt(-0.5 * math.sin(2 * 1.9498) * (7027600.0**2 - 6940260.0**2))
+    assert coupling.ci95[0] < truth < coupling.ci95[1]
+    assert coupling.std < 0.05 * truth
+    assert len(result.offsets) == 10
+    assert result.joint is not None
+    assert abs(result.joint.tensions[0].sigmas) < 3.0
+
+
+def test_cross_peaks_are_those_of_the_other_mode(oscillator_fmu: Path, tmp_path: Path) -> None:
+    made = measure(replace(string_bench("q1"), noise_scale=0.0), 1)
+    for file, text in cross_files(made, 0.01, "test").items():
+        (tmp_path / file).write_text(text)
+    variables = read_description(oscillator_fmu).variables
+    bound = bind(read_campaign(tmp_path / "campaign.toml"), variables)
+    assert series_names([bound]) == (tmp_path.name,)
+    d = closed_form.damping(*TRUTH, False)
+    for k, e in enumerate(bound.experiments):
+        state = made.true_modes[k // 2]
+        eta = (state.eta_plus_hz, state.eta_minus_hz)
+        expected = made.gain * closed_form.amplitude(e.tones_hz, eta, d, k % 2)
+        assert e.peaks_v == pytest.approx(expected, rel=1e-9)
+        assert e.sigmas_v == pytest.approx(0.01 * expected, rel=1e-9)
+        assert e.output == ("q1_hybrid", "q2_hybrid")[k % 2]
+    # the two records of a pair are one state of the sample
+    assert bound.parameters[3].experiments == ("pair1", "pair1_cross")
+
+
+@pytest.mark.parametrize("text", ["lambda", "lambda=", "=3", "lambda=fast", "lambda=3 parsecs^"])
+def test_values_from_elsewhere_that_cannot_be_read_are_refused(text: str) -> None:
+    with pytest.raises(BadInput, match="--external"):
+        check_external([text])
+
+
+def test_a_name_that_nobody_will_report_is_refused_before_the_fit() -> None:
+    check_external(["lambda=1 MHz"], ["theta", "lambda"])
+    with pytest.raises(BadInput, match=r"no 'lamda'.*lambda"):
+        check_external(["lamda=1 MHz"], ["theta", "lambda"])

@@ -1,0 +1,468 @@
+"""The whole job: on closed forms, and through the real FMU from a campaign file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.cli import reconstruct as command
+from fitting.fit import checkpoint
+from fitting.fit.continuation import ContinuationStep
+from fitting.fit.fmu_job import identify_fmu, reconstruct_through
+from fitting.fit.job import Identity, Options, job_of, options_of, provenance_of
+from fitting.fit.reconstruction import Hooks, Progress, reconstruct
+from fitting.fit.result import Result, Scalar, read_result, write_result
+from fitting.fmu import FmuWorkers, read_description
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import plan_campaign
+from fitting.text.errors import BadInput
+from tests.fit.test_result import read_rows
+from tests.support import closed_form
+
+TRUTH = (1.9498, 120.0, 90.0)
+ROOT = Path(__file__).resolve().parents[2]
+STRING_Q1 = ROOT / "data" / "string_q1" / "campaign.toml"
+WIDTH = float(closed_form.damping(*TRUTH, reflection=False)[0, 0])
+
+
+def respond(alternative: Mapping[str, Scalar]) -> closed_form.ClosedFormResponse:
+    return closed_form.string_response(reflection=bool(alternative["reflection"]))
+
+
+def run(bound: BoundCampaign, hooks: Hooks | None = None, **schedule: object) -> Result:
+    options = options_of(bound)
+    options = replace(options, schedule=replace(options.schedule, **schedule))  # type: ignore[arg-type]
+    return reconstruct(bound, respond, Identity(units={"lambda": "Hz"}), options, hooks)
+
+
+@pytest.fixture(scope="module")
+def noisy_campaign(tmp_path_factory: pytest.TempPathFactory) -> BoundCampaign:
+    response = closed_form.string_response()
+    measured = closed_form.measured_by(response, noise=0.01)
+    return closed_form.string_campaign(measured, response, tmp_path_factory.mktemp("campaign"))
+
+
+@pytest.fixture(scope="module")
+def result(noisy_campaign: BoundCampaign) -> Result:
+    return run(noisy_campaign)
+
+
+def test_the_width_is_determined_and_the_coupling_is_not(result: Result) -> None:
+    width = result.derived["D11"]
+    assert width.identifiable == "determined"
+    assert abs(width.value / (2 * np.pi) - WIDTH) < 4.0 * width.std / (2 * np.pi)
+    assert width.std / width.value < 0.02
+    for name in ("theta", "d1"):
+        assert result.parameters[name].identifiable == "not determined"
+        assert result.parameters[name].shrinkage < 0.01
+    coupling = result.derived["lambda"]
+    assert coupling.identifiable == "not determined"
+    assert "not determined" in coupling.text()
+    assert coupling.box[0] < 2e5 < 7e5 < coupling.box[1]
+    assert any("Not determined" in said and "lambda" in said for said in result.warnings)
+
+
+def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Path) -> None:
+    for value in (result.parameters["theta"], result.derived["lambda"]):
+        assert np.isnan(value.std)
+    assert result.derived["lambda"].ci95 == result.derived["lambda"].box
+    for p in result.parameters.values():
+        assert p.lower <= p.ci95[0] <= p.value <= p.ci95[1] <= p.upper
+    for d in result.derived.values():
+        assert d.box[0] <= d.ci95[0] <= d.value <= d.ci95[1] <= d.box[1]
+    width = result.derived["D11"]
+    assert width.ci95[1] - width.ci95[0] == pytest.approx(2 * 1.96 * width.std)
+    data = json.loads(write_result(result, tmp_path)[0].read_text())
+    assert data["parameters"]["theta"]["std"] is None
+    assert data["derived"]["lambda"]["std"] is None
+    assert data["derived"]["lambda"]["ci95"][0] > 0.0
+    told = {line.split()[0]: line for line in command.table(result) if "determined" in line}
+    for name in ("theta", "lambda"):  # a range, and neither a value nor an error
+        assert told[name].split()[1] == told[name].split()[3] == "-"
+    highest = result.derived["lambda"].box[1]
+    assert f"{highest:.6g}, stopped at" in told["lambda"]
+    assert f" {width.std:.2g} " in told["D11"]
+
+
+def test_the_table_says_nothing_twice(result: Result) -> None:
+    assert command.table(result)[0] == "string [synthetic]"
+    told = command.table(replace(result, title="String (synthetic)"))
+    assert told[0] == "String (synthetic)"
+    assert sum(line.startswith("alternative ") for line in told) == 2
+    single = replace(result.alternatives[0], settings={})
+    told = command.table(replace(result, alternatives=(single,)))
+    assert not any("alternative" in line for line in told if not line.startswith("warning"))
+
+
+def test_the_scatter_of_the_width_over_noise_is_what_is_claimed(tmp_path: Path) -> None:
+    response = closed_form.string_response()
+    found, claimed = [], []
+    for seed in range(12):
+        measured = closed_form.measured_by(response, noise=0.01, seed=seed)
+        bound = closed_form.string_campaign(measured, response, tmp_path)
+        bound = replace(bound, alternatives=bound.alternatives[:1])
+        one = run(bound, starts=1, levels=2)
+        found.append(one.derived["D11"].value / (2 * np.pi))
+        claimed.append(one.derived["D11"].std / (2 * np.pi))
+    assert abs(np.mean(found) - WIDTH) < 3.0 * np.std(found) / np.sqrt(12)
+    # twelve draws know their scatter to a fifth; the median has pi/2 times the variance of a mean
+    assert 0.5 < np.std(found) / np.mean(claimed) < 2.0
+
+
+def test_both_alternatives_are_listed_and_their_tie_is_told(result: Result) -> None:
+    assert [a.settings for a in result.alternatives] == [
+        {"reflection": False},
+        {"reflection": True},
+    ]
+    assert [a.reported for a in result.alternatives] == [True, False]
+    assert all(a.equal_to_best for a in result.alternatives)
+    assert any("do not tell the alternatives apart" in said for said in result.warnings)
+    assert all(len(a.starts) == 3 for a in result.alternatives)
+
+
+def test_deviations_are_those_of_the_peaks(result: Result) -> None:
+    for which, simulated in (("initial", "initial_v"), ("final", "final_v")):
+        table = getattr(result.deviations, which)
+        expected = [abs(getattr(p, simulated) - p.measured_v) / p.measured_v for p in result.peaks]
+        assert table.per_peak == pytest.approx(expected, rel=1e-9)
+        assert table.mean == pytest.approx(np.mean(expected), rel=1e-12)
+        pairs = np.reshape(expected, (5, 2)).mean(axis=1)
+        assert table.per_experiment == pytest.approx(pairs, rel=1e-12)
+    assert result.j_fit == pytest.approx(sum(result.deviations.final.per_peak), rel=1e-12)
+
+
+def test_result_files_come_back_whole(result: Result, tmp_path: Path) -> None:
+    whole, history = write_result(result, tmp_path)
+    assert repr(read_result(whole)) == repr(result)
+    rows = read_rows(history.read_text())
+    assert len(rows) == len(result.history) == 10
+    for row, kept in zip(rows, result.history, strict=True):
+        assert float(row["theta (rad)"]) == kept.parameters["theta"]
+        assert float(row["j_fit"]) == kept.j_fit
+    data = json.loads(whole.read_text())
+    for key in ("status", "message", "evaluations", "seconds", "provenance", "history"):
+        assert key in data
+    for key in ("value", "unit", "std", "ci95", "reference", "shrinkage", "identifiable"):
+        assert key in data["parameters"]["theta"]
+        assert key in data["derived"]["lambda"]
+    assert {"mean", "spread", "values"} <= set(data["derived"]["lambda"])
+    assert {"initial", "final", "improvement_percent"} <= set(data["deviations"])
+
+
+def test_a_peak_moved_by_ten_sigma_stands_out(noisy_campaign: BoundCampaign) -> None:
+    moved = list(noisy_campaign.experiments)
+    peaks = moved[2].peaks_v.copy()
+    peaks[0] += 10.0 * moved[2].sigmas_v[0]
+    moved[2] = replace(moved[2], peaks_v=peaks)
+    found = run(replace(noisy_campaign, experiments=tuple(moved)), starts=1, levels=2)
+    pairs = list(found.deviations.final.per_experiment)
+    assert max(range(5), key=lambda m: pairs[m]) == 2
+    assert pairs[2] > 2.0 * sorted(pairs)[-2]
+
+
+def test_progress_counts_up_to_the_end(noisy_campaign: BoundCampaign) -> None:
+    seen: list[Progress] = []
+    run(noisy_campaign, Hooks(progress=seen.append), starts=2, levels=3)
+    assert [state.done for state in seen] == sorted(state.done for state in seen)
+    assert seen[-1].done <= seen[-1].of
+    assert seen[-1].evaluations > 0
+    assert seen[-1].left_s >= 0.0
+    assert {state.alternative for state in seen} == {0, 1}
+
+
+def test_ending_badly_is_a_value(noisy_campaign: BoundCampaign) -> None:
+    options = options_of(noisy_campaign)
+    solve = replace(options.solve, misfit="absolute", iterations=2, restarts=0)
+    hurried = Options(replace(options.schedule, starts=1, levels=1), solve)
+    found = reconstruct(noisy_campaign, respond, Identity(), hurried)
+    assert found.status == "not converged"
+    assert found.optimality > 1e-3
+    assert "still promises" in found.message
+    assert np.isfinite(found.parameters["theta"].value)
+
+
+class Stopping(checkpoint.Checkpoint):
+    """A checkpoint during whose n-th write the user presses Ctrl-C, or the power fails."""
+
+    stop_after = 3
+
+    def record(self, step: ContinuationStep) -> None:
+        super().record(step)
+        if len(self) == self.stop_after:
+            raise KeyboardInterrupt
+
+
+def without_times(result: Result) -> str:
+    history = tuple(replace(row, seconds=0.0) for row in result.history)
+    provenance = replace(result.provenance, finished="")
+    return repr(replace(result, seconds=0.0, history=history, provenance=provenance))
+
+
+def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
+    noisy_campaign: BoundCampaign, tmp_path: Path
+) -> None:
+    options = options_of(noisy_campaign)
+    job = job_of(noisy_campaign, Identity(), options)
+    whole = run(noisy_campaign)
+    for stop_after in (1, 4, 12, 15):
+        memory = Stopping(tmp_path, job)
+        memory.stop_after = stop_after
+        partial = run(noisy_campaign, Hooks(memory=memory))
+        assert partial.status == "interrupted"
+        assert "best so far" in partial.message
+        again = run(noisy_campaign, Hooks(memory=checkpoint.resume(tmp_path, job)))
+        assert without_times(again) == without_times(whole)
+
+
+def test_a_job_is_told_from_others(noisy_campaign: BoundCampaign) -> None:
+    options = options_of(noisy_campaign)
+    one = job_of(noisy_campaign, Identity(sha256="a"), options)
+    assert one == job_of(noisy_campaign, Identity(sha256="a", command="other words"), options)
+    assert one != job_of(noisy_campaign, Identity(sha256="b"), options)
+    other = Options(replace(options.schedule, seed=2), options.solve)
+    assert one != job_of(noisy_campaign, Identity(sha256="a"), other)
+
+
+def test_files_of_one_name_in_several_folders_are_told_apart(
+    noisy_campaign: BoundCampaign, tmp_path: Path
+) -> None:
+    folder = tmp_path / "campaign"
+    paths = [folder / "campaign.toml", *(folder / f"pair{m}" / "trace.csv" for m in range(5))]
+    paths.append(tmp_path / "shared" / "trace.csv")
+    for k, path in enumerate(paths):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"content {k}\n")
+    bound = replace(noisy_campaign, path=paths[0], files=tuple(paths))
+    options = options_of(bound)
+    names = ["campaign.toml", *(f"pair{m}/trace.csv" for m in range(5)), "../shared/trace.csv"]
+    assert list(provenance_of(bound, Identity(), options).files) == names
+    before = job_of(bound, Identity(), options)
+    for path in paths:
+        kept = path.read_text()
+        path.write_text("changed\n")
+        assert job_of(bound, Identity(), options) != before
+        path.write_text(kept)
+    assert job_of(bound, Identity(), options) == before
+
+
+# --- through the FMU ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def string_q1(oscillator_fmu: Path) -> BoundCampaign:
+    return bind(read_campaign(STRING_Q1), read_description(oscillator_fmu).variables)
+
+
+def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: BoundCampaign) -> None:
+    plan = plan_campaign(string_q1)
+    sweep = string_q1.sweep
+    assert sweep is not None
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        for k, alternative in enumerate(string_q1.alternatives):
+            response = FmuResponse(string_q1, workers, plan, alternative)
+            ps = [np.array(TRUTH), np.array([0.4, 60.0, 200.0])]
+            answers = response.evaluate_many(ps)
+            for p, answer in zip(ps, answers, strict=True):
+                d = closed_form.damping(p[0], p[1], p[2], bool(k))
+                expected = np.concatenate(
+                    [
+                        closed_form.amplitude(
+                            e.tones_hz,
+                            (float(e.settings["eta_plus"]), float(e.settings["eta_minus"])),
+                            d,
+                            0,
+                        )
+                        for e in string_q1.experiments
+                    ]
+                )
+                assert answer.peaks == pytest.approx(expected, rel=1e-9)
+                assert answer.runs >= 10
+                eta = (float(sweep.settings["eta_plus"]), float(sweep.settings["eta_minus"]))
+                fine = eta[0] + np.linspace(-2.0, 2.0, 20001)
+                top = float(np.max(closed_form.amplitude(fine, eta, d, 0)))
+                assert answer.sweep_maximum is not None
+                assert answer.sweep_maximum.value == pytest.approx(top, rel=1e-9)
+                assert answer.sweep_maximum.bias < string_q1.accuracy
+            assert response.sweep(ps[0]) == pytest.approx(
+                closed_form.amplitude(
+                    sweep.frequency_hz, eta, closed_form.damping(*TRUTH, reflection=bool(k)), 0
+                ),
+                rel=1e-9,
+            )
+            assert response.misfit(ps[0]) < 1e-8
+
+
+def test_a_batch_answers_as_single_calls(oscillator_fmu: Path, string_q1: BoundCampaign) -> None:
+    plan = plan_campaign(string_q1)
+    ps = [np.array(TRUTH) * (1.0 + 1e-3 * k) for k in range(4)]
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        response = FmuResponse(string_q1, workers, plan, string_q1.alternatives[0])
+        together = response.evaluate_many(ps)
+        for p, answer in zip(ps, together, strict=True):
+            alone = response.evaluate_many([p])[0]
+            assert np.array_equal(alone.peaks, answer.peaks)
+            assert alone.sweep_maximum == answer.sweep_maximum
+
+
+def test_a_maximum_outside_the_first_points_is_found(
+    oscillator_fmu: Path, string_q1: BoundCampaign
+) -> None:
+    assert string_q1.sweep is not None
+    plan = plan_campaign(string_q1)
+    settings = dict(string_q1.sweep.settings) | {"eta_plus": 6.9415e6}
+    away = replace(string_q1, sweep=replace(string_q1.sweep, settings=settings))
+    with FmuWorkers(oscillator_fmu) as workers:
+        response = FmuResponse(away, workers, plan, away.alternatives[0])
+        found = response.evaluate_many([np.array(TRUTH)])[0].sweep_maximum
+    assert found is not None
+    d = closed_form.damping(*TRUTH, reflection=False)
+    eta = (6.9415e6, float(settings["eta_minus"]))
+    fine = eta[0] + np.linspace(-2.0, 2.0, 20001)
+    assert found.value == pytest.approx(
+        float(np.max(closed_form.amplitude(fine, eta, d, 0))), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "start", "warned", "noted"),
+    [
+        (0.2, 0.5, 0.3, True, False),  # sin 2 theta > 0: lambda is nowhere a real number
+        (1.2, 2.5, 1.3, False, True),  # it is not at the start, but it is at the end
+        (1.7, 2.5, 1.8, False, False),
+    ],
+)
+def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
+    oscillator_fmu: Path,
+    string_q1: BoundCampaign,
+    lower: float,
+    upper: float,
+    start: float,
+    warned: bool,
+    noted: bool,
+) -> None:
+    theta = replace(string_q1.parameters[0], lower=lower, upper=upper, start=start, period=None)
+    if warned:
+        theta = replace(theta, reference=start)
+    bound = replace(
+        string_q1,
+        parameters=(theta, *string_q1.parameters[1:]),
+        alternatives=string_q1.alternatives[:1],
+    )
+    options = options_of(bound, quick=True)
+    options = replace(options, schedule=replace(options.schedule, levels=1))
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        identity = identify_fmu(workers.description, "test")
+        found = reconstruct_through(workers, bound, identity, options)
+    said = [text for text in found.warnings if "The FMU says: lambda is not a real" in text]
+    assert len(said) == warned
+    assert len(found.provenance.notes) == noted
+    if warned:
+        assert f"theta = {found.parameters['theta'].value!r} rad" in said[0]
+
+
+def arguments(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    command.add_arguments(parser)
+    return parser.parse_args(words)
+
+
+def test_the_command_reconstructs_the_shipped_campaign(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    args = arguments(str(STRING_Q1), "--out", str(tmp_path), "--workers", "2", "--no-report")
+    assert command.run(args) == 0
+    out = capsys.readouterr().out
+    assert "converged" in out
+    assert "not determined" in out
+    found = read_result(tmp_path / "result.json")
+    width = found.derived["width_plus"]
+    assert abs(width.value - WIDTH) < 3.0 * width.std
+    assert found.deviations.final.mean < found.deviations.initial.mean
+    assert found.provenance.fmu_guid
+    assert len(found.provenance.plan) > 5
+    assert found.provenance.plan[-1].startswith("Instances are reset and reused: ")
+    # lambda is no real number at some starts and samples of the box, but at the solution it is
+    assert not any("The FMU says" in said for said in found.warnings)
+    assert "The FMU" not in out
+    [note] = found.provenance.notes
+    assert "other parameters than the reported ones" in note
+    assert "lambda is not a real number" in note
+    assert not (tmp_path / checkpoint.NAME).exists()
+
+
+SCRIPT = """
+import sys
+from tests.fit.test_reconstruction import arguments
+from fitting.cli import reconstruct
+if __name__ == "__main__":
+    sys.exit(reconstruct.run(arguments(*sys.argv[1:])))
+"""
+
+
+def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+    script = tmp_path / "go.py"
+    script.write_text(SCRIPT)
+    words = [str(STRING_Q1), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+
+    def start(folder: str, *more: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, str(script), *words, "--out", str(tmp_path / folder), *more],
+            env=environment,
+            cwd=ROOT,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+
+    def wait_for_levels(folder: str, process: subprocess.Popen[str]) -> None:
+        for _ in range(600):
+            if (tmp_path / folder / checkpoint.NAME).exists() or process.poll() is not None:
+                return
+            time.sleep(0.05)
+
+    killed = start("killed")
+    wait_for_levels("killed", killed)
+    killed.send_signal(signal.SIGKILL)
+    killed.communicate()
+    assert not (tmp_path / "killed" / "result.json").exists()
+    stopped = start("stopped")
+    wait_for_levels("stopped", stopped)
+    stopped.send_signal(signal.SIGINT)
+    said, errors = stopped.communicate(timeout=60)
+    assert stopped.returncode == 1, errors
+    assert "interrupted" in said
+    assert read_result(tmp_path / "stopped" / "result.json").status == "interrupted"
+    ends = []
+    for folder in ("killed", "stopped"):
+        resumed = start(folder, "--resume")
+        said, errors = resumed.communicate(timeout=120)
+        assert resumed.returncode == 0, errors
+        assert "finished levels found" in said
+        ends.append(read_result(tmp_path / folder / "result.json"))
+    one, two = (
+        without_times(replace(e, provenance=replace(e.provenance, command="", fmu_file="")))
+        for e in ends
+    )
+    assert one == two
+
+
+def test_resuming_another_job_is_refused(tmp_path: Path) -> None:
+    checkpoint.Checkpoint(tmp_path, "another").record(
+        ContinuationStep(0, 0, 0, 0.1, (0.0,), (0.0,), 0, 0, 0, 0, "optimal", "", 0, 0, 0, 0, 0.0)
+    )
+    args = arguments(str(STRING_Q1), "--out", str(tmp_path), "--resume", "--workers", "1")
+    with pytest.raises(BadInput, match="other data, another FMU or other settings"):
+        command.run(args)

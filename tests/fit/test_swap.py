@@ -1,0 +1,96 @@
+"""Another FMU, written in C and driven through its input, fitted by a campaign file alone."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.cli.main import main
+from fitting.fit.result import read_result
+from tests.support.cfmu_build import build_c_fmu
+
+MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3
+
+CAMPAIGN = """
+title = "Driven oscillator"
+synthetic = true
+[fmu]
+file = "{fmu}"
+[fmu.start]
+mass = "1 g"
+[observe]
+output = "displacement"
+line_width = "40 Hz"
+[drive]
+kind = "input"
+frequencies = ["f"]
+input = "force"
+level = 1.0
+samples_per_period = 28
+[sweep]
+file = "sweep.csv"
+layout = "csv"
+amplitude = "V peak"
+use = "fit"
+scale = "fit"
+[[parameters]]
+name = "damping"
+unit = "N.s/m"
+lower = 0.05
+upper = 0.6
+start = 0.25
+scale = 0.1
+[[parameters]]
+name = "stiffness"
+unit = "N/m"
+lower = 3500.0
+upper = 4500.0
+start = 4000.0
+scale = 500.0
+[derived]
+outputs = ["eigenfrequency", "line_width"]
+[continuation]
+nu_start = 1e-6
+beta = 0.001
+iterations = 2
+misfit = "{misfit}"
+starts = 1
+[accuracy]
+amplitude = 1e-6
+"""
+
+
+def campaign(folder: Path, fmu: Path, misfit: str) -> Path:
+    """Campaign and its data, |F/(k - m w^2 + i c w)| in closed form times a detector's gain."""
+    f = np.linspace(292.0, 352.0, 9)
+    w = 2 * np.pi * f
+    amplitude = 0.37 / np.abs(STIFFNESS - MASS * w**2 + 1j * DAMPING * w)
+    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(f.tolist(), amplitude.tolist(), strict=True))
+    (folder / "sweep.csv").write_text(f"frequency (Hz),amplitude (V)\n{rows}")
+    path = folder / "campaign.toml"
+    path.write_text(CAMPAIGN.format(fmu=fmu.as_posix(), misfit=misfit))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("reset", "misfit"), [("RESET_WORKS", "slack"), ("RESET_DOES_NOTHING", "squares")]
+)
+def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
+    reset: str, misfit: str, tmp_path: Path
+) -> None:
+    path = campaign(tmp_path, build_c_fmu(tmp_path, reset=reset), misfit)
+    out = tmp_path / "out"
+    words = ["reconstruct", str(path), "--out", str(out), "--workers", "2", "--no-report"]
+    # profiles are walked for one of the two: stepping an input takes its time
+    assert main([*words, *(["--no-profiles"] if misfit == "slack" else [])]) == 0
+    found = read_result(out / "result.json")
+    eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2 * math.pi)
+    width = DAMPING / MASS / (2 * math.pi)
+    assert found.derived["eigenfrequency"].value == pytest.approx(eigenfrequency, rel=1e-6)
+    assert found.derived["line_width"].value == pytest.approx(width, rel=1e-6)
+    assert found.derived["line_width"].identifiable == "determined"
+    plan = " ".join(found.provenance.plan)
+    assert ("reset and reused" in plan) == (reset == "RESET_WORKS")

@@ -1,0 +1,430 @@
+"""FMUs in worker processes: right numbers, and every way to fail becomes a sentence.
+
+Truth for the numbers is the closed solution of m x'' + c x' + k x = F, written down here anew.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+from fitting.fmu import (
+    FmuWorkers,
+    InputSignal,
+    Run,
+    read_description,
+    validation_problems,
+)
+from fitting.fmu.input_signal import held_values
+from fitting.signal.spectrum import cycle_fraction
+from fitting.text.errors import BadInput, FmuFailure, StartValue
+from tests.support.cfmu_build import build_c_fmu
+
+MASS, DAMPING, STIFFNESS = 1.25e-3, 2.5e-2, 4.1e3
+START: dict[str, StartValue] = {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
+PULLED = Run({**START, "force": 1.0}, 0.0, 1e-3, 6, ("displacement",))
+# values of `misbehave`, in the order of the enum in model.h
+HANGS, CRASHES, NAN, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, PENDING, WARNS = range(1, 9)
+HANGS_AT_START, ABORTS = 9, 10
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cfmus")
+
+
+@pytest.fixture(scope="session")
+def good(folder: Path) -> Path:
+    return build_c_fmu(folder)
+
+
+def step_response(times: np.ndarray) -> np.ndarray:
+    """Displacement of the oscillator under a unit force from rest."""
+    gamma = DAMPING / (2 * MASS)
+    omega = math.sqrt(STIFFNESS / MASS - gamma**2)
+    decay = np.exp(-gamma * times)
+    swing = np.cos(omega * times) + gamma / omega * np.sin(omega * times)
+    return np.asarray((1 - decay * swing) / STIFFNESS)
+
+
+def test_numbers_of_fmi_2_and_3_are_those_of_the_closed_solution(folder: Path, good: Path) -> None:
+    for path in (good, build_c_fmu(folder, fmi=3)):
+        assert validation_problems(path) == []
+        with FmuWorkers(path) as workers:
+            late = replace(PULLED, settle_s=0.05, start_time_s=3.0)
+            both, late_result = workers.run([PULLED, late])
+        np.testing.assert_allclose(both[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
+        expected = step_response(0.05 + np.arange(6) * 1e-3)
+        np.testing.assert_allclose(late_result[:, 0], expected, rtol=1e-10)
+
+
+def test_values_of_every_type_arrive_and_outputs_of_several_types_are_read(folder: Path) -> None:
+    for fmi in (2, 3):
+        with FmuWorkers(build_c_fmu(folder, fmi=fmi)) as workers:
+            outputs = ("steps", "displacement", "line_width")
+            plain, by_flag, by_label = workers.run(
+                [
+                    replace(PULLED, outputs=outputs),
+                    replace(
+                        PULLED,
+                        outputs=outputs,
+                        start_values={**START, "force": 1, "inverted": True},
+                    ),
+                    replace(
+                        PULLED,
+                        outputs=outputs,
+                        start_values={**START, "force": 1, "label": "upside down"},
+                    ),
+                ]
+            )
+        np.testing.assert_array_equal(plain[:, 0], np.arange(6))
+        np.testing.assert_allclose(plain[:, 2], DAMPING / MASS / (2 * math.pi), rtol=1e-15)
+        np.testing.assert_array_equal(by_flag[:, 1], -plain[:, 1])
+        np.testing.assert_array_equal(by_label[:, 1], -plain[:, 1])
+
+
+def test_generated_input_drives_to_the_closed_steady_state(good: Path) -> None:
+    frequency_hz, amplitude, phase = 280.0, 0.7, 0.4
+    step_s = 1 / (frequency_hz * 200)
+    signal_ = InputSignal("force", ((frequency_hz, amplitude, phase), (50.0, 0.0, 0.0)), step_s)
+    periods, n = 420, 40  # exp(-10 π·420/280) = 3e-21 of the transient is left
+    run = Run(START, periods / frequency_hz, 5 * step_s, n, ("displacement",), input_signal=signal_)
+    with FmuWorkers(good) as workers:
+        [result] = workers.run([run])
+    omega = 2 * math.pi * frequency_hz
+    response = 1 / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING)
+    times = periods / frequency_hz + np.arange(n) * 5 * step_s
+    expected = (amplitude * response * np.exp(1j * (omega * times + phase))).real
+    assert np.abs(result[:, 0] - expected).max() < 1e-6 * np.abs(response * amplitude)
+
+
+def test_held_values_keep_their_phase_at_large_times() -> None:
+    f, t0, h = 6.94016e6, 1234.5, 1e-8
+    values = held_values(((f, 2.0, 0.3),), t0, h, 7)
+    with mpmath.workdps(50):
+        sinc = mpmath.sin(mpmath.pi * f * h) / (mpmath.pi * f * h)
+        for k, value in enumerate(values):
+            t = mpmath.mpf(float(t0 + (k + 0.5) * h))
+            exact = 2 / sinc * mpmath.cos(2 * mpmath.pi * mpmath.mpf(f) * t + mpmath.mpf(0.3))
+            assert abs(value - exact) < 1e-14
+    assert abs(float(cycle_fraction(1 / 3, np.array([3e15]))[0])) <= 1.0
+
+
+def test_samples_do_not_accumulate_time(good: Path) -> None:
+    n, step = 2001, 0.1 * 1e-3
+    with FmuWorkers(good) as workers:
+        [result] = workers.run([replace(PULLED, samples=n, sample_step_s=step)])
+    np.testing.assert_allclose(
+        result[:, 0], step_response(np.arange(n) * step), rtol=1e-9, atol=1e-16
+    )
+
+
+@pytest.mark.parametrize(
+    ("misbehave", "words"),
+    [
+        (NAN, ["displacement is nan at t = 0.001 s", "lost the state after 0 s"]),
+        (ENDS_EARLY, ["stopped early at t = 0.0005 s, wanted 0.001 s", "discard"]),
+        (FAILS_AT_START, ["fmi2EnterInitializationMode returned 'error'", "told to fail"]),
+        (
+            FAILS_IN_STEP,
+            ["fmi2DoStep from t = 0.0 s by 0.001 s", "'error'", "cannot step from 0 s"],
+        ),
+        (PENDING, ["'pending'"]),
+        (CRASHES, ["SIGSEGV", "about to crash at 0 s"]),
+        (ABORTS, ["SIGABRT", "assertion of the solver failed"]),
+    ],
+)
+def test_failure_is_a_sentence_with_the_parameters(
+    good: Path, misbehave: int, words: list[str]
+) -> None:
+    bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
+    count = 2 if misbehave in (NAN, CRASHES) else 1
+    with FmuWorkers(good, workers=count) as workers:
+        with pytest.raises(FmuFailure) as failure:
+            workers.run([PULLED, PULLED, bad, PULLED])
+        assert failure.value.parameters == bad.start_values
+        assert failure.value.fmu == good
+        for word in words:
+            assert word in failure.value.message
+        [after] = workers.run([PULLED])  # the caller, and the object, live on
+    np.testing.assert_allclose(after[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
+
+
+@pytest.mark.parametrize("misbehave", [HANGS, HANGS_AT_START])
+def test_endless_loop_is_stopped(good: Path, misbehave: int) -> None:
+    bad = replace(PULLED, start_values={**PULLED.start_values, "misbehave": misbehave})
+    with FmuWorkers(good, timeout_s=2.0) as workers:
+        workers.run([PULLED])
+        began = time.monotonic()
+        with pytest.raises(FmuFailure, match="no answer within 2 s") as failure:
+            workers.run([PULLED, bad])
+        assert time.monotonic() - began < 8
+        assert failure.value.parameters == bad.start_values
+
+
+@pytest.mark.parametrize(
+    ("misbehave", "words"),
+    [
+        (ENDS_EARLY, "asks to end the simulation"),
+        (PENDING, "stopped early at t = 0.0005 s, wanted 0.001 s"),
+        (FAILS_IN_STEP, "cannot make this step"),
+        (FAILS_AT_START, "told to fail at the start"),
+        (CRASHES, "SIGSEGV"),
+    ],
+)
+def test_failures_of_fmi_3(folder: Path, misbehave: int, words: str) -> None:
+    with FmuWorkers(build_c_fmu(folder, fmi=3)) as workers, pytest.raises(FmuFailure, match=words):
+        workers.run([replace(PULLED, start_values={**START, "misbehave": misbehave})])
+
+
+def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
+    slow = replace(PULLED, start_values={**START, "misbehave": WARNS})
+    latest = []
+    with FmuWorkers(good) as workers:
+        for runs in ([slow] * 3, [PULLED]):
+            workers.run(runs)
+            assert workers.warnings == ("slow today, 99 % load",)
+            latest.append(workers.latest_warnings)
+    assert latest == [("slow today, 99 % load",), ()]
+
+
+def test_nan_is_handed_back_only_where_it_is_allowed(good: Path) -> None:
+    run = replace(PULLED, start_values={**START, "misbehave": NAN}, allow_nan=True)
+    with FmuWorkers(good) as workers:
+        [result] = workers.run([run])
+    assert np.isnan(result[1:, 0]).all()
+
+
+def stiffness_runs(n: int) -> list[Run]:
+    values = [{**PULLED.start_values, "stiffness": STIFFNESS + 10.0 * i} for i in range(n)]
+    return [replace(PULLED, start_values=value) for value in values]
+
+
+@pytest.mark.parametrize(
+    ("reset", "reused", "word"),
+    [
+        ("RESET_WORKS", True, "same bit for bit"),
+        ("RESET_KEEPS_PARAMETERS", True, "same bit for bit"),  # all are set for every run anyway
+        ("RESET_DOES_NOTHING", False, "displacement"),
+        ("RESET_KEEPS_DERIVED", False, "displacement"),
+        ("RESET_FREEZES_OUTPUT", False, "displacement"),
+        ("RESET_FAILS", False, "fmi2Reset returned 'error'"),
+        ("RESET_CRASHES", False, "SIGSEGV"),
+        ("RESET_HANGS", False, "no answer"),
+    ],
+)
+def test_reset_is_trusted_only_where_it_works(
+    folder: Path, good: Path, reset: str, reused: bool, word: str
+) -> None:
+    runs = stiffness_runs(12)
+    with FmuWorkers(good, reuse="never") as workers:
+        expected = workers.run(runs)
+        assert workers.counts.instances == len(runs)
+        assert "asked for" in workers.reuse_note
+    with FmuWorkers(build_c_fmu(folder, reset=reset), timeout_s=2.0) as workers:
+        results = workers.run(runs) + workers.run(runs)
+        assert word in workers.reuse_note
+        assert ("every run has a new instance" in workers.reuse_note) is not reused
+        assert (workers.counts.instances < 5) is reused
+    for result, truth in zip(results, expected + expected, strict=True):
+        assert result.tobytes() == truth.tobytes()
+
+
+def test_a_value_that_is_varied_later_is_checked_then(folder: Path) -> None:
+    """A reset that keeps what was derived from the stiffness passes while only the force varies."""
+    forces = [replace(PULLED, start_values={**START, "force": 1.0 + i}) for i in range(5)]
+    with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_DERIVED")) as workers:
+        workers.run(forces)
+        assert "same bit for bit" in workers.reuse_note
+        results = workers.run(stiffness_runs(4))
+        assert "every run has a new instance" in workers.reuse_note
+    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
+        expected = workers.run(stiffness_runs(4))
+    assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
+
+
+def test_one_instance_per_process(folder: Path) -> None:
+    """Declared so and true: still compared with a new instance, in a process of its own."""
+    with FmuWorkers(build_c_fmu(folder, once=True)) as workers:
+        results = workers.run(stiffness_runs(20))
+        assert "same bit for bit" in workers.reuse_note
+        assert workers.counts.processes == workers.counts.instances == 2
+    with FmuWorkers(build_c_fmu(folder), reuse="never") as workers:
+        expected = workers.run(stiffness_runs(20))
+    assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
+
+
+def test_process_is_replaced_after_many_instances(good: Path) -> None:
+    runs = [replace(PULLED, samples=1)] * 1100
+    with FmuWorkers(good, reuse="never") as workers:
+        assert len(workers.run(runs)) == len(runs)
+        assert workers.counts.instances == 1100
+        assert workers.counts.processes == 3
+
+
+def test_what_a_run_does_not_name_has_its_start_value(folder: Path) -> None:
+    """Also in an FMU whose reset keeps the parameters that runs before have set."""
+    plain = stiffness_runs(5)
+    inverted = [replace(r, start_values={**r.start_values, "inverted": True}) for r in plain]
+    mixed = [run for pair in zip(inverted, plain, strict=True) for run in pair]
+    with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_PARAMETERS")) as workers:
+        results = workers.run(mixed)
+        assert "same bit for bit" in workers.reuse_note
+    for first, second in zip(results[::2], results[1::2], strict=True):
+        np.testing.assert_array_equal(first, -second)
+
+
+def test_several_workers_give_what_one_gives(good: Path) -> None:
+    runs = stiffness_runs(7)
+    with FmuWorkers(good) as one, FmuWorkers(good, workers=3) as three:
+        assert all((a == b).all() for a, b in zip(one.run(runs), three.run(runs), strict=True))
+        assert three.run([]) == []
+
+
+@pytest.mark.parametrize("name", ["Gerät (neu)", "mit Leerzeichen"])
+def test_folder_names_that_fmus_stumble_over(
+    tmp_path: Path, good: Path, oscillator_fmu: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    odd = tmp_path / name
+    odd.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(odd))
+    target = odd / "ein FMU (Kopie).fmu"
+    target.write_bytes(oscillator_fmu.read_bytes())
+    with FmuWorkers(target) as workers:
+        [result] = workers.run([Run({"theta": 1.95}, 0.0, 1.0, 1, ("lambda",))])
+    assert 0.6e6 < result[0, 0] < 0.7e6
+
+
+def test_the_oscillator_is_reused(oscillator_fmu: Path) -> None:
+    """λ² = −½ sin 2θ (η₋² − η₊²) at the published angles, one process, instances reset."""
+    eta_plus, eta_minus = 6.94026e6, 7.02760e6
+    angles = [1.9498, 2.0406, 1.7, 1.8, 2.5]
+    runs = [
+        Run(
+            {"theta": a, "eta_plus": eta_plus, "eta_minus": eta_minus, "periodic_start": True},
+            0.0,
+            1e-6,
+            2,
+            ("lambda", "q1_hybrid"),
+        )
+        for a in angles
+    ]
+    with FmuWorkers(oscillator_fmu) as workers:
+        results = workers.run(runs)
+        assert "same bit for bit" in workers.reuse_note
+        assert workers.counts.instances == 2
+    for angle, result in zip(angles, results, strict=True):
+        truth = math.sqrt(-0.5 * math.sin(2 * angle) * (eta_minus**2 - eta_plus**2))
+        assert result[0, 0] == pytest.approx(truth, rel=1e-12)
+
+
+def test_two_fmus_at_once_do_not_disturb_each_other(good: Path, oscillator_fmu: Path) -> None:
+    run = Run({"theta": 1.9}, 0.0, 1e-6, 3, ("q1_hybrid",))
+    with FmuWorkers(good) as a, FmuWorkers(oscillator_fmu) as b, FmuWorkers(oscillator_fmu) as c:
+        b.run([run])
+        [pulled] = a.run([PULLED])
+        assert (b.run([run])[0] == c.run([run])[0]).all()
+    np.testing.assert_allclose(pulled[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"start_values": {"masss": 1.0}}, "no variable 'masss'.*did you mean mass"),
+        ({"start_values": {"displacement": 1.0}}, "'displacement' is a continuous output"),
+        ({"start_values": {"mass": "heavy"}}, "mass = 'heavy', wanted a Real"),
+        ({"start_values": {"misbehave": 1.5}}, "misbehave = 1.5, wanted a Integer"),
+        ({"outputs": ("position",)}, "no variable 'position'"),
+        ({"outputs": ("label",)}, "wanted a number"),
+        ({"outputs": ()}, "outputs is"),
+        ({"samples": 0}, "samples is 0"),
+        ({"settle_s": math.nan}, "settle_s is nan"),
+        ({"sample_step_s": -1.0}, "sample_step_s is -1.0"),
+        ({"input_signal": InputSignal("mass", (), 1e-4)}, "wanted a Real input"),
+        ({"input_signal": InputSignal("force", (), 3e-4)}, "3.33333333 steps"),
+    ],
+)
+def test_a_run_that_does_not_fit_the_fmu(
+    good: Path, changes: dict[str, object], words: str
+) -> None:
+    with FmuWorkers(good) as workers, pytest.raises(BadInput, match=words):
+        workers.run([replace(PULLED, **changes)])  # type: ignore[arg-type]
+
+
+def test_coarse_input_signal_is_refused() -> None:
+    with pytest.raises(BadInput, match="wanted at least 4"):
+        InputSignal("force", ((300.0, 1.0, 0.0),), 1e-3)
+
+
+def test_files_that_cannot_be_used(folder: Path, good: Path, tmp_path: Path) -> None:
+    foreign = build_c_fmu(tmp_path, platform="plan9")
+    with pytest.raises(BadInput, match=r"no binary for this platform.*plan9"):
+        FmuWorkers(foreign)
+    text = tmp_path / "text.fmu"
+    text.write_text("this is not a zip file")
+    with pytest.raises(BadInput, match="is not an FMU"):
+        read_description(text)
+    with pytest.raises(BadInput, match="No such file"):
+        read_description(tmp_path / "absent.fmu")
+
+
+CALLER = """
+import sys, time
+from fitting.fmu import FmuWorkers, Run
+if __name__ == "__main__":
+    workers = FmuWorkers(sys.argv[1])
+    run = Run({"mass": 1.0}, 0.0, 1.0, 2, ("displacement",))
+    workers.run([run])
+    print(workers._workers[0]._process.pid, workers._home, flush=True)
+    if sys.argv[2] == "busy":
+        workers.run([Run({"misbehave": 1}, 0.0, 1.0, 2, ("displacement",))])
+    time.sleep(60)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize(
+    ("how", "state"),
+    [
+        (signal.SIGKILL, "busy"),
+        (signal.SIGKILL, "idle"),
+        (signal.SIGTERM, "idle"),
+        (signal.SIGINT, "busy"),
+    ],
+)
+def test_nothing_is_left_behind_when_the_caller_is_killed(
+    good: Path, tmp_path: Path, how: signal.Signals, state: str
+) -> None:
+    """Busy: the worker sits in an endless loop of the FMU meanwhile."""
+    script = tmp_path / "caller.py"
+    script.write_text(CALLER)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    caller = subprocess.Popen(
+        [sys.executable, str(script), str(good), state],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        text=True,
+    )
+    assert caller.stdout is not None
+    pid, home = caller.stdout.readline().split()
+    time.sleep(0.3)
+    caller.send_signal(how)
+    caller.wait(10)
+    caller.stdout.close()
+    for _ in range(100):
+        if not Path(f"/proc/{pid}").exists() and not Path(home).exists():
+            break
+        time.sleep(0.05)
+    assert not Path(f"/proc/{pid}").exists()
+    assert not Path(home).exists()

@@ -1,0 +1,54 @@
+"""Intervals over virtual laboratories: the benchmark's settings in small, seeded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from scipy.stats import binom
+
+from tests.bench.bench_coverage import SETTINGS, Count, Counts, added, coverage
+
+#: Laboratories per setting: few, so that bounds are wide; the benchmark has 200.
+LABORATORIES = {"q1": 10, "q2": 6, "offsets": 2, "cross": 10}
+
+
+@pytest.fixture(scope="module", params=SETTINGS, ids=lambda setting: setting.name)
+def counted(request: pytest.FixtureRequest, oscillator_fmu: Path) -> tuple[str, Counts]:
+    setting = request.param
+    seeds = [70_000 + k for k in range(LABORATORIES[setting.name])]
+    return setting.name, coverage(setting, seeds, oscillator_fmu, through=False)
+
+
+def test_the_truth_lies_inside_as_often_as_is_claimed(counted: tuple[str, Counts]) -> None:
+    """No fewer than a coverage of 95 % leaves to chance once in a thousand."""
+    for name, count in counted[1].items():
+        least = int(binom.ppf(1e-3, count.total, 0.95))
+        assert count.inside >= least, (name, count)
+
+
+def test_what_is_not_determined_is_as_wide_as_the_box_and_holds_the_truth(
+    counted: tuple[str, Counts],
+) -> None:
+    setting, counts = counted
+    coupling = counts["lambda"]
+    if setting == "cross":
+        assert coupling.determined == coupling.total
+        return
+    assert coupling.open == coupling.total == coupling.inside
+    assert coupling.narrowest > 0.9999
+
+
+def test_widths_are_determined_in_every_laboratory(counted: tuple[str, Counts]) -> None:
+    for name, count in counted[1].items():
+        if name.startswith(("width", "Q_")):
+            assert count.determined == count.total, name
+
+
+def test_counts_add_up() -> None:
+    one = {"a": Count(3, 4, 2, 1, 0.5, 0.1)}
+    two = {"a": Count(1, 1, 0, 1, 0.25, 0.05), "b": Count(1, 1, 1, 0, 0.1, 0.1)}
+    assert added([one, two]) == {
+        "a": Count(4, 5, 2, 2, 0.75, 0.05),
+        "b": Count(1, 1, 1, 0, 0.1, 0.1),
+    }

@@ -1,0 +1,86 @@
+"""Equal fits elsewhere: which is reported, and what the others say against an interval."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign.parameters import to_search
+from fitting.fit.choice import chosen
+from fitting.fit.continuation import Chain, ContinuationStep, Outcome
+from fitting.fit.noise import RowNoise
+from fitting.fit.objective import make_objective
+from fitting.inference.inference import Asked, know
+from fitting.inference.knowledge import Equivalent
+from tests.inference.test_identifiability import TRUTH, both_modes
+from tests.support import closed_form
+
+#: The damping matrix of the truth a quarter turn on.
+TURNED = np.array([1.9498 - np.pi / 2, 90.0, 120.0])
+
+
+def step(p: np.ndarray, j: float) -> ContinuationStep:
+    return ContinuationStep(
+        0, 0, 0, 1e-9, tuple(p), tuple(p), j, 0.0, 0.0, 0.0, "optimal", "", 1, 1, 1, 1, 0.0
+    )
+
+
+def outcome(*ends: tuple[np.ndarray, float]) -> Outcome:
+    return Outcome(
+        tuple(
+            Chain(start=k, begun=tuple(p), steps=(replace(step(p, j), start=k),))
+            for k, (p, j) in enumerate(ends)
+        )
+    )
+
+
+def test_of_equal_fits_one_with_every_value_is_reported() -> None:
+    """lambda^2 = -sin(2 theta) (eta_-^2 - eta_+^2)/2 is negative a quarter turn on."""
+    measured = closed_form.measured_by(both_modes(), noise=0.01, seed=4)
+    objectives = [
+        make_objective(both_modes(reflection), closed_form.string_parameters(), measured)
+        for reflection in (False, True)
+    ]
+    whole, part = outcome((TRUTH, 0.1)), outcome((TURNED, 0.1))
+    assert chosen(objectives, [part, whole])[1] == 1
+    assert chosen(objectives, [whole, part])[1] == 0
+    assert chosen(objectives, [part, part])[1] == 0
+    found, best = chosen(objectives, [part, outcome((TURNED, 0.1), (TRUTH, 0.1))])
+    assert best == 1
+    assert found[1].best is not None
+    assert found[1].best.start == 1
+    # a better fit is reported all the same
+    assert chosen(objectives, [outcome((TURNED, 0.05)), whole])[1] == 0
+
+
+def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> None:
+    """T diag(d) T^T of the truth is that of the reflection at pi - theta; (d2, d1) at its turn."""
+    response = both_modes()
+    measured = closed_form.measured_by(response, noise=0.01, seed=4)
+    objective = make_objective(response, closed_form.string_parameters(), measured)
+    same = closed_form.damping(TRUTH[0], 120.0, 90.0, False)
+    there = np.array([1.5 * np.pi - TRUTH[0], 90.0, 120.0])
+    assert closed_form.damping(there[0], 90.0, 120.0, True) == pytest.approx(same)
+    outputs = both_modes(reflection=True).derived_many([there])[0]
+    twin = Equivalent(
+        dict(zip(("theta", "d1", "d2"), map(float, there), strict=True)),
+        {name: float(np.mean(v)) for name, v in outputs.items()},
+        0.0,
+        "alternative",
+        "reflection = True fits as well",
+        "reflection = True",
+    )
+    sigma = measured.rows_sigma
+    x = to_search(objective.parameters, TRUTH)
+    noise = RowNoise(sigma, np.zeros((sigma.size, 1)))
+    knowledge = know(objective, x, noise, Asked({"lambda": "Hz"}, alternatives=(twin,)))
+    for name in ("theta", "d1", "d2"):
+        profile = knowledge.parameters[name]
+        assert profile.verdict == "partly determined", name
+        assert "up to an exchange" in profile.reason
+    assert "120 Hz at reflection = True" in knowledge.parameters["d2"].reason
+    for name in ("lambda", "D11"):  # the same at both
+        assert knowledge.derived[name].verdict == "determined", name

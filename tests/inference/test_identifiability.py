@@ -1,0 +1,222 @@
+"""Directions, idle parameters, twins and verdicts, on closed forms and on the shipped campaigns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign.parameters import Parameter, to_search
+from fitting.cli.main import main
+from fitting.fit.noise import RowNoise
+from fitting.fit.objective import Measured, Objective, evaluate_many, make_objective
+from fitting.fit.result import Result, read_result, write_result
+from fitting.inference.inference import Asked, know
+from fitting.inference.knowledge import Knowledge
+from fitting.text.records import to_plain
+from tests.support import closed_form
+
+FloatArray = np.ndarray
+DATA = Path(__file__).parents[2] / "data"
+TRUTH = np.array([1.9498, 120.0, 90.0])
+
+
+class BothModes(closed_form.ClosedFormResponse):
+    """The series of the first mode, the second mode at its own resonance, and the cross response.
+
+    All share one scale: what would determine the coupling, by its singular values.
+    """
+
+    def peaks(self, p: FloatArray) -> FloatArray:
+        d = self._model(p)
+        rows = [super().peaks(p)]
+        etas = zip(self.pairs_hz, self.eta_plus_hz, self.eta_minus_hz, strict=True)
+        for pair, plus, minus in etas:
+            rows.append(closed_form.amplitude(pair, (plus, minus), d, 1))
+            rows.append(closed_form.amplitude([minus - 30.0, minus + 20.0], (plus, minus), d, 1))
+        return np.concatenate(rows)
+
+
+def both_modes(reflection: bool = False) -> BothModes:
+    old = closed_form.string_response()
+    return BothModes(old.pairs_hz, old.eta_plus_hz, old.eta_minus_hz, old.sweep_hz, reflection)
+
+
+def learn(
+    response: closed_form.ClosedFormResponse, seed: int, start: Sequence[float]
+) -> tuple[Objective, Knowledge]:
+    measured = closed_form.measured_by(
+        both_modes() if isinstance(response, BothModes) else response, noise=0.01, seed=seed
+    )
+    objective = make_objective(response, closed_form.string_parameters(), measured)
+    sigma = measured.rows_sigma
+    x = to_search(objective.parameters, np.array(start))
+    knowledge = know(
+        objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), Asked({"lambda": "Hz"})
+    )
+    return objective, knowledge
+
+
+@pytest.fixture(scope="module")
+def blind() -> tuple[Objective, Knowledge]:
+    """The first series alone."""
+    return learn(closed_form.string_response(), 4, (1.96, 94.0, 94.0))
+
+
+@pytest.fixture(scope="module")
+def seeing() -> tuple[Objective, Knowledge]:
+    """With the cross response, from a start in the other half of the circle."""
+    return learn(both_modes(), 4, (0.4, 94.0, 94.0))
+
+
+def test_one_series_sees_one_direction_of_three(blind: tuple[Objective, Knowledge]) -> None:
+    first, second, third = blind[1].directions
+    assert first.sentence == ""
+    assert first.singular > 1e3 * second.singular > 0.0
+    assert second.singular > third.singular
+    for unseen in (second, third):
+        assert np.linalg.norm(list(unseen.vector.values())) == pytest.approx(1.0)
+        assert unseen.largest <= 0.01
+
+
+def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowledge]) -> None:
+    """The sentence's own numbers, read back and put into the closed form."""
+    objective, knowledge = blind
+    sentence = knowledge.directions[1].sentence
+    words = r"theta by (\S+) rad with d1 (\S+) Hz, d2 (\S+) Hz changes no peak by more than (\S+) s"
+    found = re.search(words, sentence)
+    assert found is not None, sentence
+    *change, most = (float(text) for text in found.groups())
+    assert most <= 0.01
+    assert max(np.abs(change) / (np.pi, 120.0, 120.0)) > 0.01  # no trifle
+    best = np.array([knowledge.parameters[name].best for name in ("theta", "d1", "d2")])
+    parameters = objective.parameters
+    xs = [to_search(parameters, p) for p in (best, best + np.array(change))]
+    before, after = evaluate_many(objective, xs)
+    sigma = objective.measured.rows_sigma
+    assert np.max(np.abs(after.residuals - before.residuals) / sigma) <= 1.05 * most
+
+
+def test_with_the_cross_response_everything_is_determined(
+    seeing: tuple[Objective, Knowledge],
+) -> None:
+    knowledge = seeing[1]
+    assert {p.verdict for p in knowledge.profiles.values()} == {"determined"}
+    assert all(direction.sentence == "" for direction in knowledge.directions)
+    truth = seeing[0].response.derived_many([TRUTH])[0]["lambda"][0]
+    low, high = knowledge.derived["lambda"].interval95
+    assert low < truth < high
+    assert high - low < 0.15 * truth
+    for name, value in zip(("theta", "d1", "d2"), TRUTH, strict=True):
+        low, high = knowledge.parameters[name].interval95
+        assert low < value < high, name
+
+
+def test_the_same_matrix_a_quarter_turn_on_is_found(seeing: tuple[Objective, Knowledge]) -> None:
+    """T(theta + pi/2) diag(d2, d1) T^T is the same matrix, but lambda^2 changes sign there."""
+    knowledge = seeing[1]
+    [twin] = [e for e in knowledge.equivalents if e.origin == "start"]
+    best = {name: knowledge.parameters[name].best for name in ("theta", "d1", "d2")}
+    assert twin.parameters["theta"] == pytest.approx(best["theta"] - np.pi / 2, abs=2e-3)
+    assert twin.parameters["d1"] == pytest.approx(best["d2"], rel=1e-3)
+    assert twin.parameters["d2"] == pytest.approx(best["d1"], rel=1e-3)
+    assert "lambda has no value there" in twin.sentence
+    # so the reported point is the one at which the coupling exists, wherever the search began
+    assert np.isfinite(knowledge.derived["lambda"].best)
+
+
+def test_a_parameter_without_effect_is_named() -> None:
+    """At theta = 0, held there, the first mode does not feel d2."""
+    response = closed_form.held(closed_form.string_response(), theta=0.0)
+
+    class WithoutOutputs(closed_form.ClosedFormResponse):
+        def _derived(self, p: FloatArray) -> dict[str, FloatArray]:
+            return {}
+
+    response = WithoutOutputs(**vars(response))
+    measured = closed_form.measured_by(
+        closed_form.string_response(), (0.0, 120.0, 90.0), noise=0.01, seed=1
+    )
+    objective = make_objective(response, closed_form.string_parameters()[1:], measured)
+    sigma = measured.rows_sigma
+    knowledge = know(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
+    assert knowledge.without_effect == ("d2",)
+    assert knowledge.parameters["d1"].verdict == "determined"
+    assert knowledge.parameters["d2"].verdict == "not determined"
+    assert "d2 has no effect on these data, anywhere in its box." in knowledge.sentences
+
+
+def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
+    """z = k^2 in a box around zero: k and -k."""
+
+    class Square:
+        def evaluate_many(self, ps: Sequence[FloatArray]) -> list[object]:
+            response = closed_form.string_response()
+            [one] = response.evaluate_many([TRUTH])
+            return [replace(one, peaks=np.full(6, float(p[0]) ** 2)) for p in ps]
+
+        def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+            return [{"k": np.array([p[0]]), "square": np.array([p[0] ** 2])} for p in ps]
+
+    parameter = Parameter("k", "", -3.0, 3.0, 1.0, 0.0, 1.0)
+    measured = Measured(np.full(6, 2.25), np.full(6, 0.02), np.empty(0), "none")
+    objective = make_objective(Square(), (parameter,), measured)  # type: ignore[arg-type]
+    knowledge = know(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
+    k = knowledge.parameters["k"]
+    assert k.best == pytest.approx(1.5, abs=1e-3)
+    assert k.interval95[0] < -1.49 < 1.49 < k.interval95[1]
+    assert k.verdict == "partly determined"
+    assert "another minimum" in k.reason
+    assert knowledge.derived["square"].verdict == "determined"
+    [twin] = knowledge.equivalents
+    assert twin.parameters["k"] == pytest.approx(-1.5, abs=1e-3)
+
+
+@pytest.fixture(scope="module", params=["q1", "q2"])
+def shipped(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, Result]:
+    """The shipped campaigns through the FMU, by the command."""
+    out = tmp_path_factory.mktemp(request.param)
+    path = DATA / f"string_{request.param}" / "campaign.toml"
+    words = ["reconstruct", str(path), "--out", str(out), "--quick", "--no-report"]
+    assert main([*words, "--workers", "2"]) == 0
+    return request.param, read_result(out / "result.json")
+
+
+def test_shipped_data_determine_the_width_and_neither_angle_nor_coupling(
+    shipped: tuple[str, Result], capsys: pytest.CaptureFixture[str]
+) -> None:
+    series, result = shipped
+    seen, other = ("plus", "minus") if series == "q1" else ("minus", "plus")
+    assert result.parameters["theta"].identifiable == "not determined"
+    assert result.derived["lambda"].identifiable == "not determined"
+    assert result.derived[f"width_{seen}"].identifiable == "determined"
+    assert result.derived[f"Q_{seen}"].identifiable == "determined"
+    assert result.derived[f"width_{other}"].identifiable == "not determined"
+    coupling = result.derived["lambda"]
+    # eta- and eta+ of the campaigns, in the closed form of the largest coupling
+    largest = np.sqrt(0.5 * (7.02760e6**2 - 6.94026e6**2))
+    assert coupling.ci95[0] < 1.0
+    assert coupling.ci95[1] == pytest.approx(largest, rel=1e-4)
+    assert np.isnan(coupling.std)
+    assert "±" not in coupling.text()
+    low, high = result.derived[f"width_{seen}"].ci95
+    angle, widths = (1.9498, 2.0406)[series == "q2"], (120.0, 90.0)
+    matrix = closed_form.damping(angle, *widths, reflection=False)
+    assert low < matrix[(0, 1)[series == "q2"], (0, 1)[series == "q2"]] < high
+
+
+def test_knowledge_comes_back_whole_from_the_file(
+    shipped: tuple[str, Result], tmp_path: Path
+) -> None:
+    result = shipped[1]
+    assert result.knowledge is not None
+    write_result(result, tmp_path)
+    again = read_result(tmp_path / "result.json")
+    assert to_plain(again.knowledge) == to_plain(result.knowledge)
+    assert set(result.knowledge.profiles) == {*result.parameters, *result.derived}

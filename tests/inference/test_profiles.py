@@ -1,0 +1,172 @@
+"""Profiles and intervals: Cramér and Rao's bound, asymmetry, bounds, periods, outputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from fitting.campaign.parameters import Parameter, to_search
+from fitting.fit.noise import RowNoise
+from fitting.fit.objective import Measured, Objective, make_objective
+from fitting.inference.inference import Asked, know
+from fitting.inference.knowledge import Knowledge
+from fitting.inference.ranges import output_ranges
+from tests.support import closed_form, single_line
+
+
+def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
+    sigma = objective.measured.rows_sigma
+    x = to_search(objective.parameters, np.array(start))
+    return know(objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), Asked(budget=budget))
+
+
+def half(interval: tuple[float, float]) -> float:
+    return 0.5 * (interval[1] - interval[0])
+
+
+def test_one_line_is_known_as_well_as_cramer_and_rao_allow() -> None:
+    """Two per cent, for the linearised error and for both intervals of the profile."""
+    sigma, per_width = 0.02, 3
+    objective = single_line.line_objective(sigma=sigma, per_width=per_width)
+    knowledge = known(objective, [1000.2, 8.3, 1.9])
+    for name, bound in single_line.bounds_of(sigma, per_width).items():
+        profile = knowledge.parameters[name]
+        assert profile.sigma == pytest.approx(bound, rel=0.02), name
+        assert half(profile.interval68) == pytest.approx(bound, rel=0.02), name
+        assert half(profile.interval95) == pytest.approx(1.96 * bound, rel=0.02), name
+        assert profile.verdict == "determined"
+    # Q = eta/w, and eta is known 250 times as well, relatively
+    q = single_line.ETA_HZ / single_line.WIDTH_HZ
+    bound = q * single_line.bounds_of(sigma, per_width)["w"] / single_line.WIDTH_HZ
+    assert knowledge.derived["Q"].sigma == pytest.approx(bound, rel=0.02)
+    assert half(knowledge.derived["Q"].interval95) == pytest.approx(1.96 * bound, rel=0.02)
+
+
+def test_an_output_has_the_interval_of_the_parameter_it_is_made_of() -> None:
+    """Q falls as w rises: the ends of its interval are the ratio at the ends of w's."""
+    knowledge = known(single_line.line_objective(sigma=0.3, span=5.0), [1000.2, 8.3, 1.9])
+    low, high = knowledge.parameters["w"].interval95
+    best = knowledge.parameters["eta"].best
+    assert knowledge.derived["Q"].interval95 == pytest.approx((best / high, best / low), rel=2e-3)
+    # not symmetric, and not taken for it
+    q = knowledge.derived["Q"]
+    up, down = q.interval95[1] - q.best, q.best - q.interval95[0]
+    assert up > 1.05 * down
+
+
+class Exponential(single_line.LineResponse):
+    """One parameter k, seen through exp(k) alone: the profile is known in closed form."""
+
+    def peaks(self, p: np.ndarray) -> np.ndarray:
+        return np.full(self.tones_hz.size, math.exp(p[0]))
+
+    def derived_many(self, ps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
+        return [{"root": np.sqrt(p - 0.2)} for p in ps]
+
+
+def test_a_crooked_likelihood_gives_its_own_interval() -> None:
+    """z* = 1, relative sigma s: chi^2 = m (exp(k) - 1)^2/s^2, so k = ln(1 + c s/sqrt m)."""
+    m, s = 4, 1.0
+    response = Exponential(np.zeros(m))
+    parameter = Parameter("k", "", -6.0, 3.0, 0.5, 0.0, 1.0)
+    measured = Measured(np.ones(m), np.full(m, s), np.empty(0), "none")
+    objective = make_objective(response, (parameter,), measured)
+    with np.errstate(invalid="ignore"):
+        profile = known(objective, [0.1]).parameters["k"]
+
+    def root(k: float) -> float:
+        return math.sqrt(m) * (math.exp(k) - 1.0) / s
+
+    wanted = [
+        brentq(lambda k: root(k) + 1.959964, -6.0, 3.0),
+        brentq(lambda k: root(k) - 1.959964, -6.0, 3.0),
+    ]
+    assert profile.interval95 == pytest.approx(tuple(wanted), abs=0.02)
+    assert profile.ends == ("crossed", "crossed")
+
+
+def test_an_interval_that_meets_the_bound_says_so() -> None:
+    """The same with so much noise that exp(k) = 0 fits: nothing ends the interval below."""
+    m, s = 4, 1.2
+    response = Exponential(np.zeros(m))
+    parameter = Parameter("k", "", -6.0, 3.0, 0.5, 0.0, 1.0)
+    measured = Measured(np.ones(m), np.full(m, s), np.empty(0), "none")
+    with np.errstate(invalid="ignore"):
+        knowledge = known(make_objective(response, (parameter,), measured), [0.1])
+    profile = knowledge.parameters["k"]
+    assert profile.interval95[0] == -6.0
+    assert profile.interval95[1] == pytest.approx(math.log(1.0 + 1.959964 * s / 2.0), abs=0.01)
+    assert profile.ends == ("bound", "crossed")
+    assert profile.verdict == "partly determined"
+    assert "bound" in profile.reason
+
+
+@pytest.fixture(scope="module")
+def string() -> Knowledge:
+    response = closed_form.string_response()
+    measured = closed_form.measured_by(response, noise=0.01, seed=4)
+    objective = make_objective(response, closed_form.string_parameters(), measured)
+    return known(objective, [1.96, 94.0, 94.0])
+
+
+def test_an_angle_that_nothing_holds_goes_round(string: Knowledge) -> None:
+    theta = string.parameters["theta"]
+    assert theta.ends == ("round", "round")
+    assert half(theta.interval95) == pytest.approx(np.pi / 2)
+    assert theta.verdict == "not determined"
+    assert max(theta.delta) < 0.1
+    # it closes: both ends are the same system
+    ends = [np.array([theta.path[n][k] for n in ("theta", "d1", "d2")]) for k in (0, -1)]
+    matrices = [closed_form.damping(a, b, c, reflection=False) for a, b, c in ends]
+    assert matrices[0][0, 0] == pytest.approx(matrices[1][0, 0], rel=0.01)
+
+
+def test_an_output_that_nothing_holds_is_as_wide_as_the_box(string: Knowledge) -> None:
+    """lambda^2 = -1/2 sin 2 theta (eta-^2 - eta+^2): from 0 to its largest value at 3 pi/4."""
+    coupling = string.derived["lambda"]
+    largest = math.sqrt(0.5 * (7.02760e6**2 - 6.94026e6**2))
+    assert coupling.verdict == "not determined"
+    assert coupling.interval95[0] < 1.0
+    assert coupling.interval95[1] == pytest.approx(largest, rel=1e-6)
+    assert coupling.shrinkage < 1e-6
+    truth = math.sqrt(-math.sin(2 * 1.9498)) * largest
+    assert coupling.interval95[0] < truth < coupling.interval95[1]
+
+
+def test_what_the_data_hold_is_not_drowned_by_what_they_do_not(string: Knowledge) -> None:
+    truth = 2 * np.pi * closed_form.damping(1.9498, 120.0, 90.0, reflection=False)[0, 0]
+    width = string.derived["D11"]
+    assert width.verdict == "determined"
+    assert width.interval95[0] < truth < width.interval95[1]
+    assert half(width.interval95) < 0.05 * truth
+    assert [string.parameters[n].verdict for n in ("d1", "d2")] == ["not determined"] * 2
+
+
+def test_walks_that_are_cut_claim_nothing() -> None:
+    objective = single_line.line_objective(seed=1, span=2.0)
+    knowledge = known(objective, [1000.2, 8.3, 1.9], budget=100)
+    for profile in knowledge.profiles.values():
+        assert profile.ends == ("cost", "cost")
+        assert profile.interval95 == profile.box
+        assert profile.verdict == "not determined"
+    assert knowledge.effort.evaluations <= 100
+    assert any("cost" in said for said in knowledge.sentences)
+
+
+def test_the_range_of_an_output_is_searched_not_sampled() -> None:
+    """An output whose top lies between all points of grid and seed."""
+
+    class Humped(closed_form.ClosedFormResponse):
+        def _derived(self, p: np.ndarray) -> dict[str, np.ndarray]:
+            hump = math.exp(-((p[0] - 0.777) ** 2) / 0.5) * (1.0 - (p[1] / 100.0 - 1.1) ** 2)
+            return {"hump": np.array([hump])}
+
+    old = closed_form.string_response()
+    response = Humped(old.pairs_hz, old.eta_plus_hz, old.eta_minus_hz, old.sweep_hz)
+    found = output_ranges(response, closed_form.string_parameters(), 1, [np.zeros(3)])["hump"]
+    assert found.high == pytest.approx(1.0, abs=1e-5)
+    assert list(found.depends) == [True, True, False]

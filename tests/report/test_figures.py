@@ -1,0 +1,480 @@
+"""Figures, read back: as SVG by another program's parser, and from what was put on the axes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import etree
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Annotation, Text
+from matplotlib.transforms import Bbox
+
+from fitting.campaign import BoundCampaign
+from fitting.fit.result import Result
+from fitting.report.figures import style as plots_style
+from fitting.report.figures.campaign import draw_drive, draw_response, draw_spectra
+from fitting.report.figures.deviation import (
+    draw_improvement,
+    draw_over_frequency,
+    draw_per_experiment,
+)
+from fitting.report.figures.history import draw_convergence, draw_derived
+from fitting.report.figures.reconstruction import figures_of, write_figures
+from fitting.report.figures.style import (
+    AFTER,
+    BEFORE,
+    MEASURED,
+    SIMULATED,
+    Drawing,
+    FigureFile,
+    save,
+    style,
+)
+from tests.support import report_records as records
+
+SVG = "{http://www.w3.org/2000/svg}"
+HREF = "{http://www.w3.org/1999/xlink}href"
+DEVIATIONS = (draw_over_frequency, draw_improvement, draw_per_experiment)
+ALL = (draw_drive, draw_spectra, *DEVIATIONS, draw_convergence, draw_derived, draw_response)
+#: The paper: bullet, triangle, pentagon, diamond, square.
+PAPER_MARKERS = ["o", "^", "p", "D", "s"]
+
+Draw = Callable[[Result, BoundCampaign], Drawing]
+
+
+@pytest.fixture(scope="module")
+def bound() -> BoundCampaign:
+    return SHAPES["paper"]
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return RESULTS["paper"]
+
+
+@pytest.fixture(scope="module")
+def files(
+    result: Result, bound: BoundCampaign, tmp_path_factory: pytest.TempPathFactory
+) -> list[FigureFile]:
+    return write_figures(result, bound, tmp_path_factory.mktemp("figures"))
+
+
+KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, BoundCampaign]] = {}
+
+
+def drawn(draw: Draw, result: Result, bound: BoundCampaign) -> Figure:
+    """The figure as drawn, laid out; kept, because that takes a second."""
+    key = (draw, id(result), id(bound))
+    if key not in KEPT:
+        with style():
+            figure = draw(result, bound).figure
+            FigureCanvasAgg(figure)
+            figure.draw_without_rendering()
+        KEPT[key] = (figure, result, bound)  # the records too: an id is theirs while they live
+    return KEPT[key][0]
+
+
+def xs(line: Line2D) -> list[float]:
+    return [float(v) for v in np.atleast_1d(np.asarray(line.get_xdata(), dtype=float))]
+
+
+def ys(line: Line2D) -> list[float]:
+    return [float(v) for v in np.atleast_1d(np.asarray(line.get_ydata(), dtype=float))]
+
+
+def svg_texts(file: FigureFile) -> str:
+    """All text of an SVG as a reader sees it."""
+    root = etree.parse(str(file.svg)).getroot()
+    return " ".join("".join(t.itertext()).strip() for t in root.iter(f"{SVG}text"))
+
+
+def points(axes: Axes) -> list[Line2D]:
+    """Single data points of an axes: lines of one vertex with a marker."""
+    lines = [line for line in axes.get_lines() if line.get_marker() not in ("None", "", "_")]
+    return [line for line in lines if len(xs(line)) == 1]
+
+
+def test_a_string_campaign_gets_every_figure_in_both_formats(files: list[FigureFile]) -> None:
+    assert [f.name for f in files] == [
+        "1_drive",
+        "2_spectra",
+        "3_deviation_over_frequency",
+        "4_improvement",
+        "5_convergence",
+        "6_derived_per_experiment",
+        "7_deviation_per_experiment",
+        "8_frequency_response",
+    ]
+    for file in files:
+        assert file.png.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+        assert etree.parse(str(file.svg)).getroot().tag == f"{SVG}svg"
+
+
+def test_each_figure_says_what_it_is(files: list[FigureFile]) -> None:
+    for file in files:
+        texts = svg_texts(file)
+        assert file.title in texts
+        assert "A string" in texts
+        assert len(file.caption) > 80
+        assert file.alt
+        assert file.alt != file.caption
+
+
+def test_nothing_in_a_figure_is_fetched(files: list[FigureFile]) -> None:
+    for file in files:
+        for element in etree.parse(str(file.svg)).getroot().iter(f"{SVG}use", f"{SVG}image"):
+            assert element.get(HREF, "#").startswith("#")
+        assert b"@import" not in file.svg.read_bytes()
+
+
+@pytest.mark.parametrize("draw", ALL)
+@pytest.mark.parametrize("synthetic", [True, False])
+def test_the_synthetic_mark_stands_where_it_is_due(draw: Draw, synthetic: bool) -> None:
+    bound = records.campaign(synthetic=synthetic)
+    figure = draw(records.result_for(bound), bound).figure
+    marks = [t for t in figure.findobj(Text) if t.get_text() == "SYNTHETIC DATA"]
+    assert len(marks) == synthetic
+
+
+def test_the_synthetic_mark_is_in_the_files(files: list[FigureFile]) -> None:
+    assert all("SYNTHETIC DATA" in svg_texts(file) for file in files)
+
+
+def test_the_same_result_gives_the_same_bytes(
+    files: list[FigureFile], result: Result, bound: BoundCampaign, tmp_path: Path
+) -> None:
+    again = {}
+    with style():
+        for draw in (draw_over_frequency, draw_derived):
+            saved = save(draw(result, bound), tmp_path)
+            again[saved.name] = saved
+    for file in (file for file in files if file.name in again):
+        assert file.svg.read_bytes() == again[file.name].svg.read_bytes()
+        assert file.png.read_bytes() == again[file.name].png.read_bytes()
+
+
+def test_no_unfinished_file_is_left(files: list[FigureFile]) -> None:
+    names = {f.svg for f in files} | {f.png for f in files}
+    assert set(files[0].svg.parent.iterdir()) == names
+
+
+def test_a_sweep_alone_gets_convergence_and_response(tmp_path: Path) -> None:
+    bound = records.campaign(experiments=[])
+    names = [f.name for f in write_figures(records.result_for(bound), bound, tmp_path)]
+    assert names == ["5_convergence", "8_frequency_response"]
+
+
+def test_peaks_without_a_sweep_get_no_response() -> None:
+    bound = records.campaign(sweep=False)
+    assert draw_response not in figures_of(records.result_for(bound), bound)
+
+
+def test_svg_holds_a_marker_per_peak_before_and_after(files: list[FigureFile]) -> None:
+    file = next(f for f in files if f.name == "3_deviation_over_frequency")
+    root = etree.parse(str(file.svg)).getroot()
+    axes = next(g for g in root.iter(f"{SVG}g") if g.get("id") == "axes_1")
+    lines = [g for g in axes if (g.get("id") or "").startswith("line2d")]
+    assert sum(1 for g in lines for _ in g.iter(f"{SVG}use")) == 2 * 10
+
+
+@pytest.mark.parametrize("draw", DEVIATIONS)
+def test_markers_are_the_paper_s_in_every_figure(
+    draw: Draw, result: Result, bound: BoundCampaign
+) -> None:
+    shapes = {line.get_marker() for line in points(drawn(draw, result, bound).axes[0])}
+    assert shapes == set(PAPER_MARKERS)
+
+
+def test_marker_shapes_follow_the_experiments(result: Result, bound: BoundCampaign) -> None:
+    over = drawn(draw_over_frequency, result, bound).axes[0]
+    by_tone = {round(xs(line)[0]): line.get_marker() for line in points(over)}
+    offsets = [(-100, 100), (-80, 80), (-60, 60), (-20, 20), (-10, 10)]  # Hz from 6.94026 MHz
+    assert [(by_tone[a], by_tone[b]) for a, b in offsets] == [(m, m) for m in PAPER_MARKERS]
+    derived = drawn(draw_derived, result, bound).axes[0]
+    assert [line.get_marker() for line in points(derived)] == PAPER_MARKERS
+
+
+def test_deviations_are_drawn_where_they_are(result: Result, bound: BoundCampaign) -> None:
+    axes = drawn(draw_over_frequency, result, bound).axes[0]
+    for colour, values in (
+        (BEFORE, [0.3 + 0.01 * k for k in range(10)]),
+        (AFTER, [0.01] * 10),
+    ):
+        lines = [line for line in points(axes) if line.get_color() == colour]
+        assert [ys(line)[0] for line in lines] == pytest.approx(values)
+        mean = [
+            line
+            for line in axes.get_lines()
+            if line.get_linestyle() == "--" and line.get_color() == colour
+        ]
+        assert ys(mean[0])[0] == pytest.approx(np.mean(values))
+
+
+def test_drift_among_the_tones_is_shaded_and_nothing_else(
+    result: Result, bound: BoundCampaign
+) -> None:
+    axes = drawn(draw_over_frequency, result, bound).axes[0]
+    (shaded,) = axes.patches  # eta_plus; a drifting temperature is no frequency
+    extent = shaded.get_extents().transformed(axes.transData.inverted())
+    assert (extent.x0, extent.x1) == pytest.approx((-50.0, 50.0))
+
+
+def test_improvement_is_final_over_initial(result: Result, bound: BoundCampaign) -> None:
+    axes = drawn(draw_improvement, result, bound).axes[0]
+    shares = [ys(line)[0] for line in points(axes)]
+    assert shares == pytest.approx([1.0 / (0.3 + 0.01 * k) for k in range(10)])
+
+
+def test_a_peak_moved_by_ten_sigma_stands_out(bound: BoundCampaign) -> None:
+    sigma = records.SIGMA_V / np.concatenate([e.peaks_v for e in bound.experiments])
+    errors = 0.8 * sigma * (-1.0) ** np.arange(10)
+    errors[5] = 10.0 * sigma[5]  # second tone of the third pair
+    bad = records.result_for(bound, final=list(errors))
+    drawing = draw_per_experiment(bad, bound)
+    notes = [t.get_text() for t in drawing.figure.findobj(Annotation)]
+    assert notes == ["+10.0"]
+    assert "+10.0 σ, at 6.94032 MHz of pair3" in drawing.caption
+    heights = [abs(ys(line)[0]) for line in points(drawing.figure.axes[1])]
+    assert heights[5] == pytest.approx(10.0)
+    assert sorted(heights)[-2] == pytest.approx(0.8)
+
+
+def test_peaks_without_sigma_are_drawn_without_error_bars() -> None:
+    bare = [
+        replace(records.experiment(f"p{m}", pair, spectrum=False), sigmas_v=np.full(2, np.nan))
+        for m, pair in enumerate(records.PAIRS_HZ)
+    ]
+    bound = records.campaign(bare)
+    result = records.result_for(bound)
+    drawn(draw_per_experiment, result, bound)
+    drawn(draw_spectra, result, bound)
+    assert "not known" in draw_per_experiment(result, bound).caption
+
+
+def test_spectra_have_a_panel_per_pair_before_and_after(
+    result: Result, bound: BoundCampaign
+) -> None:
+    figure = drawn(draw_spectra, result, bound)
+    panels = [axes for axes in figure.axes if axes.get_visible()]
+    assert len(panels) == 2 * 5
+    assert [axes.get_title().splitlines()[0] for axes in panels[:5]] == [
+        f"pair{m}" for m in range(1, 6)
+    ]
+    trace = panels[0].get_lines()[2]  # after the two drive frequencies
+    assert max(ys(trace)) == pytest.approx(
+        1e6 * float(np.max(records.lorentzian_v(np.array(records.PAIRS_HZ[0]))))
+    )
+    assert panels[0].get_title().splitlines()[1] == "+30.0 %, +31.0 %"
+    assert panels[5].get_title().splitlines()[1] == "+1.00 %, −1.00 %"
+
+
+def test_the_drive_beats_with_the_difference_of_the_tones(
+    result: Result, bound: BoundCampaign
+) -> None:
+    drawing = draw_drive(result, bound)
+    titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
+    assert titles[0] == "pair1: 6.94016 and 6.94036 MHz, beats every 5 ms (200 Hz)"
+    assert titles[4] == "pair5: 6.94025 and 6.94027 MHz, beats every 50 ms (20 Hz)"
+    outline = np.asarray(drawing.figure.axes[4].collections[0].get_paths()[0].vertices)
+    assert np.max(outline[:, 1]) == pytest.approx(2.0)
+    node = outline[np.abs(outline[:, 0] - 25.0) < 0.1]
+    assert np.max(np.abs(node[:, 1])) < 0.02  # half a beat after the crest, in ms
+
+
+def test_no_small_error_where_the_data_give_none(result: Result, bound: BoundCampaign) -> None:
+    titles = [axes.get_title(loc="left") for axes in drawn(draw_derived, result, bound).axes]
+    coupling = next(title for title in titles if "λ" in title)
+    assert "not determined" in coupling
+    assert "±" not in coupling
+    assert "599.1\u00a0±\u00a01.9" in next(title for title in titles if "D_" in title)
+
+
+def test_convergence_has_a_panel_per_quantity_and_the_objective(
+    result: Result, bound: BoundCampaign
+) -> None:
+    figure = drawn(draw_convergence, result, bound)
+    labels = [axes.get_ylabel() for axes in figure.axes if axes.get_visible()]
+    assert len(labels) == 2 + 2 + 1  # theta, d1, lambda, D11, J
+    assert [axes.get_xticklabels()[0].get_text() for axes in figure.axes[:5]] == ["start"] * 5
+    lines = figure.axes[0].get_lines()
+    assert len(xs(lines[1])) == 3  # theta's start is far off
+    assert any("start: 0 rad" in t.get_text() for t in figure.findobj(Annotation))
+
+
+def test_parameters_of_one_unit_share_a_panel_of_corrections(bound: BoundCampaign) -> None:
+    result = records.result_for(bound)
+    second = replace(result.parameters["d1"], reference=100.0)
+    rows = tuple(
+        replace(row, parameters={**row.parameters, "d2": row.parameters["d1"] + 5.0})
+        for row in result.history
+    )
+    both = replace(result, parameters={**result.parameters, "d2": second}, history=rows)
+    axes = drawn(draw_convergence, both, bound).axes[1]
+    ends = {line.get_label(): ys(line)[-1] for line in axes.get_lines()}
+    assert ends["$d_{\\mathrm{1}}$"] == pytest.approx(93.424576 - 94.0)
+    assert ends["$d_{\\mathrm{2}}$"] == pytest.approx(98.424576 - 100.0)
+
+
+def test_the_fit_of_the_response_gives_the_line_back(result: Result, bound: BoundCampaign) -> None:
+    caption = draw_response(result, bound).caption
+    words = caption.split("full width = ")[1].replace("\u00a0", " ").split()
+    assert abs(float(words[0]) - records.WIDTH_HZ) < 3.0 * float(words[2])
+
+
+# --- every shape of campaign stays readable -------------------------------------------------
+
+
+def shapes() -> Iterator[tuple[str, BoundCampaign]]:
+    """Campaigns of other shapes than the paper's."""
+    yield "paper", records.campaign()
+    one = [records.experiment("only", (6940250.0,))]
+    yield "one tone", records.campaign(one, drifting={})
+    three = [records.experiment(f"t{m}", (6940190.0 + m, 6940240.0, 6940350.0)) for m in range(3)]
+    yield "three tones", records.campaign(three, drifting={}, unit="m")
+    many = [
+        records.experiment(f"experiment number {m}", (6940160.0 + 2 * m, 6940360.0 - 3 * m))
+        for m in range(23)
+    ]
+    yield "many, long names", records.campaign(many, title="A long title, " * 20)
+    hostile = [records.experiment("a$b_{<&", pair) for pair in records.PAIRS_HZ[:1]]
+    yield "hostile names", records.campaign(hostile, title="50 $ & <b> \\frac{ 漢字")
+    yield "sweep only", records.campaign(experiments=[])
+
+
+SHAPES = dict(shapes())
+RESULTS = {shape: records.result_for(bound) for shape, bound in SHAPES.items()}
+
+
+@pytest.mark.parametrize("shape", list(SHAPES))
+def test_labels_keep_apart_and_inside(shape: str) -> None:
+    bound = SHAPES[shape]
+    result = RESULTS[shape]
+    for draw in figures_of(result, bound):
+        figure = drawn(draw, result, bound)
+        boxes = label_boxes(figure)
+        page = figure.bbox
+        for words, box in boxes:
+            assert page.x0 - 1 <= box.x0, (draw.__name__, words)
+            assert box.x1 <= page.x1 + 1, (draw.__name__, words)
+            assert page.y0 - 1 <= box.y0, (draw.__name__, words)
+            assert box.y1 <= page.y1 + 1, (draw.__name__, words)
+        for (one, a), (other, b) in itertools.combinations(boxes, 2):
+            wide = min(a.x1, b.x1) - max(a.x0, b.x0)
+            high = min(a.y1, b.y1) - max(a.y0, b.y0)
+            assert not (wide > 1.5 and high > 1.5), (draw.__name__, one, other)
+
+
+def label_boxes(figure: Figure) -> list[tuple[str, Bbox]]:
+    """Every text that is seen, with its box in pixels; turned labels are left out."""
+    hidden: set[int] = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            slack = 1e-9 * (high - low)
+            for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks()):
+                if not low - slack <= tick.get_loc() <= high + slack:
+                    hidden |= {id(tick.label1), id(tick.label2)}
+        if not axes.get_visible():
+            hidden |= {id(text) for text in axes.findobj(Text)}
+    found = []
+    for text in figure.findobj(Text):
+        seen = text.get_visible() and text.get_text().strip() and id(text) not in hidden
+        if seen and text.get_rotation() in (0.0, 90.0):  # boxes of slanted ones say nothing
+            with style():
+                found.append((text.get_text(), text.get_window_extent()))
+    return found
+
+
+@pytest.mark.parametrize("draw", ALL)
+def test_ticks_need_no_offset_to_be_read(draw: Draw, result: Result, bound: BoundCampaign) -> None:
+    for axes in drawn(draw, result, bound).axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            assert axis.get_offset_text().get_text() == ""
+            assert all(len(label.get_text()) <= 8 for label in axis.get_ticklabels())
+
+
+# Machado, Oliveira and Fernandes (2009), severity 1.0, for linear RGB.
+BLINDNESS = {
+    "protan": (
+        (0.152286, 1.052583, -0.204868),
+        (0.114503, 0.786281, 0.099216),
+        (-0.003882, -0.048116, 1.051998),
+    ),
+    "deutan": (
+        (0.367322, 0.860646, -0.227968),
+        (0.280085, 0.672501, 0.047413),
+        (-0.011820, 0.042940, 0.968881),
+    ),
+    "tritan": (
+        (1.255528, -0.076749, -0.178779),
+        (-0.078411, 0.930809, 0.147602),
+        (0.004733, 0.691367, 0.303900),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", list(BLINDNESS))
+@pytest.mark.parametrize("pair", [(MEASURED, SIMULATED), (BEFORE, AFTER), SIMULATED + AFTER])
+def test_colours_that_are_compared_differ_for_every_eye(
+    kind: str, pair: tuple[str, str] | str
+) -> None:
+    one, other = (pair[:7], pair[7:]) if isinstance(pair, str) else pair
+    assert np.linalg.norm(seen_lab(one, kind) - seen_lab(other, kind)) > 25.0  # CIE76; 2 is seen
+
+
+def seen_lab(colour: str, kind: str) -> np.ndarray:
+    """A colour in CIELAB as an eye of that kind sees it (sRGB, D65)."""
+    srgb = np.array(to_rgb(colour))
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    linear = np.clip(np.array(BLINDNESS[kind]) @ linear, 0.0, 1.0)
+    xyz = (
+        np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+        @ linear
+        / np.array([0.9505, 1.0, 1.089])
+    )
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+def test_vanishing_deviations_get_a_logarithmic_axis(bound: BoundCampaign) -> None:
+    exact = records.result_for(bound, final=[1e-7] * 10)
+    axes = drawn(draw_over_frequency, exact, bound).axes[0]
+    assert axes.get_yscale() == "log"
+
+
+def test_style_does_not_leak() -> None:
+    import matplotlib as mpl
+
+    before = dict(mpl.rcParams)
+    with plots_style.style():
+        assert mpl.rcParams["svg.fonttype"] == "none"
+    assert dict(mpl.rcParams) == before
+
+
+def test_a_run_stopped_at_once_and_values_that_do_not_exist_are_drawn(bound: BoundCampaign) -> None:
+    result = records.result_for(bound)
+    nothing = float("nan")
+    absent = replace(
+        result.derived["lambda"],
+        value=nothing,
+        values=(nothing,) * 5,
+        mean=nothing,
+        spread=nothing,
+        std=nothing,
+        reference=nothing,
+        box=(nothing, nothing),
+    )
+    begun = replace(result.history[0], derived={"lambda": nothing})
+    odd = replace(result, derived={"lambda": absent}, history=(begun,))
+    for draw in (draw_convergence, draw_derived):
+        texts = [t.get_text() for t in drawn(draw, odd, bound).findobj(Text)]
+        assert "the model has no value here" in texts

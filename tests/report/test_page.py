@@ -1,0 +1,310 @@
+"""The report, parsed as a browser would: self-contained, complete, and true to the record."""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lxml import etree, html
+
+from fitting.campaign import BoundCampaign
+from fitting.fit.result import Result
+from fitting.report.figures.style import FigureFile
+from fitting.report.page import render, write_report
+from fitting.text.errors import BadInput
+from tests.support import report_records as records
+
+SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><title>{}</title></svg>'
+NAMES = (
+    "1_drive",
+    "2_spectra",
+    "3_deviation_over_frequency",
+    "4_improvement",
+    "5_convergence",
+    "6_derived_per_experiment",
+    "7_deviation_per_experiment",
+    "8_frequency_response",
+)
+
+
+@pytest.fixture(scope="module")
+def bound() -> BoundCampaign:
+    return records.campaign()
+
+
+@pytest.fixture(scope="module")
+def result(bound: BoundCampaign) -> Result:
+    return records.result_for(bound)
+
+
+@pytest.fixture(scope="module")
+def figures(tmp_path_factory: pytest.TempPathFactory) -> list[FigureFile]:
+    """Tiny drawings that carry their names."""
+    folder = tmp_path_factory.mktemp("tiny")
+    made = []
+    for name in (*NAMES, "9_of_somebody_else"):
+        (folder / f"{name}.svg").write_text(SVG.format(name))
+        path = folder / f"{name}.svg"
+        made.append(
+            FigureFile(name, f"Title of {name}", f"Caption of {name}.", f"Alt {name}", path, path)
+        )
+    return made
+
+
+@pytest.fixture(scope="module")
+def page(result: Result, bound: BoundCampaign, figures: list[FigureFile]) -> Any:
+    return html.document_fromstring(render(result, bound, figures))
+
+
+def table(page: Any, caption: str) -> list[list[Any]]:
+    """Cells of the body of the table with that caption."""
+    for found in page.iter("table"):
+        if found.findtext("caption") == caption:
+            return [list(row) for row in found.find("tbody")]
+    raise AssertionError(f"no table {caption!r}")
+
+
+def exact(cell: Any) -> float:
+    """The number behind a cell."""
+    return float(cell.find("data").get("value"))
+
+
+def words(page: Any) -> str:
+    return re.sub(r"\s+", " ", page.text_content())
+
+
+def test_nothing_is_fetched_from_anywhere(page: Any) -> None:
+    for element in page.iter():
+        for name in ("src", "href", "srcset", "data", "action", "xlink:href"):
+            target = element.get(name) if isinstance(element.tag, str) else None
+            assert target is None or target.startswith(("data:", "#")), target
+    assert not list(page.iter("script", "link", "iframe", "object"))
+    styles = " ".join(style.text for style in page.iter("style"))
+    assert "url(" not in styles
+    assert "@import" not in styles
+
+
+def test_links_within_the_page_lead_somewhere(page: Any) -> None:
+    ids = [element.get("id") for element in page.iter() if element.get("id")]
+    assert len(ids) == len(set(ids))
+    targets = [a.get("href")[1:] for a in page.iter("a")]
+    assert targets
+    assert set(targets) <= set(ids)
+    labels = [e.get("aria-labelledby") for e in page.iter() if e.get("aria-labelledby")]
+    assert set(labels) <= set(ids)
+
+
+def test_every_figure_is_embedded_once_with_caption_and_words_for_the_blind(page: Any) -> None:
+    names = []
+    for number, figure in enumerate(page.iter("figure"), start=1):
+        image = figure.find("img")
+        kind, _, data = image.get("src").partition(",")
+        assert kind == "data:image/svg+xml;base64"
+        name = etree.fromstring(base64.b64decode(data)).findtext(
+            "{http://www.w3.org/2000/svg}title"
+        )
+        names.append(name)
+        assert image.get("alt") == f"Alt {name}"
+        assert figure.find("figcaption").text_content() == (
+            f"Figure {number}. Title of {name}. Caption of {name}."
+        )
+    assert sorted(names) == sorted((*NAMES, "9_of_somebody_else"))
+
+
+def test_the_page_is_built_for_everybody(page: Any) -> None:
+    assert page.get("lang") == "en"
+    assert len(list(page.iter("h1"))) == 1
+    levels = [int(e.tag[1]) for e in page.iter("h1", "h2", "h3", "h4")]
+    assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
+    for found in page.iter("table"):
+        assert found.find("caption") is not None
+        heads = found.findall("thead/tr/th")
+        assert heads
+        assert all(head.get("scope") == "col" for head in heads)
+        for row in found.findall("tbody/tr"):
+            assert len(row) == len(heads)
+    assert page.find(".//main") is not None
+
+
+def test_parameters_stand_as_they_are_in_the_record(page: Any, result: Result) -> None:
+    rows = table(page, "Fitted parameters")
+    for cells, parameter in zip(rows, result.parameters.values(), strict=True):
+        found = [exact(cells[k]) for k in (1, 3, 5, 6, 8)]
+        assert found == [
+            parameter.value,
+            parameter.std,
+            parameter.reference,
+            parameter.start,
+            parameter.shrinkage,
+        ]
+        assert cells[2].text_content() == parameter.unit
+        assert cells[9].text_content() == parameter.identifiable
+        shown = float(cells[1].text_content().replace("−", "-"))
+        assert shown == pytest.approx(parameter.value, rel=1e-7)
+    assert [cells[0].text_content() for cells in rows] == ["θ", "d1"]
+    assert rows[1][4].text_content() == "92.950 to 93.890"
+
+
+def test_derived_values_stand_per_experiment(page: Any, result: Result) -> None:
+    rows = table(page, "Derived outputs per experiment")
+    coupling = [exact(cells[1]) for cells in rows]
+    expected = result.derived["lambda"]
+    assert coupling == [*expected.values, expected.mean, expected.spread]
+
+
+def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None:
+    cells = table(page, "Derived outputs")[0]
+    assert cells[4].text_content() == "–"
+    assert cells[5].text_content() == "–"
+    assert cells[9].text_content() == "not determined"
+    said = words(page).replace("\u00a0", " ")
+    assert "λ is not determined by these data" in said
+    assert "anything from 63 to 781 kHz" in said
+    assert "D11 is determined by these data: 599.1 ± 1.9 1/s" in said
+    assert "The errors of θ and d1 are tied (correlation −0.988)" in said
+
+
+def test_every_peak_is_listed(page: Any, result: Result) -> None:
+    rows = table(page, "Peaks: measured and simulated amplitudes, relative deviations")
+    assert len(rows) == 10
+    for cells, peak, before in zip(
+        rows, result.peaks, result.deviations.initial.per_peak, strict=True
+    ):
+        numbers = [exact(cell) for cell in cells[1:]]
+        assert numbers[:5] == [
+            peak.frequency_hz,
+            peak.measured_v,
+            peak.sigma_v,
+            peak.initial_v,
+            peak.final_v,
+        ]
+        assert numbers[5] == before
+        assert numbers[8] == pytest.approx((peak.final_v - peak.measured_v) / peak.sigma_v)
+    assert rows[0][1].text_content() == "6.94016"
+
+
+def test_mean_deviations_per_experiment(page: Any) -> None:
+    rows = table(page, "Mean relative deviation")
+    assert [row[0].text_content() for row in rows] == [*(f"pair{m}" for m in range(1, 6)), "all"]
+    assert [exact(row[1]) for row in rows[:5]] == pytest.approx([0.305, 0.325, 0.345, 0.365, 0.385])
+    assert exact(rows[5][1]) == pytest.approx(0.345)
+    assert exact(rows[5][3]) == pytest.approx(100.0 * 0.01 / 0.345)
+
+
+def test_history_alternatives_and_starts_are_complete(page: Any, result: Result) -> None:
+    levels = table(page, "Levels of the regularisation, reported chain")
+    assert [row[0].text_content() for row in levels] == ["start", "0", "1", "2"]
+    assert [exact(row[2]) for row in levels] == [r.parameters["theta"] for r in result.history]
+    verdicts = [row[-1].text_content() for row in table(page, "Discrete alternatives")]
+    assert verdicts == ["reported", "equal to the reported one"]
+    assert len(table(page, "Starts of the search")) == 2
+
+
+def test_the_sweep_is_compared_with_the_instrument(page: Any) -> None:
+    rows = table(page, "Resonance fitted to the sweep alone, without the FMU")
+    assert exact(rows[0][3]) == pytest.approx(1.5)  # Hz: 6940261.5 - 6940260
+    assert rows[2][4].text_content() == "−5.191 %"  # 70000/73832.6 - 1
+    assert "The instrument's own estimate" in words(page)
+
+
+def test_warnings_plan_notes_and_provenance_are_told(page: Any, result: Result) -> None:
+    box = page.find(".//section[@class='warnings']")
+    assert [item.text_content() for item in box.iter("li")] == list(result.warnings)
+    said = words(page)
+    for sentence in (
+        *result.provenance.plan,
+        "A note of the binding.",
+        result.message,
+        "f" * 64,
+        "a" * 64,
+        "{guid-of-fmu}",
+        "fmu-fit reconstruct campaign.toml",
+        "9.9.9",
+        "120 evaluations",
+        "arXiv:2412.07301",
+    ):
+        assert sentence in said
+
+
+@pytest.mark.parametrize("synthetic", [True, False])
+def test_synthetic_data_are_called_so(synthetic: bool, figures: list[FigureFile]) -> None:
+    bound = records.campaign(synthetic=synthetic)
+    page = html.document_fromstring(render(records.result_for(bound), bound, figures))
+    assert bool(page.find_class("synthetic")) is synthetic
+    assert ("synthetic" in page.findtext(".//title")) is synthetic
+
+
+def test_a_bad_end_is_seen(result: Result, bound: BoundCampaign, figures: list[FigureFile]) -> None:
+    ended = replace(result, status="not converged", message="The last level stalled.", warnings=())
+    page = html.document_fromstring(render(ended, bound, figures))
+    box = page.get_element_by_id("status")
+    assert box.get("class") == "status bad"
+    assert box.text_content() == "Not converged. The last level stalled."
+    assert page.find(".//section[@class='warnings']") is None
+
+
+def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> None:
+    evil = "<script>alert(1)</script>&\"'"
+    bound = records.campaign(
+        [records.experiment(evil, pair) for pair in records.PAIRS_HZ[:1]], title=evil
+    )
+    result = records.result_for(bound)
+    named = {evil: replace(result.parameters["theta"], unit="<i>Hz</i>")}
+    rows = tuple(replace(row, parameters={evil: 1.0}) for row in result.history)
+    hostile = replace(
+        result,
+        parameters=named,
+        history=rows,
+        message=evil,
+        warnings=(evil,),
+        alternatives=(),
+        correlation=((1.0,),),
+    )
+    text = render(hostile, bound, [replace(f, alt=evil, caption=evil) for f in figures])
+    page = html.document_fromstring(text)
+    assert not list(page.iter("script"))
+    assert page.findtext(".//h1") == evil
+    assert next(iter(page.iter("img"))).get("alt") == evil
+    assert "<i>Hz" not in text
+
+
+def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None:
+    bound = records.campaign(experiments=[])
+    result = replace(records.result_for(bound), correlation=())
+    page = html.document_fromstring(render(result, bound, figures[4:5]))
+    captions = [t.findtext("caption") for t in page.iter("table")]
+    assert "Fitted parameters" in captions
+    assert not [c for c in captions if "Peaks" in c or "per experiment" in c]
+    assert [row[0].text_content() for row in table(page, "Mean relative deviation")] == ["sweep"]
+
+
+def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
+    bound = records.campaign(experiments=[])
+    result = records.result_for(bound)
+    path = write_report(result, bound, tmp_path)
+    assert path == tmp_path / "report.html"
+    first = path.read_bytes()
+    assert len(list(html.fromstring(first).iter("img"))) == 2
+    assert {p.name for p in tmp_path.iterdir()} == {"report.html", "figures"}
+    assert write_report(result, bound, tmp_path).read_bytes() == first
+
+
+def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(
+    result: Result, bound: BoundCampaign, figures: list[FigureFile], tmp_path: Path
+) -> None:
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(BadInput, match=r"report\.html"):
+        write_report(result, bound, tmp_path, figures)
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_the_template_travels_with_the_package() -> None:
+    from fitting.report import page as report
+
+    assert (report.TEMPLATES / "report.html.j2").is_file()
+    assert report.TEMPLATES.parent == Path(report.__file__).parent

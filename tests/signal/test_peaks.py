@@ -1,0 +1,212 @@
+"""Reading laboratory traces: floor statistics, unbiased peaks, resonance against known answers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitting.campaign.instruments import read_trace
+from fitting.signal.peaks import (
+    FloatArray,
+    fit_resonance,
+    noise_floor,
+    read_peaks,
+)
+from fitting.text.errors import BadInput
+
+AFM = Path(__file__).parents[2] / "data" / "afm_sensor" / "afm_sensor_sweep.dat"
+GRID = 6.94e6 + np.arange(-250.0, 251.0)
+TONES = (6.94e6 - 10.0, 6.94e6 + 10.0)
+
+
+def spectrum(lines: tuple[float, ...], sigma: float, seed: int) -> FloatArray:
+    """Magnitudes: two lines on their points plus complex Gaussian noise, sigma per quadrature."""
+    rng = np.random.default_rng(seed)
+    wave = sigma * (rng.standard_normal(GRID.size) + 1j * rng.standard_normal(GRID.size))
+    for tone, line in zip(TONES, lines, strict=True):
+        wave[tone == GRID] += line
+    return np.abs(wave)
+
+
+@pytest.mark.parametrize("kind", ["mean", "robust"])
+def test_floor_of_rayleigh_noise(kind: str) -> None:
+    floor = noise_floor(GRID, spectrum((30.0, 20.0), 0.2, 1), TONES, kind)
+    # mean of |n| is sigma sqrt(pi/2); 475 points leave 2.4 % (mean) and 3.3 % (median) scatter
+    assert floor.level_v == pytest.approx(0.2 * math.sqrt(math.pi / 2), rel=0.08)
+    assert floor.sigma_v == pytest.approx(0.2, rel=0.08)
+
+
+def test_robust_floor_ignores_spurious_lines_that_spoil_the_mean() -> None:
+    trace = spectrum((30.0, 20.0), 0.2, 2)
+    clean = noise_floor(GRID, trace, TONES, "robust").level_v
+    trace[20:60] = 50.0
+    assert noise_floor(GRID, trace, TONES, "robust").level_v == pytest.approx(clean, rel=0.15)
+    assert noise_floor(GRID, trace, TONES, "mean").level_v > 10 * clean
+
+
+def test_robust_peaks_are_unbiased_and_the_mean_difference_is_low_by_the_floor() -> None:
+    sigma, truth, draws = 0.5, np.array([5.0, 8.0]), 8000
+    part = slice(215, 286)
+    traces = [spectrum((5.0, 8.0), sigma, 100 + k)[part] for k in range(draws)]
+    error = 2.5 * sigma / math.sqrt(draws)  # 0.014; one order down is sigma^2 / 2a = 0.025
+    robust = np.mean([read_peaks(GRID[part], t, TONES).peaks_v for t in traces], axis=0)
+    np.testing.assert_allclose(robust, truth, atol=error)
+    mean = np.mean([read_peaks(GRID[part], t, TONES, "mean").peaks_v for t in traces], axis=0)
+    level = sigma * math.sqrt(math.pi / 2)
+    expected = truth + sigma**2 / (2 * truth) - level
+    np.testing.assert_allclose(mean, expected, atol=error)
+
+
+def test_stated_sigma_is_the_scatter_of_the_peaks() -> None:
+    readings = [read_peaks(GRID, spectrum((30.0, 20.0), 0.25, k), TONES) for k in range(400)]
+    scatter = np.std([r.peaks_v for r in readings], axis=0)
+    np.testing.assert_allclose(scatter, 0.25, rtol=0.15)
+    np.testing.assert_allclose(np.mean([r.sigmas_v for r in readings], axis=0), 0.25, rtol=0.03)
+
+
+def test_without_noise_a_tone_on_its_point_is_returned_exactly() -> None:
+    for kind in ("robust", "mean", "none"):
+        reading = read_peaks(GRID, spectrum((30.0, 20.0), 0.0, 1), TONES, kind)
+        np.testing.assert_array_equal(reading.peaks_v, [30.0, 20.0])
+
+
+@given(offset=st.floats(-0.5, 0.5), bandwidth=st.floats(1.0, 4.0), height=st.floats(1e-6, 1e3))
+def test_crest_between_points_is_exact_for_a_gaussian_filter(
+    offset: float, bandwidth: float, height: float
+) -> None:
+    tone = 6.94e6 + offset
+    trace = height * np.exp(-0.5 * math.log(2) * (2 * (GRID - tone) / bandwidth) ** 2)
+    found = read_peaks(GRID, trace, (tone,), "none").peaks_v[0]
+    assert found == pytest.approx(height, rel=1e-7)
+    if 0.01 < abs(offset) < 0.3:  # the crest, even where the stated tone is a little beside it
+        found = read_peaks(GRID, trace, (6.94e6 + 1.3 * offset,), "none").peaks_v[0]
+        assert found == pytest.approx(height, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("scale", "outside", "silent"),
+    [
+        (1.0, "the tone 60 Hz; its points run from 30 to 50 Hz", "no peak at the tone 45 Hz"),
+        (1e3, "the tone 60 kHz; its points run from 30 to 50 kHz", "no peak at the tone 45 kHz"),
+        (1e9, "the tone 60 GHz; its points run from 30 to 50 GHz", "no peak at the tone 45 GHz"),
+    ],
+)
+def test_frequencies_are_told_in_the_unit_that_suits_them(
+    scale: float, outside: str, silent: str
+) -> None:
+    grid = scale * np.linspace(30.0, 50.0, 201)
+    flat = np.ones(201)
+    with pytest.raises(BadInput, match=outside):
+        read_peaks(grid, flat, (60.0 * scale,))
+    with pytest.raises(BadInput, match=silent):
+        read_peaks(grid, flat, (45.0 * scale,))
+
+
+@pytest.mark.parametrize(
+    ("tones", "size", "words"),
+    [
+        ((6.95e6,), 501, "does not contain the tone 6.95 MHz; its points run from 6.93975"),
+        ((6.94e6 + 60,), 501, "no peak at the tone 6.94006 MHz"),
+        (TONES, 258, "points away from the tones|points more than 6 points away"),
+    ],
+)
+def test_a_spectrum_that_cannot_hold_the_tone_is_refused(
+    tones: tuple[float, ...], size: int, words: str
+) -> None:
+    trace = spectrum((30.0, 20.0), 0.2, 3)
+    part = slice(0, 501) if size == 501 else slice(238, 263)
+    with pytest.raises(BadInput, match=words) as caught:
+        read_peaks(GRID[part], trace[part], tones, source="spectra/pair1.csv")
+    assert str(caught.value).startswith("spectra/pair1.csv: ")
+    assert "\n" not in str(caught.value)
+
+
+def lorentz(f: FloatArray, eta: float, width: float, height: float) -> FloatArray:
+    """Steady amplitude of x'' + 2 pi w x' + (2 pi eta)^2 x = cos 2 pi f t, height at eta."""
+    a = (2 * np.pi) ** 2 * ((eta**2 - f**2) + 1j * f * width)
+    peak = 1.0 / ((2 * np.pi) ** 2 * eta * width)
+    return np.asarray(height * np.abs(1.0 / a) / peak)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    eta=st.floats(-0.6, 0.6),
+    log_q=st.floats(1.5, 5.0),
+    height=st.floats(-9, 3),
+    points=st.integers(25, 300),
+)
+def test_resonance_without_noise_comes_back(
+    eta: float, log_q: float, height: float, points: int
+) -> None:
+    width = 1e6 / 10**log_q
+    f = 1e6 + 3 * width * np.linspace(-1, 1, points)
+    fit = fit_resonance(f, lorentz(f, 1e6 + eta * width, width, 10**height))
+    # eta^2 - f^2 of the data above cancels at high Q: that is the data's rounding, not the fit's
+    rounding = 1e-15 * 10**log_q
+    assert fit.eta_hz == pytest.approx(1e6 + eta * width, abs=(1e-9 + 30 * rounding) * width)
+    assert fit.width_hz == pytest.approx(width, rel=1e-8 + 30 * rounding)
+    assert fit.amplitude == pytest.approx(10**height, rel=1e-8 + 30 * rounding)
+    assert fit.q == pytest.approx((1e6 + eta * width) / width, rel=1e-8 + 30 * rounding)
+
+
+def test_stated_uncertainties_are_the_scatter() -> None:
+    f = 6.94e6 + np.arange(-300.0, 301.0, 5.0)
+    clean, rng, pulls = lorentz(f, 6.94001e6, 94.0, 40.0), np.random.default_rng(5), []
+    for _ in range(300):
+        noise = 0.2 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
+        fit = fit_resonance(f, np.abs(clean + noise))
+        q = 6.94001e6 / 94.0
+        pulls.append(
+            [
+                (fit.eta_hz - 6.94001e6) / fit.eta_std_hz,
+                (fit.width_hz - 94.0) / fit.width_std_hz,
+                (fit.amplitude - 40.0) / fit.amplitude_std,
+                (fit.q - q) / fit.q_std,
+            ]
+        )
+    np.testing.assert_allclose(np.std(pulls, axis=0), 1.0, atol=0.15)
+    np.testing.assert_allclose(np.mean(pulls, axis=0), 0.0, atol=0.25)
+
+
+def test_complex_background_is_separated() -> None:
+    f = 3e4 + np.linspace(-40, 40, 200)
+    a = (3e4 + 1.5 - f) * (3e4 + 1.5 + f) + 1j * f * 25.0
+    trace = np.abs(2.0 * 25.0 * (3e4 + 1.5) / a + (0.1 - 0.05j))
+    plain = fit_resonance(f, trace)
+    assert abs(plain.eta_hz - 30001.5) > 0.1
+    full = fit_resonance(f, trace, background="complex")
+    assert full.eta_hz == pytest.approx(30001.5, abs=1e-6)
+    assert full.width_hz == pytest.approx(25.0, rel=1e-7)
+    # magnitudes know the background up to a mirror image, which has the same size
+    assert abs(full.background) == pytest.approx(abs(0.1 - 0.05j), rel=1e-5)
+
+
+def test_measured_cantilever_gives_what_another_program_found() -> None:
+    raw = read_trace(AFM, "afm")
+    fit = fit_resonance(raw.frequency, raw.amplitude)
+    assert fit.eta_hz == pytest.approx(30280.96, abs=0.05)
+    assert fit.width_hz == pytest.approx(24.90, abs=0.05)
+    assert fit.q == pytest.approx(1216, abs=3)
+    assert fit.residual_rms == pytest.approx(0.0043, abs=0.00005)
+    full = fit_resonance(raw.frequency, raw.amplitude, background="complex")
+    assert full.eta_hz == pytest.approx(30281.26, abs=0.02)
+    assert full.width_hz == pytest.approx(24.84, abs=0.02)
+    assert full.q == pytest.approx(1219, abs=1)
+
+
+@pytest.mark.parametrize(
+    ("trace", "words"),
+    [
+        (np.ones(5), "5 points are too few"),
+        (np.ones(40), "no resonance between 999980.5 and 1000019.5 Hz"),
+    ],
+)
+def test_sweep_without_a_resonance_is_refused(trace: FloatArray, words: str) -> None:
+    f = np.linspace(-0.5, 0.5, trace.size) * (trace.size - 1.0) + 1e6
+    with pytest.raises(BadInput, match=words):
+        fit_resonance(f, trace, source="sweep.csv")

@@ -1,0 +1,195 @@
+"""Residuals that hang together, and lines on a background: against noise of known making."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, kstest
+
+from fitting.campaign import Sweep
+from fitting.fit.result import SweepLine
+from fitting.fit.sweep_line import line_of_sweep, line_sentences, line_warnings
+from fitting.signal.peaks import FloatArray, Resonance, fit_resonance
+from fitting.signal.residual_tests import (
+    autocorrelation,
+    autoregression,
+    residual_structure,
+    white_noise_p,
+)
+
+ETA, WIDTH, NOISE = 30281.3, 25.0, 0.004
+F = ETA + np.linspace(-38.0, 38.0, 256)
+
+
+def coloured(rho: float, points: int, rng: np.random.Generator) -> FloatArray:
+    """Noise of unit variance whose neighbours correlate by rho: e_t = rho e_(t-1) + ..."""
+    e = rng.standard_normal(points)
+    for t in range(1, points):
+        e[t] = rho * e[t - 1] + math.sqrt(1.0 - rho**2) * e[t]
+    return e
+
+
+def trace(background: complex = 0.0) -> FloatArray:
+    """|mode + background| at F, the mode 1 high at its eigenfrequency."""
+    mode = WIDTH * ETA / (ETA**2 - F**2 + 1j * F * WIDTH)
+    return np.asarray(np.abs(mode + background))
+
+
+def fits(rho: float, seeds: range) -> list[Resonance]:
+    return [
+        fit_resonance(F, trace() + NOISE * coloured(rho, F.size, np.random.default_rng(seed)))
+        for seed in seeds
+    ]
+
+
+def distances(found: list[Resonance]) -> FloatArray:
+    """d^T C^-1 d of (eta, width) from the truth: chi-square with 2 degrees of freedom if C is."""
+    values = []
+    for fit in found:
+        a = (fit.eta_hz - ETA) / fit.eta_std_hz
+        b = (fit.width_hz - WIDTH) / fit.width_std_hz
+        r = fit.correlation
+        values.append((a * a + b * b - 2.0 * r * a * b) / (1.0 - r * r))
+    return np.array(values)
+
+
+def test_white_noise_leaves_the_errors_as_they_are() -> None:
+    found = fits(0.0, range(200))
+    assert sum(fit.structure.widening > 1.0 for fit in found) <= 7  # tested at 1 %
+    assert all(1.0 <= fit.structure.widening < 1.6 for fit in found)
+    assert kstest(distances(found), chi2(2).cdf).pvalue > 0.01
+
+
+@pytest.mark.parametrize("rho", [0.4, 0.7, 0.85])
+def test_neighbours_that_correlate_widen_by_the_known_factor(rho: float) -> None:
+    """Error of the mean, and of all that is smooth: sqrt((1 + rho)/(1 - rho)) times as large."""
+    known = math.sqrt((1.0 + rho) / (1.0 - rho))
+    found = fits(rho, range(1000, 1150))
+    widenings = np.array([fit.structure.widening for fit in found])
+    assert np.median(widenings) == pytest.approx(known, rel=0.1)
+    # what they are for: the scatter of the values, not only its formula
+    pulls = np.array([(fit.eta_hz - ETA) / fit.eta_std_hz for fit in found])
+    assert float(np.std(pulls)) == pytest.approx(1.0, abs=0.2)
+    assert float(np.std(pulls * widenings)) == pytest.approx(known, rel=0.2)
+    inside = np.mean(distances(found) < chi2(2).ppf(0.95))
+    assert 0.85 < inside <= 1.0
+
+
+def test_points_are_counted_as_their_mean_scatters() -> None:
+    """The mean of m correlated points scatters as that of `points` independent ones."""
+    m, rho = 400, 0.8
+    rng = np.random.default_rng(8)
+    series = [coloured(rho, m, rng) for _ in range(400)]
+    scatter = float(np.std([np.mean(e) for e in series]))
+    counted = [residual_structure(e - np.mean(e), np.ones((m, 1))).points for e in series]
+    assert np.median(counted) == pytest.approx(1.0 / scatter**2, rel=0.25)
+    assert np.median(counted) == pytest.approx(m * (1 - rho) / (1 + rho), rel=0.15)
+
+
+def test_the_p_value_is_one() -> None:
+    """Noise falls below a probability as often as it says, at most (two tests in one)."""
+    rng = np.random.default_rng(3)
+    p = np.array([white_noise_p(rng.standard_normal(300)) for _ in range(2000)])
+    for level in (0.01, 0.05, 0.2):
+        assert 0.4 * level < np.mean(p < level) < 1.4 * level
+
+
+def test_a_pattern_of_four_points_is_seen_though_neighbours_do_not_correlate() -> None:
+    rng = np.random.default_rng(4)
+    e = np.tile([1.0, 1.0, -1.0, -1.0], 30) + rng.standard_normal(120)
+    assert abs(e[1:] @ e[:-1] / (e @ e)) < 0.15
+    assert white_noise_p(e) < 1e-6
+    # a smooth line does not feel it
+    assert residual_structure(e, np.ones((120, 1))).widening < 1.2
+
+
+def test_an_autoregressive_process_is_recognised() -> None:
+    a, rng = np.array([1.2, -0.6]), np.random.default_rng(5)
+    e = np.zeros(20000)
+    noise = rng.standard_normal(e.size)
+    for t in range(2, e.size):
+        e[t] = a @ e[t - 2 : t][::-1] + noise[t]
+    assert autoregression(e, 2) == pytest.approx(a, abs=0.02)
+    r = autocorrelation(a, 60)
+    assert r[1] == pytest.approx(1.2 / 1.6)  # a1/(1 - a2), Yule and Walker
+    assert r[:20] == pytest.approx([e[k:] @ e[: e.size - k] / (e @ e) for k in range(20)], abs=0.05)
+    assert autocorrelation(np.array([0.9]), 50) == pytest.approx(0.9 ** np.arange(50))
+    assert autocorrelation(np.zeros(0), 3) == pytest.approx([1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("e", [np.zeros(50), 1e-9 * np.sin(np.arange(50.0)), np.ones(8)])
+def test_rounding_and_too_few_points_are_not_judged(e: FloatArray) -> None:
+    found = residual_structure(e, np.ones((e.size, 1)))
+    assert (found.p_value, found.widening, found.points) == (1.0, 1.0, e.size)
+
+
+@pytest.mark.parametrize("e", [np.tile([1.0, -1.0], 40), np.ones(80), np.linspace(-1, 1, 80)])
+def test_series_without_any_noise_end_finitely(e: FloatArray) -> None:
+    found = residual_structure(e, np.stack([np.ones(80), np.arange(80.0)], axis=1))
+    assert found.p_value < 1e-6
+    assert 1.0 <= found.widening < 10.0
+    assert 3.0 <= found.points <= 80.0
+
+
+def sweep(background: complex, seed: int, *, chosen: str = "none", noise: float = NOISE) -> Sweep:
+    rng = np.random.default_rng(seed)
+    a = trace(background) + noise * rng.standard_normal(F.size)
+    return Sweep(F, a, None, {}, "scale", "fit", Path("sweep.csv"), background=chosen)
+
+
+@pytest.mark.parametrize("chosen", ["none", "complex"])
+def test_a_background_is_told_with_both_values(chosen: str) -> None:
+    for seed in range(15):
+        line = line_of_sweep(sweep(0.03 - 0.04j, seed, chosen=chosen))
+        plain, full = line.fits
+        assert (plain.background, full.background) == ("none", "complex")
+        assert line.frequency_hz == (plain if chosen == "none" else full).frequency_hz
+        assert full.frequency_hz == pytest.approx(ETA, abs=4.0 * full.frequency_std_hz)
+        assert abs(plain.frequency_hz - ETA) > 0.2
+        said = line_warnings(line, fitted=True)[-1]
+        told = [float(word) for word in re.findall(r"f = ([\d.]+)", said)]
+        assert told == pytest.approx([plain.frequency_hz, full.frequency_hz], abs=0.01)
+        assert "share this dependence" in said
+        assert "share" not in line_warnings(line, fitted=False)[-1]
+
+
+def test_without_a_background_none_is_told() -> None:
+    lines = [line_of_sweep(sweep(0.0, seed)) for seed in range(60)]
+    assert sum(bool(line_warnings(line, fitted=False)) for line in lines) <= 1
+    seen = [line.background_p < 0.05 for line in lines if not math.isnan(line.background_p)]
+    assert len(seen) >= 55
+    assert np.mean(seen) < 0.12
+
+
+def test_correlated_noise_is_no_background() -> None:
+    told = 0
+    for seed in range(40):
+        clean = sweep(0.0, seed)
+        rough = NOISE * coloured(0.7, F.size, np.random.default_rng(seed))
+        line = line_of_sweep(replace(clean, amplitude_v=trace() + rough))
+        [said] = line_warnings(line, fitted=False)[:1]
+        assert said.startswith("Sweep by itself: the residuals are not noise")
+        told += len(line_warnings(line, fitted=False)) - 1
+    assert told <= 2
+
+
+def test_exact_data_raise_no_doubt() -> None:
+    line = line_of_sweep(sweep(0.0, 0, noise=0.0))
+    assert line.frequency_hz == pytest.approx(ETA, abs=1e-9)
+    assert line_warnings(line, fitted=False) == []
+    assert not any("hang together" in said for said in line_sentences(line))
+
+
+def test_a_fit_that_fails_is_told_beside_the_other() -> None:
+    line: SweepLine = line_of_sweep(sweep(0.0, 1))
+    failed = replace(line.fits[1], frequency_hz=math.nan, message="it ended nowhere")
+    broken = replace(line, fits=(line.fits[0], failed), background_p=math.nan)
+    assert line_warnings(broken, fitted=True) == []
+    assert line_sentences(broken)[-1] == (
+        "The same sweep with a complex background cannot be fitted (it ended nowhere)."
+    )

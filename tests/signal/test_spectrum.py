@@ -1,0 +1,172 @@
+"""Coherent windows and tone fits against tones of known amplitude."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitting.signal.spectrum import (
+    Band,
+    amplitude_spectrum,
+    common_period,
+    exact,
+    fit_tones,
+    plan_band,
+)
+from fitting.text.errors import BadInput
+
+PAIR = (6.94016e6, 6.94036e6)
+
+
+def test_common_period_of_the_published_pairs() -> None:
+    # 6940160 = 40 · 173504 and 6940360 = 40 · 173509
+    assert common_period(PAIR) == Fraction(1, 40)
+    assert common_period((6.94025e6, 6.94027e6)) == Fraction(1, 10)
+    assert common_period((0.1, 0.25)) == 20
+    assert common_period((3.0,)) == Fraction(1, 3)
+
+
+def test_published_pair_is_read_back_exactly() -> None:
+    band = plan_band(PAIR, longest_s=1.0)
+    assert band is not None
+    window, n = band.window_s, band.samples
+    # exact phases, so that only the transform is tested: k f T/N in whole numbers
+    turns = [[(j * exact(f) * window / n) % 1 for j in range(n)] for f in PAIR]
+    values = 3e-12 * np.cos(2 * math.pi * np.array(turns[0], dtype=float) + 0.3)
+    values += 7e-12 * np.sin(2 * math.pi * np.array(turns[1], dtype=float))
+    spectrum = amplitude_spectrum(values)
+    for tone, k, amplitude in zip(PAIR, band.bins(), (3e-12, 7e-12), strict=True):
+        assert spectrum[k] == pytest.approx(amplitude, rel=1e-13)
+        assert band.frequencies_hz()[k] == pytest.approx(tone, abs=1e-6)
+    rest = np.delete(spectrum, band.bins())
+    assert rest.max() < 1e-24
+
+
+@given(
+    st.lists(st.integers(1, 10**7), min_size=1, max_size=4, unique=True),
+    st.integers(0, 4),
+    st.one_of(st.none(), st.integers(16, 3000)),
+)
+@settings(max_examples=300, deadline=None)
+def test_tones_never_fold_onto_each_other(whole: list[int], places: int, n: int | None) -> None:
+    tones = [f / 10**places for f in whole]
+    try:
+        band = plan_band(tones, longest_s=1e9, samples=n)
+    except BadInput:
+        return
+    assert band is not None
+    bins = band.bins()
+    assert len(set(bins)) == len(tones)
+    assert all(0 < k < band.samples / 2 for k in bins)
+    frequencies = band.frequencies_hz()
+    for tone, k in zip(tones, bins, strict=True):
+        assert frequencies[k] == pytest.approx(tone, rel=1e-12)
+    assert (exact(max(tones)) * band.window_s).denominator == 1
+
+
+def test_band_refuses_edges_and_broken_periods() -> None:
+    with pytest.raises(BadInput, match="whole number"):
+        Band((3.0,), Fraction(1, 2), 64, 0)
+    with pytest.raises(BadInput, match="edge of the band"):
+        Band((32.0,), Fraction(1), 64, 0)  # half the sampling rate
+    with pytest.raises(BadInput, match="edge of the band"):
+        Band((64.0,), Fraction(1), 64, 2)  # seen as 0 Hz
+    with pytest.raises(BadInput, match="edge of the band"):
+        Band((10.0, 54.0), Fraction(1), 64, 0)  # seen on top of each other
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"tones_hz": (1.0, 1.0)}, "different positive"),
+        ({"tones_hz": (0.0, 1.0)}, "different positive"),
+        ({"tones_hz": (math.inf,)}, "different positive"),
+        ({"tones_hz": PAIR, "window_s": 0.03}, "1.2 common periods"),
+        ({"tones_hz": PAIR, "samples": 3}, "no sampling"),
+        ({"tones_hz": PAIR, "samples": 0}, "samples is 0"),
+        ({"tones_hz": (1.0, 1e7)}, "tones 1 Hz and 10000000 Hz: no sampling"),
+        ({"tones_hz": (1.0, 1e7)}, "differ by a factor of 10000000: is a unit missing"),
+    ],
+)
+def test_impossible_windows_are_refused(arguments: dict[str, object], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        plan_band(**{"longest_s": 100.0, **arguments})  # type: ignore[arg-type]
+
+
+@given(st.integers(200, 400), st.integers(1, 20), st.integers(200, 400))
+@settings(max_examples=60, deadline=None)
+def test_a_nonlinear_response_has_lines_at_combinations_only(first: int, gap: int, n: int) -> None:
+    try:
+        band = plan_band((first, first + gap), longest_s=10.0, window_s=1.0, samples=n)
+    except BadInput:
+        return
+    assert band is not None
+    turns = np.outer((first, first + gap), np.arange(n)) % n / n  # whole numbers: exact
+    x = np.cos(2 * np.pi * turns).sum(axis=0)
+    lines = amplitude_spectrum(x + x**2 / 3 + x**3 / 7)
+    seen = set(np.flatnonzero(lines > 1e-12).tolist())
+    combined = set(band.combination_bins())
+    assert seen <= combined | set(band.bins())
+    assert not combined & set(band.bins())
+
+
+def test_combinations_are_a_part_of_the_band_only() -> None:
+    """Between and beside the published pair, 200 Hz apart; else a free oscillation is not seen."""
+    band = plan_band(PAIR, longest_s=1.0)
+    assert band is not None
+    seen = band.frequencies_hz()[list(band.combination_bins())]
+    beside = np.array([PAIR[0] + 200 * k for k in range(-8, 10) if k not in (0, 1)])
+    assert all(np.abs(seen - f).min() < 1e-6 for f in beside)
+    assert len(seen) < 0.6 * band.samples / 2
+
+
+def test_no_common_period_of_reasonable_length() -> None:
+    assert plan_band((1.0, 1.0000001), longest_s=100.0) is None
+
+
+@pytest.mark.parametrize("n", [64, 65])
+def test_mean_and_half_the_rate_are_not_doubled(n: int) -> None:
+    j = np.arange(n)
+    values = 2.5 + 1.5 * np.cos(2 * np.pi * 5 * j / n) + (0.5 * (-1.0) ** j if n % 2 == 0 else 0)
+    spectrum = amplitude_spectrum(values)
+    assert spectrum[0] == pytest.approx(2.5, rel=1e-14)
+    assert spectrum[5] == pytest.approx(1.5, rel=1e-13)
+    if n % 2 == 0:
+        assert spectrum[-1] == pytest.approx(0.5, rel=1e-13)
+
+
+def test_fit_of_incommensurable_tones() -> None:
+    tones = (math.pi, math.e)
+    times = np.linspace(0, 17.3, 200)
+    values = np.stack(
+        [
+            1.0 + 2.0 * np.cos(2 * np.pi * tones[0] * times) + np.sin(2 * np.pi * tones[1] * times),
+            3.0 * np.sin(2 * np.pi * tones[1] * times + 0.2),
+        ],
+        axis=1,
+    )
+    values[7, 1] += 1e-3
+    peaks, rest = fit_tones(tones, times, values)
+    np.testing.assert_allclose(peaks, [[2.0, 0.0], [1.0, 3.0]], atol=1e-4)
+    np.testing.assert_allclose(peaks[:, 0], [2.0, 1.0], rtol=1e-12)
+    assert np.argmax(np.abs(rest[:, 1])) == 7
+    with pytest.raises(BadInput, match="tell them apart"):
+        fit_tones((1.0, 1.0001), np.linspace(0, 1, 50), np.zeros((50, 1)))
+
+
+@pytest.mark.parametrize("first", range(1_000_000, 8_000_000, 237_137))
+def test_harmonics_and_mixtures_stay_off_the_tones(first: int) -> None:
+    """(cos a + cos b)^3 has lines of 9/4 at either tone; 3 f1 or 2 f1 + f2 would add 1/4 or 3/4."""
+    for gap in (1, 2, 10, 20, 200, 1000):
+        band = plan_band((float(first), float(first + gap)), longest_s=100.0)
+        assert band is not None
+        j = np.arange(band.samples)
+        whole = [int(Fraction(tone) * band.window_s) for tone in (first, first + gap)]
+        a, b = (np.cos(2.0 * np.pi * (k * j % band.samples) / band.samples) for k in whole)
+        peaks = amplitude_spectrum(((a + b) ** 3)[:, np.newaxis])[list(band.bins()), 0]
+        assert peaks == pytest.approx([2.25, 2.25], abs=1e-9)

@@ -1,0 +1,150 @@
+"""Experiments that observe another output, values of one experiment alone, shared runs.
+
+Truth: the closed form of the two modes in `tests.closed_form`, and counting by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.parameters import Parameter
+from fitting.fit.job import measured_of
+from fitting.fit.objective import evaluate_many, make_objective, stencil
+from fitting.fmu import FmuWorkers, read_description
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import plan_campaign
+from fitting.text.errors import BadInput
+from tests.support import closed_form
+
+ROOT = Path(__file__).parents[2]
+P = np.array([1.9498, 120.0, 90.0])
+ROWS = """\
+experiment,u1 (MHz),u2 (MHz),output,eta_plus (MHz),eta_minus (MHz),p1 (uV),p2 (uV)
+own,6.94016,6.94036,q1_hybrid,6.94021,7.02755,27.4,11.9
+cross,6.94016,6.94036,q2_hybrid,6.94021,7.02755,0.02,0.02
+again,6.94018,6.94034,q1_hybrid,6.94024,7.02758,25.0,16.8
+"""
+
+
+def campaign(folder: Path, fmu: Path, rows: str = ROWS) -> BoundCampaign:
+    """The shipped campaign with ready peaks and eigenfrequencies of their own in a table."""
+    text = (ROOT / "data/string_q1/campaign.toml").read_text()
+    head, rest = text.split("[drift]", 1)
+    rest = rest[rest.index("[sweep]") :]
+    head = head.replace('spectra = "spectra/{experiment}.csv"', 'peaks = ["p1", "p2"]')
+    (folder / "campaign.toml").write_text(head.replace('layout = "csv"\n', "") + rest)
+    (folder / "experiments.csv").write_text(rows)
+    (folder / "sweep.csv").write_text((ROOT / "data/string_q1/sweep.csv").read_text())
+    return bind(read_campaign(folder / "campaign.toml"), read_description(fmu).variables)
+
+
+def offset(label: str, *further: str) -> Parameter:
+    return Parameter(
+        f"offset[{label}]",
+        "Hz",
+        -90.0,
+        90.0,
+        0.0,
+        0.0,
+        30.0,
+        experiment=label,
+        further=further,
+        adds_to=("eta_plus", "eta_minus"),
+        prior_sigma=30.0,
+    )
+
+
+def expected(shifts: tuple[float, float, float]) -> np.ndarray:
+    d = closed_form.damping(1.9498, 120.0, 90.0, False)
+    rows = ((0, 6940160.0, 6940360.0), (1, 6940160.0, 6940360.0), (0, 6940180.0, 6940340.0))
+    etas = ((6940210.0, 7027550.0), (6940210.0, 7027550.0), (6940240.0, 7027580.0))
+    found = [
+        closed_form.amplitude(tones, (plus + shift, minus + shift), d, mode)
+        for (mode, *tones), (plus, minus), shift in zip(rows, etas, shifts, strict=True)
+    ]
+    return np.concatenate(found)
+
+
+def test_the_other_mode_is_observed_in_the_same_run(oscillator_fmu: Path, tmp_path: Path) -> None:
+    bound = campaign(tmp_path, oscillator_fmu)
+    assert [e.output for e in bound.experiments] == ["q1_hybrid", "q2_hybrid", "q1_hybrid"]
+    alone = replace(bound, sweep=None)
+    plan = plan_campaign(alone)
+    with FmuWorkers(oscillator_fmu, workers=1) as workers:
+        response = FmuResponse(alone, workers, plan, {"reflection": False})
+        answer = response.evaluate_many([P])[0]
+        misfit = response.misfit(P)
+    assert answer.peaks == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
+    assert answer.runs == 2
+    assert misfit < 1e-8
+
+
+def test_values_of_one_experiment_cost_one_run_each(oscillator_fmu: Path, tmp_path: Path) -> None:
+    bound = campaign(tmp_path, oscillator_fmu)
+    shared = (offset("own", "cross"), offset("again"))
+    bound = replace(bound, parameters=(*bound.parameters, *shared))
+    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+        response = FmuResponse(bound, workers, plan_campaign(bound), {"reflection": False})
+        p = np.array([*P, 7.0, -3.0])
+        one = response.evaluate_many([p])[0]
+        assert one.peaks == pytest.approx(expected((7.0, 7.0, -3.0)), rel=1e-8)
+        plain = replace(response, bound=replace(bound, parameters=bound.parameters[:3]))
+        swept = plain.evaluate_many([P])[0]
+        assert one.sweep_maximum == swept.sweep_maximum  # offsets leave the sweep alone
+        objective = make_objective(response, bound.parameters, measured_of(bound))
+        x = np.array([0.0, 0.1, 0.1, 0.2, 0.3])
+        points = evaluate_many(objective, stencil(objective, x))
+    # the last two variables are of one experiment: both steps, both middles, one sweep of 5 points
+    assert sum(point.runs for point in points[6:]) == 4 + 2 + 5
+    assert all(point.runs == 7 for point in points[:6])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ("q2_hybrid", "q3_hybrid", "no variable 'q3_hybrid'"),
+        ("q2_hybrid", "lambda", "wanted one unit"),
+        ("q2_hybrid", "theta", ""),
+    ],
+)
+def test_an_output_that_cannot_be_compared_is_refused(
+    oscillator_fmu: Path, tmp_path: Path, old: str, new: str, found: str
+) -> None:
+    with pytest.raises(BadInput, match=r"experiments.csv: row 3, column 'output'.*" + found):
+        campaign(tmp_path, oscillator_fmu, ROWS.replace(old, new))
+
+
+def test_a_parameter_may_have_a_value_in_every_experiment(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """The gain of the drive on mode 1, one per experiment: its peaks follow it, no other does."""
+    bound = campaign(tmp_path, oscillator_fmu)
+    text = (tmp_path / "campaign.toml").read_text()
+    more = (
+        '\n[[parameters]]\nname = "g1"\nscope = "experiment"\nlower = 0.5\nupper = 2.0\n'
+        "start = 1.0\nprior = 0.1\n"
+    )
+    (tmp_path / "campaign.toml").write_text(text + more)
+    path = tmp_path / "campaign.toml"
+    bound = bind(read_campaign(path), read_description(oscillator_fmu).variables)
+    assert [p.name for p in bound.parameters[3:]] == ["g1[own]", "g1[cross]", "g1[again]"]
+    assert {p.prior_sigma for p in bound.parameters[3:]} == {0.1}
+    with FmuWorkers(oscillator_fmu, workers=1) as workers:
+        response = FmuResponse(bound, workers, plan_campaign(bound), {"reflection": False})
+        plain, moved = response.evaluate_many(
+            [np.array([*P, 1.0, 1.0, 1.0]), np.array([*P, 1.0, 1.0, 1.5])]
+        )
+    assert plain.peaks == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
+    assert moved.peaks[:4] == pytest.approx(plain.peaks[:4], rel=1e-12)
+    # mode 1 is driven 1.5 times as hard; what mode 2 lends it is 1e-3 of that
+    assert moved.peaks[4:] == pytest.approx(1.5 * plain.peaks[4:], rel=2e-3)
+    assert moved.sweep_maximum == plain.sweep_maximum
+    twice = more.replace('scope = "experiment"', 'scope = "campaign"')
+    path.write_text(text + more + twice)
+    with pytest.raises(BadInput, match="'g1'"):
+        bind(read_campaign(path), read_description(oscillator_fmu).variables)

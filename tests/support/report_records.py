@@ -1,0 +1,325 @@
+"""Small results and campaigns with hand-picked numbers, for the tests of figures and report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fitting.campaign import (
+    BoundCampaign,
+    ContinuationSettings,
+    Drive,
+    Experiment,
+    Spectrum,
+    Sweep,
+)
+from fitting.campaign.parameters import Parameter
+from fitting.fit.result import (
+    AlternativeResult,
+    Cost,
+    DerivedResult,
+    Deviations,
+    DeviationSet,
+    HistoryRow,
+    ParameterResult,
+    Peak,
+    Provenance,
+    Result,
+    Scale,
+    StartResult,
+    SweepCurves,
+    SweepLine,
+)
+
+#: Drive pairs of the paper's first series, Hz, and peak amplitudes of the size it reports.
+PAIRS_HZ = (
+    (6940160.0, 6940360.0),
+    (6940180.0, 6940340.0),
+    (6940200.0, 6940320.0),
+    (6940240.0, 6940280.0),
+    (6940250.0, 6940270.0),
+)
+SIGMA_V = 0.2e-6
+SWEEP_HZ = np.linspace(6939960.0, 6940560.0, 41)
+WIDTH_HZ, ETA_HZ, TOP_V = 94.0, 6940260.0, 40e-6
+
+
+def lorentzian_v(f_hz: np.ndarray) -> np.ndarray:
+    """Amplitude of a damped mode near its resonance: TOP/sqrt(1 + (2 (f - eta)/width)^2)."""
+    result: np.ndarray = TOP_V / np.sqrt(1.0 + (2.0 * (f_hz - ETA_HZ) / WIDTH_HZ) ** 2)
+    return result
+
+
+def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) -> Experiment:
+    """An experiment whose peaks lie on the Lorentzian, with a spectrum that shows them."""
+    peaks = lorentzian_v(np.array(tones_hz))
+    trace = None
+    if spectrum:
+        f = np.arange(min(tones_hz) - 150.0, max(tones_hz) + 151.0)
+        a = 0.25e-6 * (1.0 + 0.5 * np.sin(0.7 * np.arange(f.size)))
+        for tone, peak in zip(tones_hz, peaks, strict=True):
+            a[int(np.argmin(np.abs(f - tone)))] = peak
+        trace = Spectrum(f, a, Path(f"{label}.csv"))
+    sigmas = np.full(len(peaks), SIGMA_V)
+    return Experiment(label, {}, tuple(tones_hz), peaks, sigmas, 0.25e-6, trace)
+
+
+def campaign(
+    experiments: Sequence[Experiment] | None = None,
+    *,
+    title: str = "A string",
+    synthetic: bool = True,
+    drifting: dict[str, tuple[float, float]] | None = None,
+    sweep: bool = True,
+    unit: str = "V",
+) -> BoundCampaign:
+    """A bound campaign of two-tone experiments; the paper's pairs unless others are given."""
+    if experiments is None:
+        experiments = [experiment(f"pair{m + 1}", pair) for m, pair in enumerate(PAIRS_HZ)]
+    swept = Sweep(
+        SWEEP_HZ,
+        lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0))),
+        None,
+        {"eta_plus": ETA_HZ},
+        "scale" if experiments else "fit",
+        "maximum",
+        Path("sweep.csv"),
+        unit=unit,
+    )
+    return BoundCampaign(
+        title=title,
+        path=Path("campaign.toml"),
+        synthetic=synthetic,
+        timeout_s=60.0,
+        start_values={"periodic_start": True},
+        output="q1_hybrid",
+        steady_start=True,
+        line_width_hz=None,
+        drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+        experiments=tuple(experiments),
+        sweep=swept if sweep else None,
+        parameters=(
+            Parameter("theta", "rad", -6.3, 6.3, 0.0, 1.9635, 1.0, period=math.pi),
+            Parameter("d1", "Hz", 1.0, 1000.0, 94.0, 94.0, 100.0),
+        ),
+        derived=("lambda", "D11"),
+        alternatives=({"reflection": False}, {"reflection": True}),
+        continuation=ContinuationSettings(),
+        accuracy=1e-6,
+        amplitude_unit=unit,
+        drifting={"eta_plus": (6940210.0, 6940310.0), "temperature": (300.0, 301.0)}
+        if drifting is None
+        else drifting,
+        notes=("A note of the binding.",),
+        files=(Path("campaign.toml"),),
+    )
+
+
+def deviation_set(bound: BoundCampaign, values: Sequence[float]) -> DeviationSet:
+    """Deviations per peak with their means, as the paper defines them."""
+    counts = [len(e.tones_hz) for e in bound.experiments]
+    groups = np.split(np.array(values), np.cumsum(counts)[:-1]) if counts else [np.array(values)]
+    return DeviationSet(
+        tuple(values), tuple(float(np.mean(g)) for g in groups), float(np.mean(values))
+    )
+
+
+def result_for(
+    bound: BoundCampaign,
+    *,
+    initial: Sequence[float] | None = None,
+    final: Sequence[float] | None = None,
+) -> Result:
+    """A result for a campaign; ``initial``, ``final`` are signed relative errors per peak."""
+    peaks = [
+        (e.label, f, float(v), float(s))
+        for e in bound.experiments
+        for f, v, s in zip(e.tones_hz, e.peaks_v, e.sigmas_v, strict=True)
+    ]
+    count = len(peaks) or 41
+    first = [0.3 + 0.01 * k for k in range(count)] if initial is None else list(initial)
+    last = [0.01 * (-1) ** k for k in range(count)] if final is None else list(final)
+    rows = tuple(
+        Peak(label, f, v, s, v * (1.0 + a), v * (1.0 + b))
+        for (label, f, v, s), a, b in zip(peaks, first, last, strict=False)
+    )
+    before = deviation_set(bound, [abs(a) for a in first])
+    after = deviation_set(bound, [abs(b) for b in last])
+    n = max(1, len(bound.experiments))
+    swept = tuple(map(float, lorentzian_v(SWEEP_HZ)))
+    return Result(
+        title=bound.title,
+        synthetic=bound.synthetic,
+        status="converged",
+        message="All 3 levels were done.",
+        parameters=parameters(),
+        derived=derived(n),
+        alternative={"reflection": False},
+        deviations=Deviations(before, after, 100.0 * (1.0 - after.mean / before.mean)),
+        j_fit=float(sum(after.per_peak)),
+        j_reg=1.5e-9,
+        optimality=1e-9,
+        scale=Scale("maximum", 1.03e6, 1.04e6, 2e-8, TOP_V, 1e-3, 5e-4),
+        peaks=rows,
+        sweep=SweepCurves(tuple(map(float, SWEEP_HZ)), swept, tuple(0.9 * v for v in swept), swept)
+        if bound.sweep is not None
+        else None,
+        history=history(),
+        alternatives=alternatives(),
+        correlation=((1.0, -0.988), (-0.988, 1.0)),
+        evaluations=Cost(120, 14, 1200),
+        seconds=3.25,
+        warnings=("theta is not determined.", "A second warning with < and & in it."),
+        provenance=provenance(),
+        line=SweepLine(
+            ETA_HZ,
+            0.11,
+            WIDTH_HZ,
+            0.24,
+            73832.6,
+            190.0,
+            TOP_V,
+            5e-8,
+            "V",
+            4.3e-3,
+            "none",
+            "done",
+            {"frequency_hz": 6940261.5, "q": 70000.0},
+            {},
+        ),
+    )
+
+
+def parameters() -> dict[str, ParameterResult]:
+    """One parameter that the data do not determine, one that they do."""
+    return {
+        "theta": ParameterResult(
+            1.964226760285730,
+            "rad",
+            3.6,
+            (0.0, 3.14159),
+            1.9635,
+            0.0,
+            -6.3,
+            6.3,
+            8e-8,
+            "not determined",
+        ),
+        "d1": ParameterResult(
+            93.42457642728192,
+            "Hz",
+            0.24,
+            (92.95, 93.89),
+            94.0,
+            94.0,
+            1.0,
+            1000.0,
+            0.98,
+            "determined",
+        ),
+    }
+
+
+def derived(experiments: int) -> dict[str, DerivedResult]:
+    """The same for derived outputs: a drifting one not determined, a constant one determined."""
+    drift = tuple(657227.49 + 1.1 * m for m in range(experiments))
+    mean = float(np.mean(drift))
+    return {
+        "lambda": DerivedResult(
+            mean,
+            "Hz",
+            drift,
+            mean,
+            1.74,
+            2.5,
+            (mean - 5.0, mean + 5.0),
+            656749.9,
+            8e-8,
+            "not determined",
+            (63313.9, 780999.0),
+        ),
+        "D11": DerivedResult(
+            599.134,
+            "1/s",
+            (599.134,) * experiments,
+            599.134,
+            0.0,
+            1.9,
+            (595.4, 602.8),
+            622.96,
+            1.0,
+            "determined",
+            (131.6, 6076.9),
+        ),
+    }
+
+
+def history() -> tuple[HistoryRow, ...]:
+    """Start and three levels."""
+    rows = [
+        (-1, math.nan, 0.0, 94.0, math.nan, 591.7, 3.4, math.nan, "start"),
+        (0, 0.1, 1.9641, 93.5, 657200.0, 599.3, 0.27, 9.6e-5, "optimal"),
+        (1, 0.01, 1.9642, 93.43, 657229.0, 599.14, 0.264, 9.6e-6, "optimal"),
+        (2, 0.001, 1.96422676, 93.424576, 657229.7, 599.134, 0.2637, 9.6e-7, "optimal"),
+    ]
+    return tuple(
+        HistoryRow(
+            level,
+            nu,
+            {"theta": t, "d1": d},
+            {"lambda": lam, "D11": d11},
+            fit,
+            reg,
+            1.2,
+            1e-6,
+            status,
+            "as good as it gets",
+            5,
+            40,
+            0.8,
+        )
+        for level, nu, t, d, lam, d11, fit, reg, status in rows
+    )
+
+
+def alternatives() -> tuple[AlternativeResult, ...]:
+    """Two that the data do not tell apart."""
+    at = {"theta": 1.9642, "d1": 93.42}
+    start = StartResult({"theta": 0.0, "d1": 94.0}, at, 0.2637, 1e-9, 3, None, "levels done", True)
+    out = {"lambda": 657229.7, "D11": 599.1}
+    return tuple(
+        AlternativeResult(
+            {"reflection": form},
+            at,
+            out,
+            0.2637,
+            1e-9,
+            "optimal",
+            "done",
+            reported=not form,
+            equal_to_best=True,
+            starts=(start,),
+        )
+        for form in (False, True)
+    )
+
+
+def provenance() -> Provenance:
+    """Names and hashes that cannot be mistaken for others."""
+    return Provenance(
+        fmu_name="CoupledOscillator",
+        fmu_file="CoupledOscillator.fmu",
+        fmu_guid="{guid-of-fmu}",
+        fmu_sha256="f" * 64,
+        campaign="campaign.toml",
+        files={"campaign.toml": "a" * 64},
+        versions={"numpy": "9.9.9"},
+        command="fmu-fit reconstruct campaign.toml",
+        seed=1,
+        settings={"nu_start": 0.1, "misfit": "slack"},
+        plan=("The FMU starts on its periodic orbit.", "Windows hold whole periods."),
+        finished="2026-01-02T03:04:05+00:00",
+    )

@@ -1,0 +1,135 @@
+"""How numbers and names are written: read back by plain rules, they say what they were."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fitting.text import notation
+
+SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def read(text: str) -> float:
+    """A written number, read by the rules of typography."""
+    plain = text.replace("\u00a0", "").replace("−", "-")
+    match = re.fullmatch(r"(?:(-?[\d.]+)×)?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", plain)
+    if match:
+        return float(match[1] or 1) * 10.0 ** int(match[2].translate(SUPERSCRIPTS))
+    return float(plain)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("theta", ("θ", "")),
+        ("lambda", ("λ", "")),
+        ("eta_plus", ("η", "+")),
+        ("D11", ("D", "11")),
+        ("Omega_c", ("Ω", "c")),
+        ("m", ("m", "")),
+        ("mass", None),
+        ("q1_hybrid", None),
+        ("body.k", None),
+        ("", None),
+    ],
+)
+def test_only_letters_with_an_index_become_symbols(
+    name: str, expected: tuple[str, str] | None
+) -> None:
+    assert notation.symbol(name) == expected
+
+
+def test_every_greek_letter_is_known() -> None:
+    letters = (
+        "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho "
+        "sigma tau upsilon phi chi psi omega"
+    )
+    written = "".join((notation.symbol(name) or "?")[0] for name in letters.split())
+    assert written == "αβγδεζηθικλμνξοπρστυφχψω"
+
+
+def test_names_cannot_break_out_of_markup() -> None:
+    assert notation.markup("<b>&") == "<code>&lt;b&gt;&amp;</code>"
+    assert notation.mathtext("cost$") == r"cost\$"
+
+
+@given(st.floats(-1e300, 1e300), st.integers(1, 12))
+def test_a_number_reads_back_to_its_digits(value: float, digits: int) -> None:
+    back = read(notation.number(value, digits))
+    assert back == pytest.approx(value, rel=0.51 * 10.0 ** (1 - digits), abs=1e-300)
+
+
+def test_numbers_without_a_value_are_no_numbers() -> None:
+    assert [notation.number(v) for v in (math.nan, math.inf, -math.inf)] == ["–", "∞", "−∞"]
+
+
+@given(st.floats(-1e9, 1e9), st.floats(1e-9, 1e5))
+def test_value_and_error_are_rounded_alike(value: float, error: float) -> None:
+    shown, _, wrong = notation.with_error(value, error, "Hz").removesuffix("Hz").partition("±")
+    assert abs(read(shown) - value) <= 0.0501 * error + 1e-8 * abs(value)
+    assert read(wrong) == pytest.approx(error, rel=0.06)
+
+
+def test_published_style_of_errors() -> None:
+    assert notation.with_error(1.94976, 0.0123, "rad").split() == ["1.950", "±", "0.012", "rad"]
+    assert notation.with_error(73690.4, 187.0).split() == ["73690", "±", "190"]
+    assert notation.quantity(6940210.11, 0.113, "Hz").split() == ["6940210.11", "±", "0.11", "Hz"]
+    assert notation.quantity(647412.3, 187.0, "Hz").split() == ["647.41", "±", "0.19", "kHz"]
+
+
+def test_close_values_are_drawn_from_a_named_one() -> None:
+    tones = [6940160.0, 6940360.0, 6940250.0]
+    scaling = notation.scaling_for(tones, "Hz")
+    assert scaling.label("f") == "f − 6.94026 MHz (Hz)"
+    assert [scaling(tone) for tone in tones] == [-100.0, 100.0, -10.0]
+
+
+@given(
+    st.lists(st.floats(-1e12, 1e12), min_size=1, max_size=8),
+    st.sampled_from(["Hz", "rad", "1/s", "", "V"]),
+)
+def test_what_is_drawn_is_what_was_given(values: list[float], unit: str) -> None:
+    scaling = notation.scaling_for(values, unit)
+    size = max(abs(v) for v in values)
+    for value in values:
+        back = scaling(value) * scaling.factor + scaling.offset
+        assert back == pytest.approx(value, rel=1e-12, abs=1e-12 * size)
+
+
+@given(st.floats(-1e8, 1e8), st.floats(1e-6, 1e5))
+def test_the_named_origin_is_the_offset(middle: float, width: float) -> None:
+    values = [middle, middle + width]
+    scaling = notation.scaling_for(values, "rad")
+    if scaling.origin:
+        number, _, unit = scaling.origin.partition(" ")
+        factor = {"rad": 1.0, "mrad": 1e-3, "µrad": 1e-6, "nrad": 1e-9}[unit]
+        assert read(number) * factor == pytest.approx(scaling.offset, rel=1e-12, abs=1e-300)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "shown"),
+    [
+        (7e6, "Hz", "MHz"),
+        (3e-5, "V", "µV"),
+        (1.5e-9, "m", "nm"),
+        (591.0, "1/s", "1/s"),
+        (7200.0, "s", "s"),
+        (6.3, "rad", "rad"),
+        (2e-8, "1/s", "10⁻⁹ 1/s"),
+        (5.0, "1", ""),
+    ],
+)
+def test_prefixes(value: float, unit: str, shown: str) -> None:
+    factor, text = notation.prefixed(value, unit)
+    assert text == shown
+    assert 0.999 <= value / factor < 1e4
+
+
+def test_ticks_of_a_logarithmic_axis() -> None:
+    ticks = [notation.on_log_axis(v) for v in (1e-9, 0.1, 1.0, 100.0, 1e4, 3e-4)]
+    assert ticks == ["10⁻⁹", "0.1", "1", "100", "10⁴", "3·10⁻⁴"]

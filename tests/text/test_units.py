@@ -1,0 +1,107 @@
+"""Quantities as people and FMUs write them; truth is decimal arithmetic and the SI brochure."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitting.text.errors import BadInput
+from fitting.text.units import convert, parse_quantity, same_kind
+
+W = "campaign.toml, key fmu.start.u1"
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "unit"),
+    [
+        ("6.94016 MHz", 6.94016, "MHz"),
+        ("6.94016MHz", 6.94016, "MHz"),
+        ("  -3e-6 V ", -3e-6, "V"),
+        ("1.9498", 1.9498, None),
+        (".5 rad", 0.5, "rad"),
+        ("2. kg.m2", 2.0, "kg.m2"),
+    ],
+)
+def test_written_quantity_is_split(text: str, value: float, unit: str | None) -> None:
+    assert parse_quantity(text, where=W) == (value, unit)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "MHz", "6,94016 MHz", "1e999 Hz", "nan Hz", "inf", "6.9 zorg", "3 __import__", "--3"],
+)
+def test_nonsense_is_refused_with_place_and_finding(text: str) -> None:
+    with pytest.raises(BadInput) as complaint:
+        parse_quantity(text, where=W)
+    assert str(complaint.value).startswith(W)
+    assert repr(text) in str(complaint.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "wanted", "truth"),
+    [
+        (6.94016, "MHz", "Hz", 6940160.0),
+        (6.94036, "MHz", "Hz", 6940360.0),
+        (7.0275, "MHz", "Hz", 7027500.0),
+        (180, "deg", "rad", math.pi),
+        (60, "rpm", "rad/s", 2 * math.pi),
+        (1, "kg.m2", "g.cm2", 1e7),
+        (9.81, "m/s2", "mm/s2", 9810.0),
+        (2, "N/m", "kg/s2", 2.0),
+        (20, "degC", "K", 293.15),
+        (0.3, "µV", "V", 3e-7),
+        (0.3, "uV", None, 3e-7),
+        (2, "Ohm", "kOhm", 0.002),
+        (5, "%", "1", 0.05),
+        (5, "-", "1", 5.0),
+    ],
+)
+def test_conversion(value: float, unit: str, wanted: str | None, truth: float) -> None:
+    assert convert(value, unit, wanted, where=W) == truth
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted"),
+    [
+        ("Hz", "V"),
+        ("s", "Hz"),
+        ("Hz", "rad/s"),  # a factor of 2π that dimensions alone do not show
+        ("rad/s", "Hz"),
+        ("N.m", "N.m/rad"),
+        ("zorg", "Hz"),
+        ("Hz", "zorg"),
+        ("dBm", "W"),
+    ],
+)
+def test_units_that_do_not_fit_are_refused(unit: str, wanted: str) -> None:
+    with pytest.raises(BadInput, match=unit):
+        convert(1.0, unit, wanted, where=W)
+    assert not same_kind(unit, wanted)
+
+
+def test_private_unit_of_an_fmu_is_taken_as_it_is() -> None:
+    assert convert(3.5, "zorg/frob", "zorg/frob", where=W) == 3.5
+
+
+@given(st.decimals(-(10**6), 10**6, places=9, allow_nan=False))
+@settings(max_examples=200, deadline=None)
+def test_decimal_prefixes_round_once(value: Decimal) -> None:
+    number = float(value)
+    exact = Decimal(repr(number))
+    assert convert(number, "MHz", "Hz", where=W) == float(exact * 10**6)
+    assert convert(number, "mHz", "Hz", where=W) == float(exact / 1000)
+
+
+@given(st.text(max_size=30))
+@settings(max_examples=150, deadline=None)
+def test_any_text_is_a_quantity_or_bad_input(text: str) -> None:
+    try:
+        value, unit = parse_quantity(text, where=W)
+    except BadInput:
+        return
+    assert math.isfinite(value)
+    assert unit is None or convert(1.0, unit, unit, where=W) == 1.0
