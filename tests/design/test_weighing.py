@@ -172,7 +172,7 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     bound: BoundCampaign, workers: FmuWorkers, limits: Limits
 ) -> None:
     """With the q2 series beside, one mode at the other's resonance settles it."""
-    path = Q1.parents[2] / "string_q2" / "campaign.toml"
+    path = Q1.parents[1] / "string_q2" / "campaign.toml"
     other = bind(read_campaign(path), workers.description.variables)
     question = Question("lambda", start=(bound.alternatives[0], TRUTH))
     one = replace(bound, alternatives=bound.alternatives[:1])
@@ -233,7 +233,7 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
 
     The other mode is not driven there and answers nothing: it is not proposed.
     """
-    path = Q1.parents[2] / "afm_sensor" / "campaign.toml"
+    path = Q1.parents[1] / "afm_sensor" / "campaign.toml"
     variables = workers.description.variables
     bound = bind(read_campaign(path), variables)
     limits = limits_of(bound, variables, Section(path, "design", {"levels": [1]}, KEYS))
