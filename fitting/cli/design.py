@@ -23,9 +23,9 @@ from fitting.design.limits import design_section, limits_of
 from fitting.design.proposal import propose
 from fitting.design.result import Design, design_csv, write_design
 from fitting.design.weighing import Question, weigh
-from fitting.fit.fmu_job import provide_fmu
 from fitting.fit.result import Result, read_result
 from fitting.fmu import FmuWorkers
+from fitting.fmu.models import provide_fmu
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.notation import hertz, number, prefixed

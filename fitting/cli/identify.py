@@ -8,9 +8,9 @@ from pathlib import Path
 
 from fitting.campaign import bind, read_campaign
 from fitting.cli.options import default_workers, whole_number
-from fitting.fit.fmu_job import provide_fmu
 from fitting.fit.result import read_result
 from fitting.fmu import FmuWorkers
+from fitting.fmu.models import provide_fmu
 from fitting.inference.identification import Question, identify
 from fitting.inference.inference import BUDGET
 from fitting.inference.knowledge import Identification

@@ -18,7 +18,7 @@ from fitting.campaign.joint import join_campaigns
 from fitting.cli.options import default_workers, relative_accuracy, whole_number
 from fitting.fit import checkpoint
 from fitting.fit.evaluator import MISFITS
-from fitting.fit.fmu_job import identify_fmu, provide_fmu, reconstruct_through
+from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.job import Options, job_of, options_of
 from fitting.fit.reconstruction import Hooks, Progress
 from fitting.fit.result import (
@@ -31,6 +31,7 @@ from fitting.fit.result import (
 )
 from fitting.fit.sweep_line import line_sentences
 from fitting.fmu import FmuWorkers
+from fitting.fmu.models import provide_fmu
 from fitting.inference import inference
 from fitting.inference.external import check_external, with_external
 from fitting.report.plan import plan_line

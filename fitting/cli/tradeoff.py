@@ -16,8 +16,8 @@ import fitting
 from fitting.campaign import bind, read_campaign
 from fitting.cli.options import whole_number
 from fitting.cli.progress import status_line
-from fitting.fit.fmu_job import provide_fmu
 from fitting.fmu import FmuDescription, FmuWorkers
+from fitting.fmu.models import provide_fmu
 from fitting.lab.tradeoff import memory as memories
 from fitting.lab.tradeoff.campaign import scene_of_campaign
 from fitting.lab.tradeoff.records import QUANTITIES, Study

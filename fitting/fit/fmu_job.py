@@ -1,19 +1,15 @@
-"""A reconstruction through an FMU: the campaign's FMU found or built, driven, and told of."""
+"""A reconstruction through an FMU: the campaign's FMU driven, and told of."""
 
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-import fitting
-from fitting.campaign import BoundCampaign, FmuChoice
+from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import columns_of, series_names
 from fitting.campaign.parameters import starts
 from fitting.fit.job import Identity, Options
@@ -29,36 +25,9 @@ from fitting.text.errors import BadInput, FmuFailure
 
 FloatArray = npt.NDArray[np.float64]
 
-BUILDER = "build_fmu.py"
 #: Kinds of warnings that a note tells of.
 MOST_KINDS = 3
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-
-
-def provide_fmu(choice: FmuChoice, cache: Path) -> Path:
-    """Path of the campaign's FMU: the file it names, or the model it names, built into `cache`.
-
-    The build is reproducible and takes a second, so it is made anew every time: what is driven is
-    what the sources say.
-
-    Raises:
-        BadInput: no builder beside the installed package, or the builder's own complaint.
-    """
-    if choice.file is not None:
-        return choice.file
-    builder = Path(fitting.__file__).resolve().parent.parent / BUILDER
-    if not builder.is_file():
-        raise BadInput(
-            f"[fmu] model = {choice.model!r} is built by {builder}, which is not there; wanted a "
-            "checkout of the project (pip install -e .), or [fmu] file = an FMU"
-        )
-    command = [sys.executable, str(builder), "--model", str(choice.model), "--out", str(cache)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
-    lines = built.stdout.strip().splitlines()
-    if built.returncode != 0 or not lines:
-        said = built.stderr.strip().splitlines() or ["no message"]
-        raise BadInput(f"[fmu] model = {choice.model!r} could not be built: {said[-1]}")
-    return Path(lines[-1])
 
 
 def identify_fmu(description: FmuDescription, command: str) -> Identity:

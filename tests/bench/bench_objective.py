@@ -36,10 +36,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import starts, to_search
-from fitting.fit.fmu_job import provide_fmu
 from fitting.fit.job import measured_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective, stencil
 from fitting.fmu import FmuWorkers, Run, read_hints
+from fitting.fmu.models import provide_fmu
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign

@@ -1,0 +1,51 @@
+"""The models that this project ships: which FMU a campaign means, built where it names a model."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Protocol
+
+import fitting
+from fitting.text.errors import BadInput
+
+BUILDER = "build_fmu.py"
+
+
+class FmuSource(Protocol):
+    """An FMU as a campaign names it: a file, or else a model of this project."""
+
+    @property
+    def model(self) -> str | None:
+        """Name of a model that is built on demand."""
+
+    @property
+    def file(self) -> Path | None:
+        """Path of an FMU file."""
+
+
+def provide_fmu(source: FmuSource, cache: Path) -> Path:
+    """Path of the campaign's FMU: the file it names, or the model it names, built into `cache`.
+
+    The build is reproducible and takes a second, so it is made anew every time: what is driven is
+    what the sources say.
+
+    Raises:
+        BadInput: no builder beside the installed package, or the builder's own complaint.
+    """
+    if source.file is not None:
+        return source.file
+    builder = Path(fitting.__file__).resolve().parent.parent / BUILDER
+    if not builder.is_file():
+        raise BadInput(
+            f"[fmu] model = {source.model!r} is built by {builder}, which is not there; wanted a "
+            "checkout of the project (pip install -e .), or [fmu] file = an FMU"
+        )
+    command = [sys.executable, str(builder), "--model", str(source.model), "--out", str(cache)]
+    built = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+    lines = built.stdout.strip().splitlines()
+    if built.returncode != 0 or not lines:
+        said = built.stderr.strip().splitlines() or ["no message"]
+        raise BadInput(f"[fmu] model = {source.model!r} could not be built: {said[-1]}")
+    return Path(lines[-1])
