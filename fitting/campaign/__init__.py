@@ -5,7 +5,7 @@ The front door of the ``campaign_*`` modules: read a campaign, then bind it to a
 
 from __future__ import annotations
 
-from fitting.campaign.binding import BoundCampaign, Drive, Experiment, Sweep, bind
+from fitting.campaign.binding import BoundCampaign, Drift, Drive, Experiment, Setup, SweepData, bind
 from fitting.campaign.data import Campaign, Spectrum, read_campaign
 from fitting.campaign.schema import ContinuationSettings, FmuChoice
 from fitting.fmu.variables import VariableLike
@@ -14,11 +14,13 @@ __all__ = [
     "BoundCampaign",
     "Campaign",
     "ContinuationSettings",
+    "Drift",
     "Drive",
     "Experiment",
     "FmuChoice",
+    "Setup",
     "Spectrum",
-    "Sweep",
+    "SweepData",
     "VariableLike",
     "bind",
     "read_campaign",

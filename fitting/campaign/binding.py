@@ -78,7 +78,7 @@ class Experiment:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class SweepData:
     """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
 
     frequency_hz: FloatArray
@@ -94,39 +94,57 @@ class Sweep:
 
 
 @dataclass(frozen=True)
+class Setup:
+    """How a series of measurements drives the FMU and what it observes, in the FMU's units.
+
+    ``output`` is the variable that is observed; ``start_values`` hold for every run;
+    ``steady_start`` says that the FMU begins on its periodic orbit; ``line_width_hz`` tells how
+    long it takes to settle; ``accuracy`` is what simulated amplitudes are wanted to; ``hints`` say
+    what is known of the FMU's accuracy and of what may be left out; ``source`` is named where
+    something is wrong.
+    """
+
+    drive: Drive
+    output: str
+    start_values: Mapping[str, Scalar] = field(default_factory=dict)
+    steady_start: bool = False
+    line_width_hz: float | None = None
+    accuracy: float = 1e-6
+    hints: Hints = field(default_factory=Hints)
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Variables that move over a series: ``ends`` (before, after) and ``units`` by variable."""
+
+    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class BoundCampaign:
     """A campaign that fits one FMU: every name exists there, every number is in its unit.
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
-    ``amplitude_unit`` is the detector's; ``drifting`` maps a variable to its (before, after),
-    ``drift_units`` to its unit; ``noise`` is the declared one;
-    ``members`` are the campaigns of a joint one (`fitting.campaign.joint`), which has no sweep;
-    ``notes`` are sentences for the report; ``files`` all files read; ``hints`` say what is known
-    of the FMU's accuracy and of what may be left out.
+    ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
+    the report; ``files`` all files read.
     """
 
     title: str
     path: Path
     synthetic: bool
-    timeout_s: float
-    start_values: Mapping[str, Scalar]
-    output: str
-    steady_start: bool
-    line_width_hz: float | None
-    drive: Drive
+    setup: Setup
     experiments: tuple[Experiment, ...]
-    sweep: Sweep | None
+    sweep: SweepData | None
     parameters: tuple[Parameter, ...]
     derived: tuple[str, ...]
     alternatives: tuple[Mapping[str, Scalar], ...]
     continuation: ContinuationSettings
-    accuracy: float
     amplitude_unit: str
-    drifting: Mapping[str, tuple[float, float]]
     notes: tuple[str, ...]
     files: tuple[Path, ...]
-    drift_units: Mapping[str, str] = field(default_factory=dict)
-    hints: Hints = field(default_factory=Hints)
+    drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)
     members: tuple[BoundCampaign, ...] = ()
 
@@ -151,16 +169,21 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived:
         binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
+    setup = Setup(
+        drive=drive,
+        output=output.name,
+        start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
+        steady_start=file.observe.steady_start,
+        line_width_hz=file.observe.line_width_hz,
+        accuracy=file.accuracy.amplitude,
+        hints=bind_hints(file.accuracy, binder),
+        source=top,
+    )
     bound = BoundCampaign(
         title=file.title,
         path=campaign.path,
         synthetic=file.synthetic,
-        timeout_s=file.fmu.timeout_s,
-        start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
-        output=output.name,
-        steady_start=file.observe.steady_start,
-        line_width_hz=file.observe.line_width_hz,
-        drive=drive,
+        setup=setup,
         experiments=experiments,
         sweep=_bind_sweep(campaign, binder),
         parameters=(
@@ -171,13 +194,10 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         derived=file.derived,
         alternatives=_bind_alternatives(campaign, binder),
         continuation=file.continuation,
-        accuracy=file.accuracy.amplitude,
         amplitude_unit=campaign.amplitude_unit,
-        drifting=drift.ends,
         notes=tuple(binder.notes),
         files=campaign.files,
-        drift_units={name: variables[name].unit or "1" for name in drift.ends},
-        hints=bind_hints(file.accuracy, binder),
+        drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
         noise=noise,
     )
     _check_conflicts(bound)
@@ -316,11 +336,11 @@ def _experiment_settings(
     return settings
 
 
-def _bind_sweep(campaign: Campaign, binder: Binder) -> Sweep | None:
+def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
     choice, measured = campaign.file.sweep, campaign.sweep
     if choice is None or measured is None:
         return None
-    return Sweep(
+    return SweepData(
         frequency_hz=measured.frequency_hz,
         amplitude_v=measured.amplitude_v,
         phase_rad=measured.phase_rad,

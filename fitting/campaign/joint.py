@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fitting.campaign.binding import BoundCampaign
+from fitting.campaign.binding import BoundCampaign, Drift
 from fitting.campaign.parameters import Parameter
 from fitting.text.errors import BadInput
 
@@ -43,15 +43,14 @@ def join_campaigns(bounds: Sequence[BoundCampaign]) -> BoundCampaign:
         title=" + ".join(bound.title for bound in bounds),
         synthetic=any(bound.synthetic for bound in bounds),
         experiments=tuple(
-            replace(e, label=f"{name}/{e.label}", output=e.output or bound.output)
+            replace(e, label=f"{name}/{e.label}", output=e.output or bound.setup.output)
             for bound, name in zip(bounds, names, strict=True)
             for e in bound.experiments
         ),
         sweep=None,
         parameters=(*(p for p, _ in shared.values()), *own),
         derived=tuple(dict.fromkeys(name for bound in bounds for name in bound.derived)),
-        drifting={},
-        drift_units={},
+        drift=Drift(),
         notes=(*notes, *dict.fromkeys(note for bound in bounds for note in bound.notes)),
         files=tuple(dict.fromkeys(f for bound in bounds for f in (bound.path, *bound.files))),
         members=tuple(bounds),

@@ -118,9 +118,9 @@ def _suits(campaign: Path | None, description: FmuDescription) -> Mapping[str, S
     bound = bind(read_campaign(campaign), description.variables)
     print(
         f"{campaign}: suits this FMU; {len(bound.parameters)} parameters to fit, "
-        f"{len(bound.experiments)} experiments, output {bound.output}"
+        f"{len(bound.experiments)} experiments, output {bound.setup.output}"
     )
-    return dict(bound.start_values)
+    return dict(bound.setup.start_values)
 
 
 def _trial(workers: FmuWorkers, step: float, values: Mapping[str, StartValue]) -> list[str]:

@@ -139,7 +139,9 @@ def _bound(
     """The campaign, or all of them as one, in the units of the FMU."""
     bounds = [bind(campaign, workers.description.variables) for campaign in campaigns]
     if args.accuracy is not None:
-        bounds = [replace(bound, accuracy=args.accuracy) for bound in bounds]
+        bounds = [
+            replace(bound, setup=replace(bound.setup, accuracy=args.accuracy)) for bound in bounds
+        ]
     return bounds[0] if len(bounds) == 1 else join_campaigns(bounds)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fitting.campaign import BoundCampaign, Sweep
+from fitting.campaign import BoundCampaign, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.result import Design, Proposal
 from fitting.text.notation import hertz, number, prefixed
@@ -46,7 +46,7 @@ def campaign_files(
     return files
 
 
-def _sweep_name(sweep: Sweep) -> str:
+def _sweep_name(sweep: SweepData) -> str:
     return SWEEP_NAME + sweep.source.suffix
 
 
@@ -109,9 +109,9 @@ def _adapted(
         )
         values["use"] = '"scale"'  # fitted once, in the campaign that it was taken for
     tones = len(design.proposals[0].tones_hz)
-    if name == "drive" and tones < len(bound.drive.frequencies):
-        values["frequencies"] = _toml(bound.drive.frequencies[:tones])
-        values["amplitudes"] = _toml(bound.drive.amplitudes[:tones])
+    if name == "drive" and tones < len(bound.setup.drive.frequencies):
+        values["frequencies"] = _toml(bound.setup.drive.frequencies[:tones])
+        values["amplitudes"] = _toml(bound.setup.drive.amplitudes[:tones])
     changed = []
     for line in block:
         match = re.match(r"\s*(\w+)\s*=", line)
@@ -144,13 +144,13 @@ def _sigma(index: int) -> str:
 
 
 def _drift(bound: BoundCampaign, raw: Mapping[str, Any]) -> list[str]:
-    if not bound.drifting:
+    if not bound.drift.ends:
         return []
     lines = ["[drift]                            # to be measured before and after these, again"]
     for key, value in raw.get("drift", {}).items():
-        if key not in bound.drifting and key != "time" and not isinstance(value, dict):
+        if key not in bound.drift.ends and key != "time" and not isinstance(value, dict):
             lines.append(f"{key} = {_toml(value)}")
-    for name in bound.drifting:
+    for name in bound.drift.ends:
         after = raw["drift"][name]["after"]
         lines.append(f"{name} = {{ before = {_toml(after)}, after = {_toml(after)} }}")
     return [*lines, ""]
@@ -192,13 +192,13 @@ def _design(design: Design, bound: BoundCampaign, limits: Limits) -> list[str]:
 
 def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
     """The rows to be measured; remarks between them say what, how often and what is expected."""
-    drive = bound.drive
+    drive = bound.setup.drive
     factor, unit = _amplitudes(design)
     mega = min(f for p in design.proposals for f in p.tones_hz) >= _MEGA
     columns = {
         name: value
         for name, value in base_settings(bound).items()
-        if name not in bound.drifting and name not in drive.frequencies
+        if name not in bound.drift.ends and name not in drive.frequencies
     }
     first = design.proposals[0]
     columns |= levels_and_more(bound, len(first.tones_hz), 1.0, first.settings)

@@ -142,8 +142,10 @@ def levels_and_more(
     bound: BoundCampaign, tones: int, level: float, chosen: Mapping[str, Scalar]
 ) -> dict[str, Scalar]:
     """What a setup sets beside its tones: drive amplitudes (zero of tones that are not driven)."""
-    names = bound.drive.amplitudes if bound.drive.kind == "tones" else ()
-    amplitudes = {name: level * bound.drive.level * (k < tones) for k, name in enumerate(names)}
+    names = bound.setup.drive.amplitudes if bound.setup.drive.kind == "tones" else ()
+    amplitudes = {
+        name: level * bound.setup.drive.level * (k < tones) for k, name in enumerate(names)
+    }
     return {**amplitudes, **chosen}
 
 
@@ -154,7 +156,7 @@ def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
         base.update(bound.experiments[-1].settings)
     elif bound.sweep is not None:
         base.update(bound.sweep.settings)
-    base.update({name: after for name, (_, after) in bound.drifting.items()})
+    base.update({name: after for name, (_, after) in bound.drift.ends.items()})
     return base
 
 
@@ -168,7 +170,7 @@ def _setup(
     level: float,
     chosen: Mapping[str, Scalar],
 ) -> Setup:
-    drive = bound.drive
+    drive = bound.setup.drive
     settings = {**base, **levels_and_more(bound, len(tones), level, chosen)}
     if drive.kind == "tones":
         for name, tone in zip(drive.frequencies, tones, strict=False):

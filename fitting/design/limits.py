@@ -80,8 +80,8 @@ def limits_of(
     centres = _centres(bound, variables, section)
     own = _own_grid(bound, centres)
     repeats = _whole_numbers(section, "repeats", REPEATS)
-    levels = _numbers(section, "levels", LEVELS if bound.drive.kind == "tones" else (1.0,))
-    if bound.drive.kind != "tones" and levels != (1.0,):
+    levels = _numbers(section, "levels", LEVELS if bound.setup.drive.kind == "tones" else (1.0,))
+    if bound.setup.drive.kind != "tones" and levels != (1.0,):
         raise BadInput(f"{section.where('levels')}: has no meaning with a drive through the input")
     number = section.integer("number", Limits.number, least=1)
     if number > MOST_NUMBER:
@@ -111,9 +111,9 @@ def limits_of(
 
 def _tones(bound: BoundCampaign, section: Section) -> int:
     """Tones that are driven at once: the campaign's, one where it has a sweep only."""
-    usual = len(bound.drive.frequencies) if bound.experiments else 1
+    usual = len(bound.setup.drive.frequencies) if bound.experiments else 1
     tones = section.integer("tones", usual, least=1)
-    if tones > min(2, len(bound.drive.frequencies)):
+    if tones > min(2, len(bound.setup.drive.frequencies)):
         raise BadInput(
             f"{section.where('tones')}: {tones} tones; a design places one or two, as many as "
             "[drive] has at most"
@@ -141,13 +141,13 @@ def _outputs(
         for name in names:
             binder.real(name, section.where("outputs"), READABLE, "observed")
         return names
-    unit, shape = variables[bound.output].unit, _without_digits(bound.output)
+    unit, shape = variables[bound.setup.output].unit, _without_digits(bound.setup.output)
     alike = [
         name
         for name, v in variables.items()
         if v.causality == "output" and v.unit == unit and _without_digits(name) == shape
     ]
-    used = dict.fromkeys([bound.output, *(e.output for e in bound.experiments if e.output)])
+    used = dict.fromkeys([bound.setup.output, *(e.output for e in bound.experiments if e.output)])
     return tuple(dict.fromkeys([*used, *alike]))
 
 
@@ -167,14 +167,14 @@ def _centres(
         return tuple(sorted(in_unit(as_written(v, where), "Hz") for v in values))
     found = [
         convert(after, variables[name].unit or "Hz", "Hz", where="[drift]")
-        for name, (_, after) in bound.drifting.items()
+        for name, (_, after) in bound.drift.ends.items()
         if same_kind(variables[name].unit or "1", "Hz")
     ]
     sweep = bound.sweep
     if sweep is not None:
         top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v).frequency_hz
         reach = 2.0 * half_power_width(sweep.frequency_hz, sweep.amplitude_v)
-        drifts = [abs(b - a) for a, b in bound.drifting.values()]
+        drifts = [abs(b - a) for a, b in bound.drift.ends.values()]
         if all(abs(top - f) > reach + max(drifts, default=0.0) for f in found):
             found.append(top)
     if not found and bound.experiments:
@@ -210,8 +210,8 @@ def _round(value: float) -> float:
 
 
 def _width(bound: BoundCampaign) -> float:
-    if bound.line_width_hz is not None:
-        return bound.line_width_hz
+    if bound.setup.line_width_hz is not None:
+        return bound.setup.line_width_hz
     if bound.sweep is not None:
         return half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
     raise BadInput(
@@ -285,7 +285,7 @@ def _setting_sigmas(
     """Errors of what is set to the value that the laboratory believes, by FMU variable."""
     found = {
         name: OFF_THE_LINE * abs(after - before)
-        for name, (before, after) in bound.drifting.items()
+        for name, (before, after) in bound.drift.ends.items()
         if after != before
     }
     for parameter in bound.parameters:  # offsets that the campaign fits: their own prior

@@ -75,8 +75,8 @@ def drift_warnings(
         return []
     said = []
     moved = {
-        name: abs(after - before) * _in_hertz(bound.drift_units.get(name, "Hz"))
-        for name, (before, after) in bound.drifting.items()
+        name: abs(after - before) * _in_hertz(bound.drift.units.get(name, "Hz"))
+        for name, (before, after) in bound.drift.ends.items()
     }
     wide = {name: hz for name, hz in moved.items() if hz > width_hz}
     if wide:

@@ -81,7 +81,7 @@ def reconstruct_through(
     misfit = max(part.misfit(p) for part, p in asked)
     here = _said_at(asked, workers)
     warnings = [*result.warnings, *(f"The FMU says: {_in_short(alike)}" for alike in here.values())]
-    if misfit > max(100.0 * bound.accuracy, 1e-4):
+    if misfit > max(100.0 * bound.setup.accuracy, 1e-4):
         warnings.append(
             f"Sampled runs differ from mean and tones by {misfit:.1e} of their amplitude: "
             "a transient that has not settled, harmonics, or a coarse solver."
@@ -116,17 +116,17 @@ def _refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
         BadInput: the output moves with every amplitude of the campaign at zero.
     """
     draft = plan_campaign(bound)
-    if not (bound.steady_start or draft.settle_s > 0.0):
+    if not (bound.setup.steady_start or draft.settle_s > 0.0):
         return  # it may move because it has not settled
     response = FmuResponse(bound, workers, draft, bound.alternatives[0])
     try:
         share = response.undriven(starts(bound.parameters))
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
         return
-    if share > max(100.0 * bound.accuracy, 1e-4):
+    if share > max(100.0 * bound.setup.accuracy, 1e-4):
         raise BadInput(
-            f"{bound.path}: [drive]: '{bound.output}' moves by {share:.1e} of its response where "
-            "every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
+            f"{bound.path}: [drive]: '{bound.setup.output}' moves by {share:.1e} of its response "
+            "where every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
             "[fmu.start]"
         )
 

@@ -97,7 +97,7 @@ def job_of(bound: BoundCampaign, identity: Identity, options: Options) -> str:
         "files": _files(bound),
         "fmu": identity.sha256,
         "options": to_plain(options),
-        "accuracy": bound.accuracy,
+        "accuracy": bound.setup.accuracy,
         "version": fitting.__version__,
         "versions": {name: version(name) for name in ("numpy", "scipy")},
     }

@@ -274,7 +274,7 @@ def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
     """Line width: of the sweep's fit, else the declared one; NaN where neither is known."""
     if line is not None and line.width_hz > 0.0:
         return line.width_hz
-    return bound.line_width_hz or float("nan")
+    return bound.setup.line_width_hz or float("nan")
 
 
 def _status(solution: assembly.Solution, outcomes: list[Outcome]) -> tuple[str, str]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
-from fitting.campaign import Sweep
+from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
 from fitting.fit.result import LineFit, SweepLine
 from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
@@ -26,7 +26,7 @@ APART_SIGMA = 3.0
 WORTH_TELLING = 1.5
 
 
-def line_of_sweep(sweep: Sweep) -> SweepLine:
+def line_of_sweep(sweep: SweepData) -> SweepLine:
     """One damped mode fitted to a sweep, with the background that the campaign declares.
 
     The fit with the other background stands beside it, to show what hangs on that choice. A sweep
@@ -77,7 +77,7 @@ def line_of_sweep(sweep: Sweep) -> SweepLine:
     )
 
 
-def _fit(sweep: Sweep, background: str) -> Resonance | str:
+def _fit(sweep: SweepData, background: str) -> Resonance | str:
     """The fit, or the sentence why there is none."""
     try:
         return fit_resonance(
@@ -140,7 +140,7 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
     said = []
     chosen = fits.get(line.background)
     if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
-        said.append(f"Sweep by itself: {_structure_words(chosen)}.")
+        said.append(f"SweepData by itself: {_structure_words(chosen)}.")
     if len(fits) == len(BACKGROUNDS) and _disagree(line):
         plain, full = fits["none"], fits["complex"]
         shift = full.frequency_hz - plain.frequency_hz
@@ -158,9 +158,9 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
 def line_sentences(line: SweepLine) -> list[str]:
     """The line, the instrument's own estimate, its residuals, its other fit, in a sentence each."""
     if math.isnan(line.frequency_hz):
-        return [f"Sweep by itself: {line.message}."]
+        return [f"SweepData by itself: {line.message}."]
     said = [
-        f"Sweep by itself: f = {line.frequency_hz:.9g} +- {line.frequency_std_hz:.2g} Hz, "
+        f"SweepData by itself: f = {line.frequency_hz:.9g} +- {line.frequency_std_hz:.2g} Hz, "
         f"width {line.width_hz:.6g} +- {line.width_std_hz:.2g} Hz, "
         f"Q = {line.q:.5g} +- {line.q_std:.2g}, "
         f"A = {line.amplitude:.5g} +- {line.amplitude_std:.2g} {line.unit}, "

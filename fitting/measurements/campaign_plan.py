@@ -55,12 +55,13 @@ def measured_plan(
     shots = _shots(response, workers)
     if not shots:
         return draft
-    hints = _applicable(bound, bound.hints.over(own or Hints()))
-    search = Search(Probe(shots, workers), bound.accuracy, hints, variables, LIMIT_S)
+    hints = _applicable(bound, bound.setup.hints.over(own or Hints()))
+    search = Search(Probe(shots, workers), bound.setup.accuracy, hints, variables, LIMIT_S)
     found = search.found()
     settle_s = _settle_s(bound, found, draft)
-    drive = bound.drive
-    bound = replace(bound, drive=replace(drive, order=max(drive.order, found.order)))
+    drive = bound.setup.drive
+    drive = replace(drive, order=max(drive.order, found.order))
+    bound = replace(bound, setup=replace(bound.setup, drive=drive))
     plan = with_windows(bound, settle_s, _told_anew(found, settle_s), found.settings)
     return _few_nodes(replace(response, bound=bound, plan=plan))
 
@@ -80,7 +81,7 @@ def _applicable(bound: BoundCampaign, hints: Hints) -> Hints:
 
 
 def _settle_s(bound: BoundCampaign, found: Found, draft: Plan) -> float:
-    if bound.steady_start or found.settle_s == 0.0:
+    if bound.setup.steady_start or found.settle_s == 0.0:
         return found.settle_s
     stated = draft.settle_s if known_width_hz(bound) is not None else 0.0
     return max(stated, LESS_DAMPING * found.settle_s)
@@ -163,7 +164,7 @@ def _shots(response: FmuResponse, workers: Workers) -> tuple[Shot, ...]:
     lower = np.array([p.lower for p in parameters])
     upper = np.array([p.upper for p in parameters])
     points = [starts(parameters), _reference(bound)]
-    if bound.steady_start:
+    if bound.setup.steady_start:
         rng = np.random.default_rng(bound.continuation.seed)
         points += list(rng.uniform(lower, upper, (SEEDED, len(parameters))))
     shots: list[Shot] = []
@@ -181,12 +182,12 @@ def _ends(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
 
 
 def _shot(response: FmuResponse, p: FloatArray, experiment: Experiment) -> Shot:
-    drive = response.bound.drive
+    drive = response.bound.setup.drive
     held = drive.kind == "input"
     return Shot(
         response.values(p, experiment.label, experiment.settings),
         tuple(experiment.read_hz),
-        (experiment.output or response.bound.output,),
+        (experiment.output or response.bound.setup.output,),
         drive.input if held else None,
         drive.level,
         drive.samples_per_period if held else 0,
@@ -197,7 +198,7 @@ def _shot(response: FmuResponse, p: FloatArray, experiment: Experiment) -> Shot:
 
 def _swept_shots(response: FmuResponse, p: FloatArray) -> list[Shot]:
     """First, largest and last point of a sweep that is fitted by itself."""
-    sweep, drive = response.bound.sweep, response.bound.drive
+    sweep, drive = response.bound.sweep, response.bound.setup.drive
     if sweep is None:
         return []
     held = drive.kind == "input"
@@ -206,7 +207,7 @@ def _swept_shots(response: FmuResponse, p: FloatArray) -> list[Shot]:
         Shot(
             response.sweep_values(p, tone),
             (tone,),
-            (response.bound.output,),
+            (response.bound.setup.output,),
             drive.input if held else None,
             drive.level,
             drive.samples_per_period if held else 0,

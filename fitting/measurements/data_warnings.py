@@ -22,9 +22,10 @@ def data_warnings(
         said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
     elif maximum is not None and bound.sweep is not None and bound.sweep.scale == "maximum":
         said += maximum_warnings(maximum)
-    if scale_bias > bound.accuracy:
+    wanted = bound.setup.accuracy
+    if scale_bias > wanted:
         said.append(
-            f"The simulated maximum is known to {scale_bias:.1e} only, wanted {bound.accuracy:.1e}."
+            f"The simulated maximum is known to {scale_bias:.1e} only, wanted {wanted:.1e}."
         )
     return said
 

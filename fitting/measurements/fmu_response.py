@@ -127,7 +127,9 @@ class FmuResponse:
         read = [(w, o, ks[0]) for (w, o), (ks, _) in zip(self._observed(), asked, strict=True)]
         if self.bound.sweep is not None:
             window = self._sweep_window(float(self.bound.sweep.frequency_hz[0]))
-            read.append((window, self.bound.output, self._ask_sweep(batch, table[0], window, 0)))
+            read.append(
+                (window, self.bound.setup.output, self._ask_sweep(batch, table[0], window, 0))
+            )
         batch.simulate(self.workers)
         return max((tone_misfit(w, batch.samples(k, o)) for w, o, k in read), default=0.0)
 
@@ -135,17 +137,21 @@ class FmuResponse:
         """Range of the output without any tone of the campaign, over the range with them."""
         if not self.plan.experiments:
             return 0.0
-        silent, driven = (self._range(p, level) for level in (0.0, self.bound.drive.level))
+        silent, driven = (self._range(p, level) for level in (0.0, self.bound.setup.drive.level))
         return silent / driven if driven > 0.0 else 0.0
 
     def _range(self, p: FloatArray, level: float) -> float:
         """Range of the first experiment's samples with the drive at that level."""
-        drive = replace(self.bound.drive, level=level)
+        drive = replace(self.bound.setup.drive, level=level)
         experiment = self.bound.experiments[0]
         if not level:  # also where the experiment has a level of its own
             own = {n: 0.0 for n in drive.amplitudes if n in experiment.settings}
             experiment = replace(experiment, settings={**experiment.settings, **own})
-        bound = replace(self.bound, drive=drive, experiments=(experiment,))
+        bound = replace(
+            self.bound,
+            setup=replace(self.bound.setup, drive=drive),
+            experiments=(experiment,),
+        )
         one = replace(
             self, bound=bound, plan=replace(self.plan, experiments=self.plan.experiments[:1])
         )
@@ -165,7 +171,7 @@ class FmuResponse:
 
     def _observed(self) -> list[tuple[Window, str]]:
         """Window and output of every experiment."""
-        outputs = (e.output or self.bound.output for e in self.bound.experiments)
+        outputs = (e.output or self.bound.setup.output for e in self.bound.experiments)
         return list(zip(self.plan.experiments, outputs, strict=True))
 
     @cached_property
@@ -208,7 +214,7 @@ class FmuResponse:
 
     def sweep_values(self, p: FloatArray, tone_hz: float) -> dict[str, Scalar]:
         """Start values at one point of the sweep: its tone, the other amplitudes zero."""
-        drive, sweep = self.bound.drive, self.bound.sweep
+        drive, sweep = self.bound.setup.drive, self.bound.sweep
         values = self.values(p, None, sweep.settings if sweep is not None else {})
         if drive.kind == "tones":
             values[drive.frequencies[0]] = _in_unit(tone_hz, drive.frequency_unit)
@@ -218,12 +224,13 @@ class FmuResponse:
     def _ask_sweep(self, batch: Batch, p: FloatArray, window: Window, owner: int) -> int:
         values = self.sweep_values(p, window.tones_hz[0])
         return batch.ask(
-            values, window, self._signal(window, window.tones_hz), self.bound.output, owner
+            values, window, self._signal(window, window.tones_hz), self.bound.setup.output, owner
         )
 
     def _read_sweep(self, batch: Batch, ks: Sequence[int], windows: Sequence[Window]) -> FloatArray:
         found = [
-            batch.amplitudes(k, w, self.bound.output) for k, w in zip(ks, windows, strict=True)
+            batch.amplitudes(k, w, self.bound.setup.output)
+            for k, w in zip(ks, windows, strict=True)
         ]
         return np.concatenate(found) if found else np.empty(0)
 
@@ -240,7 +247,7 @@ class FmuResponse:
         return [self._read_sweep(batch, ks, ws) for ks, ws in zip(asked, windows, strict=True)]
 
     def _signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
-        drive = self.bound.drive
+        drive = self.bound.setup.drive
         if drive.kind != "input" or drive.input is None:
             return None
         rows = tuple((tone, drive.level, 0.0) for tone in tones_hz)
@@ -250,8 +257,10 @@ class FmuResponse:
         self, p: FloatArray, label: str | None, settings: Mapping[str, Scalar]
     ) -> dict[str, Scalar]:
         """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones."""
-        values: dict[str, Scalar] = {**self.bound.start_values, **self.plan.settings}
-        values.update(dict.fromkeys(self.bound.drive.amplitudes, self.bound.drive.level))
+        values: dict[str, Scalar] = {**self.bound.setup.start_values, **self.plan.settings}
+        values.update(
+            dict.fromkeys(self.bound.setup.drive.amplitudes, self.bound.setup.drive.level)
+        )
         values.update(self.alternative)
         values.update(settings)
         acting = [(self.bound.parameters[i], float(p[i])) for i in self._columns(label)]
@@ -262,7 +271,7 @@ class FmuResponse:
         return values
 
     def _sweep_window(self, tone_hz: float) -> Window:
-        drive = self.bound.drive
+        drive = self.bound.setup.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
         return _single_tone(tone_hz, self.plan.settle_s, held, drive.order)
 
@@ -274,7 +283,7 @@ class FmuResponse:
             return [(None, 0) for _ in ps]
         searches = [_Search(nodes, a, bend=self.plan.maximum_bend) for a in amplitudes]
         for _ in range(SEARCH_ROUNDS):
-            more = [s.wanted(self.plan.maximum_bias or self.bound.accuracy) for s in searches]
+            more = [s.wanted(self.plan.maximum_bias or self.bound.setup.accuracy) for s in searches]
             if not any(m.size for m in more):
                 break
             found = self._swept_many(ps, more)

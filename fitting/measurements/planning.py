@@ -76,7 +76,7 @@ def plan_campaign(bound: BoundCampaign) -> Plan:
             apart.
     """
     settling = _settling(bound)
-    return with_windows(bound, settling[0], Budget(bound.accuracy, (settling[1],)))
+    return with_windows(bound, settling[0], Budget(bound.setup.accuracy, (settling[1],)))
 
 
 def with_windows(
@@ -86,13 +86,13 @@ def with_windows(
     settings: Mapping[str, Scalar] | None = None,
 ) -> Plan:
     """The plan of a campaign whose time to settle is known: windows and sweep points added."""
-    held = bound.drive.samples_per_period if bound.drive.kind == "input" else 0
+    held = bound.setup.drive.samples_per_period if bound.setup.drive.kind == "input" else 0
     windows = tuple(
         plan_window(
             e.read_hz,
             settle_s,
             samples_per_period=held,
-            beside_hz=mixed_hz(e.tones_hz, bound.drive.order),
+            beside_hz=mixed_hz(e.tones_hz, bound.setup.drive.order),
         )
         for e in bound.experiments
     )
@@ -109,7 +109,7 @@ def with_windows(
         centre = laboratory_maximum(f, a).frequency_hz
         spacing = 0.5 * half_power_width(f, a)
         nodes = tuple(map(float, nodes_around(centre, spacing)))
-        bias = SHARES["maximum"] * bound.accuracy
+        bias = SHARES["maximum"] * bound.setup.accuracy
         budget = budget.with_decision(
             Decision(
                 "maximum of the sweep",
@@ -140,7 +140,7 @@ def _window(windows: tuple[Window, ...]) -> Decision:
 
 
 def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
-    if bound.steady_start:
+    if bound.setup.steady_start:
         return 0.0, Decision(
             "settling", "none", 0.0, "the FMU is declared to start on its periodic orbit"
         )
@@ -150,7 +150,7 @@ def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
             f"{bound.path}: [observe] says neither steady_start = true nor a line_width; wanted "
             "one of them, or a sweep, to know how long the FMU takes to settle"
         )
-    left = TRANSIENT * bound.accuracy
+    left = TRANSIENT * bound.setup.accuracy
     settle = settling_s(width, left)
     factor, unit = prefixed(settle, "s")
     return settle, Decision(
@@ -163,6 +163,6 @@ def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
 
 def known_width_hz(bound: BoundCampaign) -> float | None:
     """Line width that a campaign states, or that its sweep shows, Hz."""
-    if bound.line_width_hz is None and bound.sweep is not None:
+    if bound.setup.line_width_hz is None and bound.sweep is not None:
         return half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    return bound.line_width_hz
+    return bound.setup.line_width_hz

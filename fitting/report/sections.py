@@ -295,7 +295,7 @@ def _search(result: Result) -> Section | None:
 
 
 def _settings(result: Result, bound: BoundCampaign) -> Section:
-    drive = bound.drive
+    drive = bound.setup.drive
     how = {
         "tones": f"tones set by the FMU's {listed(drive.frequencies)}, level {number(drive.level)}",
         "input": f"signal on the FMU's input {drive.input}, level {number(drive.level)}, held "
@@ -304,16 +304,16 @@ def _settings(result: Result, bound: BoundCampaign) -> Section:
     campaign = {
         "campaign": bound.title,
         "synthetic": "yes: simulated data, not measured" if bound.synthetic else "no",
-        "observed output": bound.output,
+        "observed output": bound.setup.output,
         "drive": how.get(drive.kind, drive.kind),
         "experiments": str(len(bound.experiments)),
-        "start values of the FMU": tables.settings_words(bound.start_values) or "its own",
+        "start values of the FMU": tables.settings_words(bound.setup.start_values) or "its own",
         "settling": "declared to start on its periodic orbit"
-        if bound.steady_start
+        if bound.setup.steady_start
         else "settles before it is sampled",
-        "wanted accuracy of amplitudes": number(bound.accuracy),
+        "wanted accuracy of amplitudes": number(bound.setup.accuracy),
     }
-    for name, (before, after) in bound.drifting.items():
+    for name, (before, after) in bound.drift.ends.items():
         campaign[f"drift of {name}"] = (
             f"{number(before, 12)} to {number(after, 12)}, linear over the series (FMU's unit)"
         )

@@ -155,7 +155,10 @@ def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
         ):
             peaks = series.gain * np.abs(steady_state(modes, np.array(pair))[:, mode])
             noisy = peaks * (1.0 + CROSS_NOISE * generator.standard_normal(peaks.size))
-            settings = {**own.settings, **dict(zip(bound.drive.frequencies, pair, strict=True))}
+            settings = {
+                **own.settings,
+                **dict(zip(bound.setup.drive.frequencies, pair, strict=True)),
+            }
             rows.append(
                 replace(
                     own,

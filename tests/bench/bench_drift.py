@@ -33,7 +33,7 @@ def longer(bound: BoundCampaign, count: int) -> BoundCampaign:
     """The campaign's drive pairs again and again, each with a drift offset of its own."""
     pairs: list[Experiment] = []
     offsets: list[Parameter] = []
-    ends = bound.drifting["eta_plus"]
+    ends = bound.drift.ends["eta_plus"]
     for k in range(count):
         label = f"pair{k + 1}"
         state = ends[0] + (ends[1] - ends[0]) * k / max(count - 1, 1)

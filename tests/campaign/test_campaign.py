@@ -74,16 +74,16 @@ def bound(path: Path, variables: Mapping[str, Variable] | None = None) -> BoundC
 def test_the_string_campaign_in_the_fmus_units(tmp_path: Path, texts: dict[str, str]) -> None:
     campaign = bound(lay(tmp_path, texts))
     assert campaign.synthetic
-    assert campaign.steady_start
-    assert campaign.output == "q1_hybrid"
-    assert campaign.start_values == {"periodic_start": True}
+    assert campaign.setup.steady_start
+    assert campaign.setup.output == "q1_hybrid"
+    assert campaign.setup.start_values == {"periodic_start": True}
     assert campaign.alternatives == ({"reflection": False}, {"reflection": True})
-    assert campaign.drive.level == 1.0
-    assert campaign.drive.frequencies == ("u1", "u2")
+    assert campaign.setup.drive.level == 1.0
+    assert campaign.setup.drive.frequencies == ("u1", "u2")
     first, last = campaign.experiments[0], campaign.experiments[4]
     assert first.tones_hz == (6940160.0, 6940360.0)
     assert (first.settings["u1"], first.settings["u2"]) == first.tones_hz
-    before, after = campaign.drifting["eta_plus"]
+    before, after = campaign.drift.ends["eta_plus"]
     assert first.settings["eta_plus"] == before
     assert last.settings["eta_plus"] == after
     middle = campaign.experiments[2].settings["eta_plus"]
@@ -135,7 +135,7 @@ def test_afm_campaign_is_a_sweep_alone() -> None:
     assert sweep.phase_rad[0] == pytest.approx(math.radians(90.306), rel=1e-12)
     assert sweep.notes is not None
     assert sweep.notes["Q"] == "1161"
-    assert campaign.start_values["eta_minus"] == 60000.0
+    assert campaign.setup.start_values["eta_minus"] == 60000.0
     assert campaign.alternatives == ({},)
     assert campaign.amplitude_unit == "m"
 
@@ -205,9 +205,9 @@ def test_a_generated_input_of_a_foreign_fmu(tmp_path: Path, texts: dict[str, str
         Variable("k"),
     ]
     campaign = bound(lay(tmp_path, files), {v.name: v for v in variables})
-    assert campaign.drive.level == 0.002
-    assert campaign.drive.input == "force"
-    assert campaign.drive.samples_per_period == 64
+    assert campaign.setup.drive.level == 0.002
+    assert campaign.setup.drive.input == "force"
+    assert campaign.setup.drive.samples_per_period == 64
     assert campaign.experiments[0].tones_hz == (10.0,)
     assert campaign.experiments[0].settings == {}
     assert campaign.sweep is None
@@ -486,7 +486,7 @@ def test_without_a_sweep_the_settling_must_be_told(tmp_path: Path, texts: dict[s
     with pytest.raises(BadInput, match=r"observe: wanted line_width"):
         read_campaign(path)
     told = short.replace("steady_start = true", 'line_width = "0.1 kHz"')
-    assert bound(lay(tmp_path, {**texts, "campaign.toml": told})).line_width_hz == 100.0
+    assert bound(lay(tmp_path, {**texts, "campaign.toml": told})).setup.line_width_hz == 100.0
 
 
 def test_sweep_and_peaks_must_share_a_unit(tmp_path: Path, texts: dict[str, str]) -> None:
@@ -570,4 +570,4 @@ def test_an_fmu_in_other_units_gets_them(tmp_path: Path, texts: dict[str, str]) 
     assert other.experiments[0].tones_hz == plain.experiments[0].tones_hz
     assert other.parameters[1].unit == "kHz"
     assert other.parameters[1].start == pytest.approx(plain.parameters[1].start / 1e3, rel=1e-15)
-    assert other.drifting["eta_plus"][0] == pytest.approx(6940.21, abs=1e-3)
+    assert other.drift.ends["eta_plus"][0] == pytest.approx(6940.21, abs=1e-3)

@@ -153,7 +153,7 @@ def test_drift_follows_the_clock(
     oscillator_fmu: Path, tmp_path: Path, drift: str, times: list[str], shares: tuple[float, ...]
 ) -> None:
     bound = with_times(tmp_path, oscillator_fmu, f'time = "time"\n{drift}', times)
-    before, after = bound.drifting["eta_plus"]
+    before, after = bound.drift.ends["eta_plus"]
     for e, share in zip(bound.experiments, shares, strict=True):
         assert e.settings["eta_plus"] == pytest.approx(before + share * (after - before), abs=1e-6)
 

@@ -294,7 +294,7 @@ def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: Bou
                 top = float(np.max(closed_form.amplitude(fine, eta, d, 0)))
                 assert answer.sweep_maximum is not None
                 assert answer.sweep_maximum.value == pytest.approx(top, rel=1e-9)
-                assert answer.sweep_maximum.bias < string_q1.accuracy
+                assert answer.sweep_maximum.bias < string_q1.setup.accuracy
             assert response.sweep(ps[0]) == pytest.approx(
                 closed_form.amplitude(
                     sweep.frequency_hz, eta, closed_form.damping(*TRUTH, reflection=bool(k)), 0

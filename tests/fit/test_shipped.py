@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from fitting.campaign import Sweep, bind, read_campaign
+from fitting.campaign import SweepData, bind, read_campaign
 from fitting.cli.main import main
 from fitting.fit.fmu_job import reconstruct_through
 from fitting.fit.job import Identity, options_of
@@ -123,7 +123,7 @@ def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
 
 def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     f = np.linspace(100.0, 200.0, 30)
-    flat = Sweep(f, 1.0 + 1e-3 * f, None, {}, "fit", "fit", tmp_path / "flat.csv")
+    flat = SweepData(f, 1.0 + 1e-3 * f, None, {}, "fit", "fit", tmp_path / "flat.csv")
     line = line_of_sweep(flat)
     assert math.isnan(line.frequency_hz)
     [said] = line_sentences(line)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from fitting.campaign import Sweep
+from fitting.campaign import SweepData
 from fitting.fit.result import SweepLine
 from fitting.fit.sweep_line import line_of_sweep, line_sentences, line_warnings
 from fitting.signal.peaks import FloatArray, Resonance, fit_resonance
@@ -136,10 +136,12 @@ def test_series_without_any_noise_end_finitely(e: FloatArray) -> None:
     assert 3.0 <= found.points <= 80.0
 
 
-def sweep(background: complex, seed: int, *, chosen: str = "none", noise: float = NOISE) -> Sweep:
+def sweep(
+    background: complex, seed: int, *, chosen: str = "none", noise: float = NOISE
+) -> SweepData:
     rng = np.random.default_rng(seed)
     a = trace(background) + noise * rng.standard_normal(F.size)
-    return Sweep(F, a, None, {}, "scale", "fit", Path("sweep.csv"), background=chosen)
+    return SweepData(F, a, None, {}, "scale", "fit", Path("sweep.csv"), background=chosen)
 
 
 @pytest.mark.parametrize("chosen", ["none", "complex"])
@@ -173,7 +175,7 @@ def test_correlated_noise_is_no_background() -> None:
         rough = NOISE * coloured(0.7, F.size, np.random.default_rng(seed))
         line = line_of_sweep(replace(clean, amplitude_v=trace() + rough))
         [said] = line_warnings(line, fitted=False)[:1]
-        assert said.startswith("Sweep by itself: the residuals are not noise")
+        assert said.startswith("SweepData by itself: the residuals are not noise")
         told += len(line_warnings(line, fitted=False)) - 1
     assert told <= 2
 

@@ -144,9 +144,17 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
     """No drive pairs, from rest: without the settling the amplitudes would be those of a start."""
     campaign = read_campaign(DATA / "afm_sensor" / "campaign.toml")
     bound = bind(campaign, workers.description.variables)
-    start = {k: v for k, v in bound.start_values.items() if k != "periodic_start"}
-    bound = replace(bound, start_values=start, steady_start=False, accuracy=1e-6)
-    bound = replace(bound, hints=Hints(reductions=(PERIODIC,), forbid=(PERIODIC.name,)))
+    start = {k: v for k, v in bound.setup.start_values.items() if k != "periodic_start"}
+    bound = replace(
+        bound,
+        setup=replace(
+            bound.setup,
+            start_values=start,
+            steady_start=False,
+            accuracy=1e-6,
+            hints=Hints(reductions=(PERIODIC,), forbid=(PERIODIC.name,)),
+        ),
+    )
     plan = measured_plan(bound, workers, workers.description.variables)
     assert 0.0 < plan.promised <= 1e-6
     assert plan.settle_s > math.log(1e6) / (math.pi * 26.0)  # the transient of a 26 Hz line

@@ -18,7 +18,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
-from fitting.campaign import BoundCampaign, ContinuationSettings, Drive, Experiment, Sweep
+from fitting.campaign import (
+    BoundCampaign,
+    ContinuationSettings,
+    Drive,
+    Experiment,
+    Setup,
+    SweepData,
+)
 from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Measured
 from fitting.measurements.response import Evaluation
@@ -204,21 +211,22 @@ def string_campaign(
         title="string",
         path=file,
         synthetic=True,
-        timeout_s=60.0,
-        start_values={},
-        output="q1_hybrid",
-        steady_start=True,
-        line_width_hz=None,
-        drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+        setup=Setup(
+            drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+            output="q1_hybrid",
+            steady_start=True,
+            accuracy=1e-6,
+            source=str(file),
+        ),
         experiments=experiments,
-        sweep=Sweep(response.sweep_hz, measured.sweep_v, None, {}, "scale", measured.scale, file),
+        sweep=SweepData(
+            response.sweep_hz, measured.sweep_v, None, {}, "scale", measured.scale, file
+        ),
         parameters=string_parameters(),
         derived=("lambda", "D11"),
         alternatives=({"reflection": False}, {"reflection": True}),
         continuation=ContinuationSettings(),
-        accuracy=1e-6,
         amplitude_unit="V",
-        drifting={},
         notes=(),
         files=(file,),
     )

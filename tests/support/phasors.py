@@ -38,7 +38,7 @@ class PhasorResponse:
             for tone in e.tones_hz:
                 tones.append(tone)
                 etas.append((float(e.settings["eta_plus"]), float(e.settings["eta_minus"])))
-                modes.append(OUTPUTS.index(e.output or self.bound.output))
+                modes.append(OUTPUTS.index(e.output or self.bound.setup.output))
                 labels.append(e.label)
         return np.array(tones), np.array(etas), np.array(modes), labels
 
@@ -75,7 +75,7 @@ class PhasorResponse:
         assert self.bound.sweep is not None
         settings = self.bound.sweep.settings
         eta = np.array([[float(settings["eta_plus"]), float(settings["eta_minus"])]])
-        mode = np.full(tones.size, OUTPUTS.index(self.bound.output))
+        mode = np.full(tones.size, OUTPUTS.index(self.bound.setup.output))
         return _amplitudes(tones, np.repeat(eta, tones.size, axis=0), self._damping(p), mode)
 
     def evaluate_many(self, ps: Sequence[FloatArray]) -> list[Evaluation]:
@@ -84,7 +84,7 @@ class PhasorResponse:
     def _maximum(self, p: FloatArray) -> Maximum:
         """Top of the sweep: 1/|X|^2 is a parabola there, to 1e-6 of the line width."""
         assert self.bound.sweep is not None
-        mode = OUTPUTS.index(self.bound.output)
+        mode = OUTPUTS.index(self.bound.setup.output)
         eta = float(self.bound.sweep.settings[("eta_plus", "eta_minus")[mode]])
         width = float(self._damping(p)[mode, mode])
         x = 0.05 * width * np.array([-1.0, 0.0, 1.0])

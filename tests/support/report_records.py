@@ -11,10 +11,12 @@ import numpy as np
 from fitting.campaign import (
     BoundCampaign,
     ContinuationSettings,
+    Drift,
     Drive,
     Experiment,
+    Setup,
     Spectrum,
-    Sweep,
+    SweepData,
 )
 from fitting.campaign.parameters import Parameter
 from fitting.fit.result import (
@@ -79,7 +81,7 @@ def campaign(
     """A bound campaign of two-tone experiments; the paper's pairs unless others are given."""
     if experiments is None:
         experiments = [experiment(f"pair{m + 1}", pair) for m, pair in enumerate(PAIRS_HZ)]
-    swept = Sweep(
+    swept = SweepData(
         SWEEP_HZ,
         lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0))),
         None,
@@ -93,12 +95,14 @@ def campaign(
         title=title,
         path=Path("campaign.toml"),
         synthetic=synthetic,
-        timeout_s=60.0,
-        start_values={"periodic_start": True},
-        output="q1_hybrid",
-        steady_start=True,
-        line_width_hz=None,
-        drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+        setup=Setup(
+            drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+            output="q1_hybrid",
+            start_values={"periodic_start": True},
+            steady_start=True,
+            accuracy=1e-6,
+            source="campaign.toml",
+        ),
         experiments=tuple(experiments),
         sweep=swept if sweep else None,
         parameters=(
@@ -108,11 +112,12 @@ def campaign(
         derived=("lambda", "D11"),
         alternatives=({"reflection": False}, {"reflection": True}),
         continuation=ContinuationSettings(),
-        accuracy=1e-6,
         amplitude_unit=unit,
-        drifting={"eta_plus": (6940210.0, 6940310.0), "temperature": (300.0, 301.0)}
-        if drifting is None
-        else drifting,
+        drift=Drift(
+            {"eta_plus": (6940210.0, 6940310.0), "temperature": (300.0, 301.0)}
+            if drifting is None
+            else drifting
+        ),
         notes=("A note of the binding.",),
         files=(Path("campaign.toml"),),
     )

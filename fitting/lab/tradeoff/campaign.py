@@ -29,7 +29,7 @@ def scene_of_campaign(
     Raises:
         BadInput: no way to know the campaign's line width.
     """
-    width = bound.line_width_hz
+    width = bound.setup.line_width_hz
     if width is None and bound.sweep is not None:
         width = half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
     if width is None:
@@ -37,9 +37,9 @@ def scene_of_campaign(
             f"{bound.path}: [observe] has no line_width; wanted it, or a sweep, to know how long "
             "the FMU takes to settle"
         )
-    drive, sweep = bound.drive, bound.sweep
+    drive, sweep = bound.setup.drive, bound.sweep
     fitted: dict[str, Scalar] = {p.name: p.reference for p in bound.parameters}
-    values: dict[str, Scalar] = dict(bound.start_values)
+    values: dict[str, Scalar] = dict(bound.setup.start_values)
     values.update(dict.fromkeys(drive.amplitudes, drive.level))
     values.update({**bound.alternatives[0], **fitted})
     drives = tuple(Drive(e.tones_hz, {**e.settings, **fitted}, e.output) for e in bound.experiments)
@@ -51,12 +51,12 @@ def scene_of_campaign(
         fmu=fmu,
         values=values,
         drives=drives,
-        output=bound.output,
+        output=bound.setup.output,
         width_hz=width,
         fastest_hz=max(tones, default=0.0),
-        solvers=solvers_of(bound.hints, values, variables),
+        solvers=solvers_of(bound.setup.hints, values, variables),
         linear=False,
-        steady=bound.steady_start,
+        steady=bound.setup.steady_start,
         tone=drive.frequencies[0] if drive.kind == "tones" else "",
         tone_unit=drive.frequency_unit,
         levels=drive.amplitudes,
@@ -65,7 +65,7 @@ def scene_of_campaign(
         held=drive.samples_per_period if drive.kind == "input" else 0,
         sweep_values={**sweep.settings, **fitted} if sweep is not None else {},
         sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
-        hints=bound.hints,
+        hints=bound.setup.hints,
         synthetic=bound.synthetic,
     )
     if drives or sweep is None:

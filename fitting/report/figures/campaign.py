@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from fitting.campaign import BoundCampaign, Experiment, Sweep
+from fitting.campaign import BoundCampaign, Experiment, SweepData
 from fitting.fit.result import Peak, Result, SweepCurves
 from fitting.report.figures.style import (
     BLACK,
@@ -93,9 +93,9 @@ def _drive_span_s(experiments: Sequence[Experiment]) -> float:
 
 
 def _amplitudes(experiment: Experiment, bound: BoundCampaign) -> list[float]:
-    names = bound.drive.amplitudes or ("",) * len(experiment.tones_hz)
+    names = bound.setup.drive.amplitudes or ("",) * len(experiment.tones_hz)
     named = zip(names, experiment.tones_hz, strict=False)
-    return [float(experiment.settings.get(name, bound.drive.level)) for name, _ in named]
+    return [float(experiment.settings.get(name, bound.setup.drive.level)) for name, _ in named]
 
 
 def _envelope(experiment: Experiment, bound: BoundCampaign, time_s: FloatArray) -> FloatArray:
@@ -123,7 +123,7 @@ def _close_up(axes: Axes, experiment: Experiment, bound: BoundCampaign, span_s: 
 
 
 def _drive_label(bound: BoundCampaign) -> str:
-    name = bound.drive.input or "b"
+    name = bound.setup.drive.input or "b"
     return f"drive {name}(t), in the FMU's unit".replace("$", r"\$")
 
 
@@ -365,7 +365,7 @@ def draw_response(result: Result, bound: BoundCampaign) -> Drawing:
     return Drawing("8_frequency_response", title, caption, alt, figure)
 
 
-def _lorentzian(sweep: Sweep) -> tuple[Resonance | None, str]:
+def _lorentzian(sweep: SweepData) -> tuple[Resonance | None, str]:
     """The fit of one damped mode, or why there is none."""
     try:
         return fit_resonance(
@@ -411,7 +411,7 @@ def _residual_panel(axes: Axes, f: FloatArray, curves: SweepCurves, fit: Resonan
 
 
 def _response_words(
-    result: Result, sweep: Sweep, curves: SweepCurves, fit: Resonance | None, why: str
+    result: Result, sweep: SweepData, curves: SweepCurves, fit: Resonance | None, why: str
 ) -> tuple[str, str]:
     measured, final = np.array(curves.measured_v), np.array(curves.final_v)
     rms = float(np.sqrt(np.mean(((final - measured) / np.max(measured)) ** 2)))

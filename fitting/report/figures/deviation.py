@@ -371,8 +371,8 @@ def _shade_drift(
     margin = max(max(tones_hz) - min(tones_hz), 1e-9 * max(tones_hz))
     low, high = min(tones_hz) - margin, max(tones_hz) + margin
     shaded: dict[str, Artist] = {}
-    for name, ends in bound.drifting.items():
-        first, last = (convert(v, bound.drive.frequency_unit, "Hz", where=name) for v in ends)
+    for name, ends in bound.drift.ends.items():
+        first, last = (convert(v, bound.setup.drive.frequency_unit, "Hz", where=name) for v in ends)
         if low <= min(first, last) and max(first, last) <= high:
             shaded[name] = axes.axvspan(
                 along(first),
