@@ -126,8 +126,8 @@ def _refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
     if share > max(100.0 * bound.setup.accuracy, 1e-4):
         raise BadInput(
             f"{bound.path}: [drive]: '{bound.setup.output}' moves by {share:.1e} of its response "
-            "where every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
-            "[fmu.start]"
+            "where every amplitude of the drive is zero: wanted what else drives the FMU set to "
+            "zero in [fmu.start]"
         )
 
 
