@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         job = job_of(bound, identity, options)
         memory = checkpoint.resume(out, job) if args.resume else checkpoint.begin(out, job)
         if args.resume:
-            print(f"{len(memory)} finished levels found in {memory.path}")
+            print(memory.resumed("levels"))
         shown = _Line(sys.stderr.isatty())
         try:
             inform = None

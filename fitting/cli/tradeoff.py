@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
         job = _job(scene, order, description)
         memory = memories.resume(args.out, job) if args.resume else memories.begin(args.out, job)
         if args.resume:
-            print(f"{len(memory)} finished settings found in {memory.path}")
+            print(memory.resumed("settings"))
         with status_line(NAME) as tell:
             study = run_study(scene, workers, order, memory, tell)
         study = replace(study, provenance=_provenance(args, description, workers.reuse_note))

@@ -274,7 +274,7 @@ def test_a_failure_midway_keeps_finished_levels_whole(
     said = refused(folder, capsys, code=3, left=("checkpoint.json",))
     assert "cannot step from 0 s" in said
     saved = json.loads((folder / "out" / "checkpoint.json").read_text())
-    assert [step["alternative"] for step in saved["steps"]] == [0]
+    assert [step["alternative"] for step in saved["finished"]] == [0]
 
 
 def test_old_results_survive_a_run_that_is_refused(

@@ -227,7 +227,7 @@ def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Pat
     assert [m.setting for m in resumed_grid] == [m.setting for m in whole_grid]
     for a, b in zip(resumed_grid, whole_grid, strict=True):
         assert a.extrapolated or a.error == b.error
-    with pytest.raises(BadInput, match="belongs to another scene"):
+    with pytest.raises(BadInput, match="belongs to other data"):
         memories.resume(tmp_path, "another job")
 
 

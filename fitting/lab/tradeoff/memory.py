@@ -2,65 +2,59 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.lab.tradeoff.records import Measurement, Reference
-from fitting.text.errors import BadInput
-from fitting.text.records import read_json, write_json
+from fitting.text.checkpoint import Checkpoint
 
 NAME = "tradeoff-checkpoint.json"
 #: Time between two writings of the file, s: kill -9 loses no more than that.
 EVERY_S = 2.0
+_REFERENCES = "references"
 
 
 @dataclass(frozen=True)
-class _Saved:
-    """Content of the file: `job` identifies scene, FMU, grid and versions."""
+class _Part:
+    """A finished setting, or the references that errors are measured from."""
 
-    job: str
-    references: tuple[Reference, ...]
-    measurements: tuple[Measurement, ...]
+    measurement: Measurement | None = None
+    references: tuple[Reference, ...] = ()
+
+    @property
+    def key(self) -> str:
+        return _REFERENCES if self.measurement is None else self.measurement.setting.key
 
 
-class Memory:
+class Memory(Checkpoint[_Part]):
     """References and measurements of one job, in memory and in the folder's checkpoint file."""
 
-    def __init__(self, folder: Path, job: str, saved: _Saved | None = None) -> None:
-        self.path = folder / NAME
-        self.job = job
-        self.references = saved.references if saved else ()
-        found = saved.measurements if saved else ()
-        self._found = {m.setting.key: m for m in found}
-        self._written_s = 0.0
+    def __init__(self, folder: Path, job: str) -> None:
+        super().__init__(folder / NAME, job, _Part, lambda part: part.key, EVERY_S)
 
-    def recall(self, key: str) -> Measurement | None:
-        """The finished measurement of a setting, None if there is none."""
-        return self._found.get(key)
+    @property
+    def references(self) -> tuple[Reference, ...]:
+        """The references, none before they were kept."""
+        part = self.find(_REFERENCES)
+        return part.references if part else ()
 
     def keep_references(self, references: tuple[Reference, ...]) -> None:
         """Keep the references and write the file."""
-        self.references = references
+        self.record(_Part(references=references))
         self.write()
 
-    def record(self, measurement: Measurement) -> None:
-        """Add a measurement; the file follows within seconds."""
-        self._found[measurement.setting.key] = measurement
-        if time.monotonic() - self._written_s > EVERY_S:
-            self.write()
+    def recall(self, key: str) -> Measurement | None:
+        """The finished measurement of a setting, None if there is none."""
+        part = self.find(key)
+        return part.measurement if part else None
 
-    def write(self) -> None:
-        """Replace the file."""
-        write_json(self.path, _Saved(self.job, self.references, tuple(self._found.values())))
-        self._written_s = time.monotonic()
+    def keep(self, measurement: Measurement) -> None:
+        """Add a measurement; the file follows within seconds."""
+        self.record(_Part(measurement))
 
     def __len__(self) -> int:
-        return len(self._found)
-
-    def remove(self) -> None:
-        """Delete the file: the job is done."""
-        self.path.unlink(missing_ok=True)
+        """The number of finished settings."""
+        return super().__len__() - bool(self.references)
 
 
 def begin(folder: Path, job: str) -> Memory:
@@ -74,13 +68,6 @@ def resume(folder: Path, job: str) -> Memory:
     Raises:
         BadInput: the file is of another job, or is none of these.
     """
-    path = folder / NAME
-    if not path.exists():
-        return Memory(folder, job)
-    saved = read_json(path, _Saved)
-    if saved.job != job:
-        raise BadInput(
-            f"{path}: belongs to another scene, another FMU or other options; "
-            "wanted the same as now (leave out --resume to start afresh)"
-        )
-    return Memory(folder, job, saved)
+    memory = Memory(folder, job)
+    memory.resume()
+    return memory

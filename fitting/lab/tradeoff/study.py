@@ -83,7 +83,7 @@ def run_study(
             tell(f"{number}/{len(wanted)} {setting.quantity}, {setting.solver}")
             measured = memory.recall(setting.key) or ruler.measure(setting)
             if measured is not None:
-                memory.record(measured)
+                memory.keep(measured)
                 found.append(measured)
         if AMPLITUDES in order.quantities:
             for accuracy in order.accuracies:
