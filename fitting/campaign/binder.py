@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fitting.campaign.accuracy import AccuracyChoice
-from fitting.campaign.section import Scalar, Written, in_unit
+from fitting.campaign.section import Written, in_unit
 from fitting.fmu.accuracy import Hints, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.tables import did_you_mean
 

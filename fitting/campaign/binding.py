@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.campaign.binder import Binder, bind_hints
 from fitting.campaign.data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
@@ -22,13 +21,12 @@ from fitting.campaign.noise import (
 )
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.schema import ContinuationSettings, ParameterChoice
-from fitting.campaign.section import Scalar, Written, in_unit
+from fitting.campaign.section import Written, in_unit
 from fitting.fmu.accuracy import Hints
 from fitting.fmu.variables import READABLE, VariableLike
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import base_unit, convert
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.campaign.instruments import RawTrace, read_trace, unit_of
 from fitting.campaign.schema import (
@@ -20,12 +19,11 @@ from fitting.campaign.schema import (
 from fitting.campaign.section import Written
 from fitting.signal.amplitudes import to_peak
 from fitting.signal.peaks import MIN_SWEEP_POINTS, NoiseFloor, read_peaks
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 from fitting.text.tables import Column, Table, did_you_mean, parse_number, read_table
 from fitting.text.units import convert
-
-FloatArray = NDArray[np.float64]
 
 #: Column of the experiments file that names the FMU output an experiment observes.
 OUTPUT_COLUMN = "output"

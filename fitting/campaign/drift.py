@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.binder import Binder
 from fitting.campaign.data import Campaign, MeasuredExperiment
@@ -25,8 +24,6 @@ from fitting.campaign.section import Written, in_unit
 from fitting.fmu.variables import SETTABLE
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
-
-FloatArray = npt.NDArray[np.float64]
 
 #: An offset may leave the interpolated drift by this many standard deviations of its prior.
 REACH = 6.0

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.tables import (
     Column,
@@ -25,8 +25,6 @@ from fitting.text.tables import (
     read_text,
     split_line,
 )
-
-FloatArray = NDArray[np.float64]
 
 FREQUENCY_NAMES = ("frequency", "freq", "f")
 AMPLITUDE_NAMES = ("amplitude", "magnitude", "level", "r", "voltage")

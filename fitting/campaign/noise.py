@@ -14,16 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.noise_table import NoiseChoice
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.section import in_unit
 from fitting.signal.amplitudes import Amplitude
 from fitting.signal.scale import laboratory_maximum
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Repeats tell the scatter from this many degrees of freedom on (to a third of it).
 ENOUGH_REPEATS = 4

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

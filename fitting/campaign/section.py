@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.tables import did_you_mean
 from fitting.text.units import convert, parse_quantity
-
-Scalar = float | int | bool | str
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from fitting.campaign import bind, read_campaign
 from fitting.cli.options import positive_time
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, Run, validation_problems
-from fitting.text.errors import BadInput, FmuFailure, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput, FmuFailure
 
 NAME = "check"
 SUMMARY = "will this FMU load, validate, run, survive a reset, and suit a campaign"
@@ -111,7 +112,7 @@ def _row(v: FmuVariable, width: int) -> str:
     return " ".join([text, *limits])
 
 
-def _suits(campaign: Path | None, description: FmuDescription) -> Mapping[str, StartValue]:
+def _suits(campaign: Path | None, description: FmuDescription) -> Mapping[str, Scalar]:
     """Start values of the campaign, which fits the FMU; none without a campaign."""
     if campaign is None:
         return {}
@@ -123,7 +124,7 @@ def _suits(campaign: Path | None, description: FmuDescription) -> Mapping[str, S
     return dict(bound.setup.start_values)
 
 
-def _trial(workers: FmuWorkers, step: float, values: Mapping[str, StartValue]) -> list[str]:
+def _trial(workers: FmuWorkers, step: float, values: Mapping[str, Scalar]) -> list[str]:
     """One step; which outputs are numbers."""
     run = _trial_run(workers.description, step, values)
     [result] = workers.run([run])
@@ -136,7 +137,7 @@ def _trial(workers: FmuWorkers, step: float, values: Mapping[str, StartValue]) -
     return [line + (f"; not a number: {', '.join(blank)}" if blank else "")]
 
 
-def _resets(workers: FmuWorkers, step: float, values: Mapping[str, StartValue]) -> list[str]:
+def _resets(workers: FmuWorkers, step: float, values: Mapping[str, Scalar]) -> list[str]:
     """Whether a reset instance gives what a new one gives, also with every parameter varied."""
     run = _trial_run(workers.description, step, values)
     unvaried = []
@@ -155,7 +156,7 @@ def _resets(workers: FmuWorkers, step: float, values: Mapping[str, StartValue]) 
     return lines
 
 
-def _varied(variable: FmuVariable, value: StartValue | None) -> float | None:
+def _varied(variable: FmuVariable, value: Scalar | None) -> float | None:
     """Another value of a Real parameter, inside its limits."""
     if variable.kind != "Real" or value is None or not variable.can_be_started:
         return None
@@ -166,7 +167,7 @@ def _varied(variable: FmuVariable, value: StartValue | None) -> float | None:
     return other if variable.min is None or other >= variable.min else None
 
 
-def _trial_run(description: FmuDescription, step: float, values: Mapping[str, StartValue]) -> Run:
+def _trial_run(description: FmuDescription, step: float, values: Mapping[str, Scalar]) -> Run:
     outputs = tuple(
         v.name
         for v in description.variables.values()

@@ -10,14 +10,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.section import Section
 from fitting.cli.options import default_workers, whole_number
 from fitting.cli.progress import status_line
 from fitting.design.campaign import EXPERIMENTS_NAME, PEAK, campaign_files
-from fitting.design.candidates import Limits, Scalar
+from fitting.design.candidates import Limits
 from fitting.design.choice import CRITERIA
 from fitting.design.limits import design_section, limits_of
 from fitting.design.proposal import propose
@@ -26,12 +25,11 @@ from fitting.design.weighing import Question, weigh
 from fitting.fit.result import Result, read_result
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_table
-
-FloatArray = npt.NDArray[np.float64]
 
 NAME = "design"
 SUMMARY = "which measurement next: proposed settings, and how well a value would then be known"

@@ -8,16 +8,17 @@ from collections.abc import Mapping, Sequence
 
 from fitting.cli.options import quantity
 from fitting.fmu import FmuDescription, FmuVariable
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 
 TONE_NAME = re.compile(r"(.*?)(\d+)")
 #: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
 AMPLITUDE_STEM = "A"
 
 
-def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, StartValue]:
+def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, Scalar]:
     """Start values from texts "NAME=VALUE" with written units, in the FMU's units."""
-    values: dict[str, StartValue] = {}
+    values: dict[str, Scalar] = {}
     for text in assignments:
         name, found, value = text.partition("=")
         name = name.strip()
@@ -27,7 +28,7 @@ def start_values(assignments: Sequence[str], description: FmuDescription) -> dic
     return values
 
 
-def _value(text: str, variable: FmuVariable) -> StartValue:
+def _value(text: str, variable: FmuVariable) -> Scalar:
     where = f"--set {variable.name}"
     if variable.kind == "String":
         return text
@@ -57,7 +58,7 @@ def first_output(description: FmuDescription) -> tuple[str, ...]:
 
 
 def other_tones(
-    names: tuple[str, ...], values: Mapping[str, StartValue], description: FmuDescription
+    names: tuple[str, ...], values: Mapping[str, Scalar], description: FmuDescription
 ) -> list[tuple[str, str]]:
     """Parameters named like the tones, but for their number, with amplitudes that are not zero."""
     stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}

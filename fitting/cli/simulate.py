@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.cli.drive_options import first_output, other_tones, start_values
 from fitting.cli.options import (
@@ -26,7 +25,8 @@ from fitting.signal.combinations import combination_name
 from fitting.simulate.drive import Drive, DriveResult, simulate_drive
 from fitting.simulate.drive_plan import DrivePlan, plan_drive
 from fitting.simulate.lines import MixedLine, mixed_peaks
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.notation import hertz
 from fitting.text.units import convert, same_kind
@@ -224,7 +224,7 @@ def _tone_names(args: argparse.Namespace, description: FmuDescription) -> tuple[
 
 
 def _tones(
-    names: tuple[str, ...], values: Mapping[str, StartValue], description: FmuDescription
+    names: tuple[str, ...], values: Mapping[str, Scalar], description: FmuDescription
 ) -> tuple[float, ...]:
     """Frequencies in Hz that the parameters hold."""
     tones = []
@@ -258,7 +258,7 @@ def _write(
 
     units = [description.variables[name].unit or "1" for name in result.drive.outputs]
     columns = [f"{name} ({unit})" for name, unit in zip(result.drive.outputs, units, strict=True)]
-    tables: list[tuple[str, list[str], list[NDArray[np.float64]]]] = [
+    tables: list[tuple[str, list[str], list[FloatArray]]] = [
         ("carrier.csv", ["time (s)"], [result.carrier.times_s, result.carrier.values]),
         ("spectrum.csv", ["frequency (Hz)"], [result.frequencies_hz, result.amplitudes]),
         ("peaks.csv", ["frequency (Hz)"], [np.array(result.drive.tones_hz), result.peaks]),
@@ -283,7 +283,7 @@ def _write(
     )
 
 
-def _csv(header: list[str], rows: NDArray[np.float64]) -> str:
+def _csv(header: list[str], rows: FloatArray) -> str:
     text = io.StringIO()
     text.write(",".join(header) + "\n")
     text.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())

@@ -15,7 +15,8 @@ from fitting.cli.options import positive_quantity, positive_time, quantity, whol
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.simulate.frf import DIRECTIONS, FrfResult, Sweep, sweep_fmu
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.notation import hertz
 from fitting.text.units import same_kind
@@ -119,9 +120,7 @@ def _sweep(args: argparse.Namespace, description: FmuDescription) -> tuple[Sweep
     return sweep, told
 
 
-def _silence_others(
-    tone: str, values: dict[str, StartValue], description: FmuDescription
-) -> list[str]:
+def _silence_others(tone: str, values: dict[str, Scalar], description: FmuDescription) -> list[str]:
     """Other tones of the FMU do not drive in a sweep; refused where their amplitude was set."""
     told = []
     for name, amplitude in other_tones((tone,), values, description):

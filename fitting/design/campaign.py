@@ -15,10 +15,9 @@ from typing import Any
 from fitting.campaign import BoundCampaign, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.result import Design, Proposal
+from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import parse_toml, read_text
-
-Scalar = float | int | bool | str
 
 CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME = "campaign.toml", "experiments.csv", "sweep"
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?")

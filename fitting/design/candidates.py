@@ -11,11 +11,10 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.signal.combinations import Combination
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 from fitting.text.units import convert
-
-Scalar = float | int | bool | str
 
 #: Offsets of a tone from the middle of a resonance, at most; a finer grid is thinned to it.
 MOST_OFFSETS = 24

@@ -19,9 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 CRITERIA = ("target", "D", "A")
 #: How much of the best criterion (a ratio of errors) may be given up for cheaper measurements.

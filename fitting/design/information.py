@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import Parameter, search_bounds
@@ -35,9 +34,7 @@ from fitting.inference.uncertainty import row_sigmas
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
 from fitting.simulate.batch import Workers
-
-FloatArray = npt.NDArray[np.float64]
-Scalar = float | int | bool | str
+from fitting.text.arrays import FloatArray, Scalar
 
 #: Settings are moved by this share of their error for a difference quotient.
 SHIFT = 0.2

@@ -14,10 +14,11 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.campaign.binder import Binder
 from fitting.campaign.section import Section, Written, as_written, in_unit
-from fitting.design.candidates import Limits, Scalar
+from fitting.design.candidates import Limits
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.tables import parse_toml
 from fitting.text.units import convert, same_kind

@@ -13,13 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, search_bounds
 from fitting.design.information import Place, Series
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import BoolArray, FloatArray
 
 #: Walkers per alternative, their steps, and the length of one in prior standard deviations.
 WALKERS, STRIDES, STRIDE = 4, 8, 0.35
@@ -134,7 +132,7 @@ def _correction(fitted: Fitted, damping: float) -> FloatArray:
     return np.asarray(-right.T @ (held * (left.T @ fitted.rows)))
 
 
-def _held(matrix: FloatArray) -> npt.NDArray[np.bool_]:
+def _held(matrix: FloatArray) -> BoolArray:
     return np.linalg.svd(matrix, compute_uv=False) >= HELD
 
 

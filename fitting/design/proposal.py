@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, to_model
 from fitting.design.candidates import Limits
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
 from fitting.design.weighing import Question, Weighed, chosen_by
+from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
-
-FloatArray = npt.NDArray[np.float64]
 
 #: A factor on the error that nobody calls useless.
 HELPFUL = 3.0

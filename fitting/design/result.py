@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from fitting.text.arrays import Scalar
 from fitting.text.records import read_json, write_json
 
-Scalar = float | int | bool | str
 NAME = "design.json"
 
 

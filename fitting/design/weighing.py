@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import block_diag
 
 from fitting.campaign import BoundCampaign
@@ -34,10 +33,8 @@ from fitting.fit.job import measured_of
 from fitting.fit.objective import evaluate_many
 from fitting.inference.uncertainty import SMALLEST_SIGMA
 from fitting.simulate.batch import Workers
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-
-FloatArray = npt.NDArray[np.float64]
-Scalar = float | int | bool | str
 
 #: Points at which a design is judged, the given one included.
 PLACES = 8

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import (
     Parameter,
@@ -29,16 +28,14 @@ from fitting.fit.result import (
     DeviationSet,
     HistoryRow,
     ParameterResult,
-    Scalar,
     StartResult,
 )
 from fitting.fit.symmetry import secants
 from fitting.inference.ranges import output_ranges
 from fitting.inference.uncertainty import Covariance, covariance, in_words
 from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.notation import probability
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
 APART = 0.1

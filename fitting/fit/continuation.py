@@ -14,14 +14,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_search
 from fitting.fit.evaluator import Counts, Evaluator, total
 from fitting.fit.interior_point import SolveSettings, inside, solve
 from fitting.fit.objective import Objective, j_reg, weights
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Starts that come closer than this, in units of the search vector, go on as one ...
 SAME_POINT = 1e-2

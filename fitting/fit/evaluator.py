@@ -10,13 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-import numpy.typing as npt
-
 from fitting.campaign.parameters import search_bounds
 from fitting.fit.objective import Nu, Objective, Point, evaluate_many, j_reg, jacobian_of, stencil
+from fitting.text.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 Kept = TypeVar("Kept")
 
 MISFITS = ("slack", "absolute", "squares")

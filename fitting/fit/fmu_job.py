@@ -7,23 +7,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import columns_of, series_names
 from fitting.campaign.parameters import starts
 from fitting.fit.job import Identity, Options
 from fitting.fit.reconstruction import Hooks, reconstruct
-from fitting.fit.result import Result, Scalar
+from fitting.fit.result import Result
 from fitting.fmu import FmuDescription, FmuWorkers, read_hints
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.joint_response import JointResponse
 from fitting.measurements.planning import Plan, plan_campaign
 from fitting.measurements.response import Response
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Kinds of warnings that a note tells of.
 MOST_KINDS = 3

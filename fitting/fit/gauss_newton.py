@@ -7,13 +7,11 @@ the linearised rows, damped where they do not pay, get there to the last digits.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.linear_program import Finish, promised_decrease
 from fitting.fit.objective import Nu
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Longest step in one variable, in units of the search vector.
 LONGEST = 0.5

@@ -20,7 +20,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
 
 from fitting.fit.evaluator import Evaluator, total
@@ -28,8 +27,7 @@ from fitting.fit.gauss_newton import finish_squares
 from fitting.fit.linear_program import follow, promised_decrease, with_slacks
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.symmetry import off_symmetry
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Distance from a bound at which every solve starts, as a share of the box (at most in units of x).
 INSIDE_SHARE = 1e-3

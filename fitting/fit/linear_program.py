@@ -14,14 +14,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import linprog
 from scipy.sparse import block_array, csr_array, eye_array
 
 from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import Nu
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Radius, in units of the search vector, within which a decrease counts against optimality.
 TEST_RADIUS = 1.0

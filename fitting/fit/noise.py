@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter, sweep_scale_sigma
 from fitting.fit.objective import Measured, Objective, Point
 from fitting.inference.uncertainty import row_sigmas
+from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Outliers that are named one by one.
 MOST_NAMED = 6

@@ -17,14 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.measurements.measured import Measured as Measured
 from fitting.measurements.response import Evaluation, Response
 from fitting.signal.scale import chi_of_maxima, chi_of_sweep, chi_robust
+from fitting.text.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 #: A weight for all variables, or one for each, (n,).
 Nu = float | FloatArray
 

@@ -28,7 +28,6 @@ from fitting.fit.result import (
     OffsetResult,
     Peak,
     Result,
-    Scalar,
     Scale,
     SweepCurves,
     SweepLine,
@@ -39,6 +38,7 @@ from fitting.inference.elsewhere import judged
 from fitting.measurements.data_warnings import data_warnings
 from fitting.measurements.response import Response
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
+from fitting.text.arrays import Scalar
 
 
 @dataclass(frozen=True)

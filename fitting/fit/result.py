@@ -15,10 +15,10 @@ from pathlib import Path
 from fitting.fit.joint_result import ExternalTest, JointResult
 from fitting.inference.knowledge import Knowledge
 from fitting.simulate.budget import PlanRecord
+from fitting.text.arrays import Scalar
 from fitting.text.files import write_whole
 from fitting.text.records import read_json, write_json
 
-Scalar = float | int | bool | str
 Floats = tuple[float, ...]
 
 STATUSES = ("converged", "not converged", "interrupted")

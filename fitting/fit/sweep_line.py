@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
@@ -13,10 +12,9 @@ from fitting.campaign.instruments import own_estimates
 from fitting.fit.result import LineFit, SweepLine
 from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import probability, with_error
-
-FloatArray = NDArray[np.float64]
 
 #: A background counts as seen where noise alone gains as much less often than this.
 BACKGROUND_P = 1e-3

@@ -11,11 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fit.evaluator import Evaluator
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Step off a plane of symmetry, as a share of the box (at most in units of x).
 STRIDE = 0.1

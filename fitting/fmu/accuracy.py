@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-
-Scalar = float | int | bool | str
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from __future__ import annotations
 import zipfile
 from xml.etree import ElementTree
 
-from fitting.fmu.accuracy import Hints, Reduction, Scalar
+from fitting.fmu.accuracy import Hints, Reduction
 from fitting.fmu.description import FmuDescription
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
 TOOL = "fmu-fit"

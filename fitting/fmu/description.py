@@ -13,7 +13,8 @@ from typing import Any, Literal
 import fmpy
 from fmpy.validation import validate_fmu
 
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 
 Kind = Literal["Real", "Integer", "Boolean", "String", "other"]
 
@@ -42,7 +43,7 @@ class FmuVariable:
     variability: str
     initial: str | None
     unit: str | None
-    start: StartValue | None
+    start: Scalar | None
     min: float | None
     max: float | None
     description: str
@@ -183,7 +184,7 @@ def _number(text: str | None, where: str) -> float | None:
         raise BadInput(f"{where}: found {text!r}, wanted a number") from error
 
 
-def _value(kind: Kind, text: str | None, where: str) -> StartValue | None:
+def _value(kind: Kind, text: str | None, where: str) -> Scalar | None:
     if text is None or kind == "other":
         return None
     if kind == "String":

@@ -6,12 +6,10 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu.records import Tone
 from fitting.signal.spectrum import cycle_fraction
-
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 
 def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int) -> FloatArray:

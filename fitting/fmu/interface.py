@@ -23,7 +23,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from fitting.fmu.log import Log, label
 from fitting.fmu.orders import Group
-from fitting.text.errors import StartValue
+from fitting.text.arrays import Scalar
 
 WARNING, DISCARD = 1, 2
 LAST_SUCCESSFUL_TIME = 2  # of fmi2StatusKind
@@ -128,7 +128,7 @@ class Interface:
             (n,) if self.values_counted else (),
         )
 
-    def set(self, access: Access, values: tuple[StartValue, ...]) -> None:
+    def set(self, access: Access, values: tuple[Scalar, ...]) -> None:
         """Set the variables of a group."""
         if access.name == "SetString":
             access.buffer[:] = [str(text).encode() for text in values]

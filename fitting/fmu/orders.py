@@ -14,7 +14,8 @@ import numpy as np
 
 from fitting.fmu.description import FmuDescription, FmuVariable
 from fitting.fmu.records import Leg, Run, Tone
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 
 
 class Group(NamedTuple):
@@ -40,7 +41,7 @@ class Order(NamedTuple):
     """One run: ``values`` for each group of the layout's ``sets``."""
 
     layout: int
-    values: tuple[tuple[StartValue, ...], ...]
+    values: tuple[tuple[Scalar, ...], ...]
     settle_s: float
     sample_step_s: float
     samples: int
@@ -67,7 +68,7 @@ class Orders:
         self._grown = False
         self._description = description
         self._numbers: dict[_Key, int] = {}
-        self._defaults: dict[str, StartValue] = {}  # of every variable that any run has set
+        self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
 
     def take_all(self, runs: Sequence[Run]) -> list[Order]:
         """The orders for a batch; raises BadInput as `take` does."""
@@ -106,7 +107,7 @@ class Orders:
             run.legs,
         )
 
-    def _add(self, key: _Key, start_values: Mapping[str, StartValue]) -> int:
+    def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
         names, outputs, input_name, moved = key
         for name in (*names, *([input_name] if input_name else [])):
             if name not in self._defaults and self._remember(self._variable_to_set(name)):

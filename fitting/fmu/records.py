@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 
 Tone = tuple[float, float, float]  # frequency in Hz, amplitude, phase in rad
 
@@ -86,7 +87,7 @@ class Run:
     them, and for legs beside a signal or without a start value of what they move.
     """
 
-    start_values: Mapping[str, StartValue]
+    start_values: Mapping[str, Scalar]
     settle_s: float
     sample_step_s: float
     samples: int

@@ -12,12 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu.interface import CallFailed
 from fitting.fmu.orders import Layout, Order
+from fitting.text.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Place = tuple[int, int] | str  # a value of an order: (group, position), or the input's tones
 
 UNDECIDED = "no comparison of a reset instance with a new one was needed"

@@ -7,14 +7,13 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu.input_signal import held_values
 from fitting.fmu.interface import Access, CallFailed, Interface
 from fitting.fmu.orders import Layout, Order
 from fitting.fmu.records import row_times
+from fitting.text.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Reader = Callable[[int], None]
 
 DOUBLE = 8  # bytes

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu.interface import CallFailed, Interface, Setup, load
 from fitting.fmu.log import Log
@@ -23,8 +22,7 @@ from fitting.fmu.orders import Layout, Order
 from fitting.fmu.records import Counts
 from fitting.fmu.reuse import Verdict, run_with_reuse
 from fitting.fmu.simulation import Binding, bind, simulate, steps_of
-
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 # Each instantiation leaks some ten kilobytes in many FMUs, and crashes are reported near 1,000.
 MOST_INSTANCES = 500

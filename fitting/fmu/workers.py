@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.interface import Setup
@@ -26,9 +25,8 @@ from fitting.fmu.process import Worker
 from fitting.fmu.records import Counts, Run
 from fitting.fmu.reuse import Verdict
 from fitting.fmu.worker import Batch, Reply
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure
-
-FloatArray = NDArray[np.float64]
 
 POLL_S = 0.1
 CLOSING_S = 2.0

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import to_model
 from fitting.fit.result import IDENTIFIABLE
@@ -22,8 +21,7 @@ from fitting.inference.descent import Local, descend, located
 from fitting.inference.knowledge import Bootstrap, Percentiles, Profile
 from fitting.inference.likelihood import Likelihood, Surface
 from fitting.inference.lockstep import Exhausted, Sample, Task, together
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Refits handed to an executor at a time.
 CHUNK = 25

@@ -18,7 +18,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtrc, ndtri
 
 from fitting.campaign import BoundCampaign
@@ -29,8 +28,7 @@ from fitting.fit.joint_result import Estimate, JointResult, SeriesPart, Tension
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point
 from fitting.measurements.joint_response import JointResponse
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
 BETTER_THAN_BOX = 3.0

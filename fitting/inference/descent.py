@@ -14,15 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import gammaincc
 
 from fitting.inference.likelihood import Likelihood, Surface, slopes, stencil
 from fitting.inference.lockstep import Request, Sample, Task, together
 from fitting.inference.uncertainty import freedom
 from fitting.signal.least_squares import bounded_step
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3

@@ -12,8 +12,8 @@ from fitting.fit.result import (
     AlternativeResult,
     DerivedResult,
     ParameterResult,
-    Scalar,
 )
+from fitting.text.arrays import Scalar
 from fitting.text.notation import number
 
 #: How reasons begin, by which they are found again.

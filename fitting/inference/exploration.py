@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import search_bounds
 from fitting.inference.descent import Local, Optimum, descend, located
@@ -15,8 +14,7 @@ from fitting.inference.likelihood import Surface
 from fitting.inference.lockstep import Exhausted, Request, Task, together
 from fitting.inference.profiles import ROOT_95, STEPS, Quantity, Side, Stop, reach, walk
 from fitting.inference.ranges import OutputRange
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Seeded points of the box from which other minima are looked for.
 OTHER_STARTS = 12

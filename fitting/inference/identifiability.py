@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import canonical, to_model, to_search
 from fitting.fit.result import IDENTIFIABLE
@@ -20,9 +19,8 @@ from fitting.inference.exploration import Found
 from fitting.inference.knowledge import Direction, Equivalent, Profile
 from fitting.inference.likelihood import Likelihood, Surface
 from fitting.inference.lockstep import Exhausted, Request, Task, together
+from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
-
-FloatArray = npt.NDArray[np.float64]
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import references, search_bounds, starts, to_model, to_search
 from fitting.fit.job import measured_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.fit.result import Result, Scalar
+from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
 from fitting.inference.descent import most_likely
 from fitting.inference.inference import Asked, know
@@ -23,9 +22,8 @@ from fitting.inference.profiles import ROOT_95
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.signal.residual_tests import residual_structure
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

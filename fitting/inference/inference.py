@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter
 from fitting.fit.assembly import Solution, verdict_sentences
@@ -31,9 +30,9 @@ from fitting.inference.nu_choice import choose_nu
 from fitting.inference.profiles import ROOT_95, Stop
 from fitting.inference.ranges import OutputRange, output_ranges
 from fitting.inference.verdicts import profiles as profiles_of
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
-FloatArray = npt.NDArray[np.float64]
 Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
 #: Decrease of chi square along a walk from which the search begins anew at the better point.

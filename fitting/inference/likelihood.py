@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_model
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.inference.lockstep import Exhausted, Request, Sample
 from fitting.inference.uncertainty import SMALLEST_SIGMA
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Points at which a model may fail before the failure is passed on.
 MOST_FAILURES = 12

@@ -11,10 +11,8 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-import numpy.typing as npt
+from fitting.text.arrays import FloatArray
 
-FloatArray = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 

@@ -13,7 +13,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import chdtri
 
 from fitting.fit.continuation import ContinuationStep
@@ -21,8 +20,6 @@ from fitting.fit.result import HistoryRow
 from fitting.inference.knowledge import NuChoice, NuRow
 from fitting.inference.likelihood import Likelihood, Surface
 from fitting.inference.lockstep import Request
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Probability with which noise alone stays below the allowed chi square.
 ALLOWED_P = 0.95

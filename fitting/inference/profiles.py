@@ -17,12 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.inference.descent import Local, Optimum, Pin, descend, located
 from fitting.inference.lockstep import Exhausted, Task
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.
 ROOT_68, ROOT_95 = 1.0, 1.959964

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_model
 from fitting.measurements.response import Response
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import BoolArray, FloatArray
 
 #: Seeded points of the box, and the most points of a grid over it, which holds its corners.
 BOX_SAMPLES, BOX_GRID = 64, 256
@@ -36,7 +34,7 @@ class OutputRange:
     high: float
     x_low: FloatArray
     x_high: FloatArray
-    depends: npt.NDArray[np.bool_]
+    depends: BoolArray
 
 
 @dataclass
@@ -150,7 +148,7 @@ def _means(
 
 def _dependence(
     response: Response, parameters: Sequence[Parameter], bases: Sequence[FloatArray]
-) -> dict[str, npt.NDArray[np.bool_]]:
+) -> dict[str, BoolArray]:
     """Which parameters move an output, seen by steps from a few seeded points."""
     lower, upper = search_bounds(parameters)
     n = lower.size
@@ -173,7 +171,7 @@ def _dependence(
     return found
 
 
-def _differ(one: FloatArray, other: FloatArray) -> npt.NDArray[np.bool_]:
+def _differ(one: FloatArray, other: FloatArray) -> BoolArray:
     """Whether two values differ beyond rounding; one that exists differs from one that does not."""
     both = np.isfinite(one) & np.isfinite(other)
     apart = np.abs(one - other) > 1e-12 * (np.abs(one) + np.abs(other))

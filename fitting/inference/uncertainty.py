@@ -14,11 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fit.result import IDENTIFIABLE
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Shares of the variance from which a value counts as determined, and as partly determined.
 DETERMINED, PARTLY = 0.9, 0.1

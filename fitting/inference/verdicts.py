@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.result import IDENTIFIABLE
@@ -15,8 +14,7 @@ from fitting.inference.exploration import Found
 from fitting.inference.knowledge import Equivalent, Interval, Profile
 from fitting.inference.profiles import ROOT_68, ROOT_95, Quantity, Side, Stop, interval
 from fitting.inference.uncertainty import in_words
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Where an end of the range fits, a value whose interval is narrower than this is still determined.
 ONE_SIDED = 0.1

@@ -22,9 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitting.lab.string import TWO_PI, Bench, Series, Trace, TwoModes, noise, sweep_grid
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Orders that are tried one after the other, and the change of a line, relative to the largest, at
 #: which the one before was enough.

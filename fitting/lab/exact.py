@@ -11,11 +11,9 @@ from typing import Any
 
 import mpmath as mp
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.lab.string import TwoModes
-
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 DIGITS = 50
 #: Relative half width of the interval in which a maximum is looked for, in line widths.

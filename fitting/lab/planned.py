@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.lab.string import Bench, TwoModes, steady_state
-
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,10 @@ time stamp, and with it the drift.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.lab.string import Series, steady_state
 from fitting.lab.synthesis import CAMPAIGN_NAME, OUTPUTS, campaign_files, marked, mhz
-
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Minutes from one drive pair to the next.
 PAUSE_MIN = 10.0

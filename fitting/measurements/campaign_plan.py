@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import references, starts
@@ -19,10 +18,9 @@ from fitting.simulate.budget import Budget, Decision
 from fitting.simulate.probe import Probe, Shot, Workers
 from fitting.simulate.search import Found, Search
 from fitting.simulate.settling import SAFETY
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.notation import hertz
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Seeded points of the box that are tried beside start and reference, where nothing has to settle.
 SEEDED = 3

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign
 from fitting.fmu import InputSignal, Run
@@ -19,12 +18,10 @@ from fitting.measurements.planning import Plan
 from fitting.measurements.response import Evaluation
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.scale import Maximum, nodes_around, refine_maximum
-from fitting.simulate.batch import Batch, IntArray, Workers, alike
+from fitting.simulate.batch import Batch, Workers, alike
 from fitting.simulate.window import Window, plan_window, tone_misfit
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.units import convert
-
-FloatArray = npt.NDArray[np.float64]
-Scalar = float | int | bool | str
 
 #: Batches of further sweep points, at most, to bracket a maximum or to lower its bias.
 SEARCH_ROUNDS = 12

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.signal.scale import SCALES, laboratory_maximum
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
+from fitting.text.arrays import FloatArray, IntArray
 
 #: Residuals beyond this many standard deviations count linearly with outliers = "huber".
 HUBER = 1.345

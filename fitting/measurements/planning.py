@@ -10,10 +10,9 @@ from fitting.signal.combinations import mixed_hz
 from fitting.signal.scale import FINE_POINTS, half_power_width, laboratory_maximum, nodes_around
 from fitting.simulate.budget import SHARES, Budget, Decision, PlanRecord, record_of, told
 from fitting.simulate.window import Window, plan_window, settling_s
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number, prefixed
-
-Scalar = float | int | bool | str
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
 TRANSIENT = 0.1

@@ -14,9 +14,9 @@ from fitting.fit.result import (
     HistoryRow,
     Peak,
     Result,
-    Scalar,
     SweepLine,
 )
+from fitting.text.arrays import Scalar
 from fitting.text.notation import (
     markup,
     number,

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.units import convert, parse_quantity
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear
 
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 
 @dataclass(frozen=True)

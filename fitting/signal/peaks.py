@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
 from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
-
-FloatArray = NDArray[np.float64]
 
 FLOOR_KINDS = ("robust", "mean", "none")
 BACKGROUNDS = ("none", "complex")
@@ -194,9 +192,7 @@ def _amplitude_at(frequency_hz: FloatArray, amplitude_v: FloatArray, tone_hz: fl
     return float(math.exp(height - slope**2 / (4.0 * curvature)))
 
 
-def mode_response(
-    frequency_hz: FloatArray, eta_hz: float, width_hz: float
-) -> NDArray[np.complex128]:
+def mode_response(frequency_hz: FloatArray, eta_hz: float, width_hz: float) -> ComplexArray:
     """Response of one driven damped mode, 1 at eta in magnitude, shape of ``frequency_hz``.
 
     g(f) = w eta / ((eta - f)(eta + f) + i f w); the difference of squares is factored because at

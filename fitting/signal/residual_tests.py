@@ -10,11 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import matmul_toeplitz
 from scipy.special import gammaincc
 
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Residuals count as structured where white ones would look so less often than this.
 STRUCTURED = 0.01

@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
-
-FloatArray = npt.NDArray[np.float64]
 
 SCALES = ("maximum", "fit", "robust", "free", "none")
 #: Points used by the fine interpolation (degree four) and by the coarse one (degree two).

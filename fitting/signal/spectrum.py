@@ -14,12 +14,10 @@ from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed, number
-
-FloatArray = NDArray[np.float64]
 
 #: A window has at least this many beats of the closest tones, and periods of a single tone.
 BEATS = 5

@@ -10,14 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fmu import InputSignal, Run
 from fitting.simulate.window import Window, tone_amplitudes
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.intp]
-Scalar = float | int | bool | str
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 
 
 class Workers(Protocol):

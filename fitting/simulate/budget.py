@@ -10,9 +10,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fitting.text.arrays import Scalar
 from fitting.text.units import checked_accuracy
-
-Scalar = float | int | bool | str
 
 #: Shares of a wanted accuracy, summing to less than one: what every kind of decision may use.
 SHARES: Mapping[str, float] = {

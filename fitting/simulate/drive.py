@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu import InputSignal, Run
 from fitting.signal.spectrum import (
@@ -21,10 +20,9 @@ from fitting.signal.spectrum import (
     told,
     unit_hint,
 )
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import BoolArray, FloatArray, Scalar
+from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
-
-FloatArray = NDArray[np.float64]
 
 TRACE_BEATS = 2
 TRACE_COLUMNS = 400
@@ -60,7 +58,7 @@ class Drive:
     each tone with amplitude ``level`` and ``steps_per_period`` held steps in its period.
     """
 
-    start_values: Mapping[str, StartValue]
+    start_values: Mapping[str, Scalar]
     tones_hz: tuple[float, ...]
     outputs: tuple[str, ...]
     settle_s: float | None = None
@@ -136,7 +134,7 @@ class _Lines:
     def all(self) -> FloatArray:
         return np.vstack([self.peaks, self.combined, self.elsewhere])
 
-    def constant(self) -> NDArray[np.bool_]:
+    def constant(self) -> BoolArray:
         """Which outputs do not oscillate, (outputs,)."""
         return np.asarray(self.all().max(axis=0) <= CONSTANT * self.level)
 

@@ -6,20 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fmu import FmuDescription, Run, read_hints
 from fitting.fmu.accuracy import Hints
 from fitting.signal.spectrum import told
-from fitting.simulate.budget import Budget, Decision, PlanRecord, Scalar, record_of, sentences_of
+from fitting.simulate.budget import Budget, Decision, PlanRecord, record_of, sentences_of
 from fitting.simulate.drive import Drive
 from fitting.simulate.probe import Probe, Shot, Workers, read
 from fitting.simulate.search import Found, Search
 from fitting.simulate.window import Window
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
-
-FloatArray = npt.NDArray[np.float64]
 
 #: A run that would take longer than this is not planned, s.
 LIMIT_S = 20.0

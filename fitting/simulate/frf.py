@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.fmu import Leg, Run, row_times
 from fitting.signal.combinations import USUAL_ORDER, mixed_hz
 from fitting.simulate.window import Window, plan_window
-from fitting.text.errors import BadInput, StartValue
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
 from fitting.text.units import convert
-
-FloatArray = NDArray[np.float64]
 
 DIRECTIONS = ("up", "down")
 #: Points at which the time to settle is tried, and their largest number of doublings.
@@ -49,7 +47,7 @@ class Sweep:
     ``frequencies_hz`` (n,) ascending; ``settle_s`` None: found by trying.
     """
 
-    start_values: Mapping[str, StartValue]
+    start_values: Mapping[str, Scalar]
     tone: str
     tone_unit: str
     frequencies_hz: tuple[float, ...]

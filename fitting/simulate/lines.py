@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
 from fitting.signal.spectrum import exact
 from fitting.simulate.drive import BESIDE, DriveResult
-
-FloatArray = NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 
 @dataclass(frozen=True)

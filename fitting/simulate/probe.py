@@ -10,16 +10,12 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fmu.records import InputSignal, Run
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.spectrum import common_period
-from fitting.simulate.budget import Scalar
 from fitting.simulate.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window
-
-FloatArray = npt.NDArray[np.float64]
-ComplexArray = npt.NDArray[np.complex128]
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 
 #: Periods of the fastest tone in the two runs that only measure how fast the FMU is.
 TRIAL_PERIODS = 64, 512

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.simulate.budget import Scalar
 from fitting.simulate.probe import Probe, off
 from fitting.simulate.settling import SAFETY, watch
+from fitting.text.arrays import Scalar
 
 #: Both models settle until what is left of the transient is this part of what is wanted.
 STEADY = 0.02

@@ -13,10 +13,11 @@ from itertools import pairwise
 
 from fitting.fmu.accuracy import Hints, Reduction
 from fitting.fmu.variables import VariableLike
-from fitting.simulate.budget import SHARES, Budget, Decision, Scalar
+from fitting.simulate.budget import SHARES, Budget, Decision
 from fitting.simulate.probe import Probe, Reading, apart, off
 from fitting.simulate.refined import Refined, measured_error
 from fitting.simulate.settling import SAFETY, Settled, settling, watch
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import number
 

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.simulate.budget import Decision, Scalar
+from fitting.simulate.budget import Decision
 from fitting.simulate.probe import Probe, Reading, apart
+from fitting.text.arrays import Scalar
 from fitting.text.notation import number, prefixed
 
 #: Doublings of the time to settle, at most, and how far beyond the end one more look is taken.

@@ -15,13 +15,11 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.signal.spectrum import common_period, cycle_fraction, exact
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
-
-FloatArray = npt.NDArray[np.float64]
 
 #: A common period longer than this is given up for a tone fit, s.
 LONGEST_WINDOW_S = 100.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-StartValue = float | int | bool | str
+from fitting.text.arrays import Scalar
 
 
 class BadInput(Exception):
@@ -23,7 +23,7 @@ class FmuFailure(Exception):
     values of the run that did it; ``fmu`` the file.
     """
 
-    def __init__(self, message: str, parameters: Mapping[str, StartValue], fmu: Path) -> None:
+    def __init__(self, message: str, parameters: Mapping[str, Scalar], fmu: Path) -> None:
         super().__init__(message, parameters, fmu)
         self.message = message
         self.parameters = dict(parameters)

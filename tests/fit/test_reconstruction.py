@@ -23,10 +23,11 @@ from fitting.fit.continuation import ContinuationStep
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.job import Identity, Options, job_of, options_of, provenance_of
 from fitting.fit.reconstruction import Hooks, Progress, reconstruct
-from fitting.fit.result import Result, Scalar, read_result, write_result
+from fitting.fit.result import Result, read_result, write_result
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from tests.fit.test_result import read_rows
 from tests.support import closed_form

@@ -27,11 +27,12 @@ from fitting.fmu import (
 )
 from fitting.fmu.input_signal import held_values
 from fitting.signal.spectrum import cycle_fraction
-from fitting.text.errors import BadInput, FmuFailure, StartValue
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput, FmuFailure
 from tests.support.cfmu_build import build_c_fmu
 
 MASS, DAMPING, STIFFNESS = 1.25e-3, 2.5e-2, 4.1e3
-START: dict[str, StartValue] = {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
+START: dict[str, Scalar] = {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
 PULLED = Run({**START, "force": 1.0}, 0.0, 1e-3, 6, ("displacement",))
 # values of `misbehave`, in the order of the enum in model.h
 HANGS, CRASHES, NAN, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, PENDING, WARNS = range(1, 9)

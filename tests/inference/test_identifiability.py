@@ -17,10 +17,10 @@ from fitting.fit.objective import Measured, Objective, evaluate_many, make_objec
 from fitting.fit.result import Result, read_result, write_result
 from fitting.inference.inference import Asked, know
 from fitting.inference.knowledge import Knowledge
+from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import closed_form
 
-FloatArray = np.ndarray
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = np.array([1.9498, 120.0, 90.0])
 

@@ -21,14 +21,12 @@ from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from fitting.fmu import FmuWorkers, Run
 from fitting.signal.scale import refine_maximum
+from fitting.text.arrays import FloatArray
 from tests.support import reference
-
-FloatArray = npt.NDArray[np.float64]
 
 PAIRS: Mapping[str, tuple[tuple[float, float], ...]] = {
     "q1": (

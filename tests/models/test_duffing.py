@@ -18,13 +18,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import build_fmu
+from fitting.text.arrays import ComplexArray, FloatArray
 from fmu_src.duffing_envelope import EnvelopeSolver, Settings
 from fmu_src.duffing_equations import Cubic
 from fmu_src.oscillator_equations import Parameters
 from tests.support import duffing_reference, reference, scenes
 from tests.support.fmus import LIVELY, OK, TIMES, Instance, Unpacked, unpack, worst
 
-FloatArray = npt.NDArray[np.float64]
 MODES = ("q1_hybrid", "q2_hybrid")
 ENVELOPE, RK4 = 1, 2
 LINEAR = {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}
@@ -177,7 +177,7 @@ def test_tolerance_of_the_envelope_is_honoured(changes: dict[str, float], expone
     solver.start(0.0, (0j, 0j, 0j, 0j), 0.0)
     model, start = solver.model, solver._slow(0.0)
 
-    def slope(t: float, y: npt.NDArray[np.complex128]) -> list[complex]:
+    def slope(t: float, y: ComplexArray) -> list[complex]:
         n1, n2, _, _ = model.slope((y[0], y[1]), model.linear(t))
         return [model.rates[0] * y[0] + n1, model.rates[1] * y[1] + n2]
 

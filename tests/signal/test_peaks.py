@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from fitting.campaign.instruments import read_trace
 from fitting.signal.peaks import (
-    FloatArray,
     fit_resonance,
     noise_floor,
     read_peaks,
 )
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
 AFM = Path(__file__).parents[2] / "data" / "afm_sensor" / "afm_sensor_sweep.dat"

@@ -14,13 +14,14 @@ from scipy.stats import chi2, kstest
 from fitting.campaign import SweepData
 from fitting.fit.result import SweepLine
 from fitting.fit.sweep_line import line_of_sweep, line_sentences, line_warnings
-from fitting.signal.peaks import FloatArray, Resonance, fit_resonance
+from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
     autocorrelation,
     autoregression,
     residual_structure,
     white_noise_p,
 )
+from fitting.text.arrays import FloatArray
 
 ETA, WIDTH, NOISE = 30281.3, 25.0, 0.004
 F = ETA + np.linspace(-38.0, 38.0, 256)

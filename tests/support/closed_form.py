@@ -30,8 +30,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Measured
 from fitting.measurements.response import Evaluation
 from fitting.signal.scale import Maximum
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: The five drive pairs of the paper's first series, MHz.
 Q1_PAIRS_MHZ = (

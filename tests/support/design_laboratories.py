@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import search_bounds, to_model, to_search
@@ -29,9 +28,9 @@ from fitting.fmu import FmuWorkers
 from fitting.lab.string import Bench, measure
 from fitting.lab.synthesis import campaign_files
 from fitting.lab.synthesis_plan import planned_files
+from fitting.text.arrays import FloatArray
 from fitting.text.files import write_all
 
-FloatArray = npt.NDArray[np.float64]
 STEPS = 30
 #: Chi-squares closer than this are one fit.
 ALIKE = 0.1

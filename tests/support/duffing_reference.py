@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 
 class Truth(NamedTuple):

@@ -17,7 +17,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli.reconstruct import table
@@ -26,10 +25,9 @@ from fitting.fit.job import options_of
 from fitting.fit.result import STATUSES, Result
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
+from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import reference
-
-FloatArray = NDArray[np.float64]
 
 POWERS = {"Hz": 0, "kHz": 3, "MHz": 6, "GHz": 9}
 ANGLE = 2.0

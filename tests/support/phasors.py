@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import BoundCampaign
 from fitting.measurements.response import Evaluation
 from fitting.signal.scale import Maximum
+from fitting.text.arrays import FloatArray, IntArray
 from tests.support.closed_form import damping
 
-FloatArray = npt.NDArray[np.float64]
 TWO_PI = 2.0 * math.pi
 OUTPUTS = ("q1_hybrid", "q2_hybrid")
 
@@ -31,7 +30,7 @@ class PhasorResponse:
     bound: BoundCampaign
 
     @cached_property
-    def _rows(self) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp], list[str]]:
+    def _rows(self) -> tuple[FloatArray, FloatArray, IntArray, list[str]]:
         """Tones (m,), eigenfrequencies (m, 2), modes (m,), label of each row."""
         tones, etas, modes, labels = [], [], [], []
         for e in self.bound.experiments:
@@ -118,9 +117,7 @@ class PhasorResponse:
         return {name: every[name] for name in self.bound.derived}
 
 
-def _amplitudes(
-    u: FloatArray, eta: FloatArray, d: FloatArray, modes: npt.NDArray[np.intp]
-) -> FloatArray:
+def _amplitudes(u: FloatArray, eta: FloatArray, d: FloatArray, modes: IntArray) -> FloatArray:
     """|X_mode(u)| row by row: tones (m,), eta (m, 2), damping matrix d (2, 2) in Hz, modes (m,)."""
     a = TWO_PI**2 * ((eta - u[:, None]) * (eta + u[:, None]) + 1j * u[:, None] * np.diag(d))
     off = 1j * TWO_PI**2 * u * d[0, 1]

@@ -10,15 +10,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
 from fitting.fmu import FmuWorkers, InputSignal, Run
 from fitting.lab.tradeoff.reading import Sampling, sample
-from fitting.lab.tradeoff.records import COHERENT, Scalar, Setting
+from fitting.lab.tradeoff.records import COHERENT, Setting
 from fitting.lab.tradeoff.scenes import Drive, Scene, Solver
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray, Scalar
 
 #: Held steps per period where neither setting nor campaign says.
 HELD = "held steps per period"

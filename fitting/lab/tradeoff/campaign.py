@@ -9,9 +9,9 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, FmuChoice, VariableLike
 from fitting.fmu.accuracy import Hints
-from fitting.lab.tradeoff.records import Scalar
 from fitting.lab.tradeoff.scenes import Drive, Scene, Solver, single_tone
 from fitting.signal.scale import half_power_width
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
 #: What is tried of a solver that the campaign's [accuracy] table names.

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.lab.tradeoff.bench import SUBSTEPS, Bench, setting_values
-from fitting.lab.tradeoff.records import AMPLITUDES, Scalar, Setting
+from fitting.lab.tradeoff.records import AMPLITUDES, Setting
 from fitting.lab.tradeoff.scenes import Scene, Solver
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, plan_drive
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray, Scalar
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.lab import exact as exact_modes
 from fitting.lab.tradeoff.bench import Bench
@@ -11,9 +10,8 @@ from fitting.lab.tradeoff.records import AMPLITUDES, WIDTH_PEAKS, WIDTH_SWEEP, R
 from fitting.lab.tradeoff.scenes import Scene, scaled, single_tone
 from fitting.signal.peaks import fit_resonance
 from fitting.signal.scale import nodes_around, refine_maximum
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Half the span of a sweep, in line widths.
 SWEEP_REACH = 3.0

@@ -8,14 +8,12 @@ from fractions import Fraction
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.signal import windows
 
 from fitting.lab.tradeoff.records import COHERENT, FLAT_TOP
 from fitting.signal.spectrum import common_period
 from fitting.simulate.window import Window, coherent_samples, plan_window, tone_amplitudes
-
-FloatArray = npt.NDArray[np.float64]
+from fitting.text.arrays import FloatArray
 
 #: Longest common period that is taken for a window, s.
 LONGEST_PERIOD_S = 10.0

@@ -7,9 +7,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fitting.text.arrays import Scalar
 from fitting.text.records import to_plain
-
-Scalar = float | int | bool | str
 
 #: What is measured: the amplitudes of a two-tone drive; the line width, read off a sweep by a fit
 #: of one mode; the line width, fitted through the simulator to the amplitudes.

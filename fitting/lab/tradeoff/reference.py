@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.fmu import Run
 from fitting.lab.tradeoff.bench import HELD, SUBSTEPS, Bench, setting_values
@@ -18,9 +17,8 @@ from fitting.lab.tradeoff.records import (
     Setting,
 )
 from fitting.lab.tradeoff.scenes import Scene, Solver, scaled, single_tone
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Substeps per period of the three runs of a refinement; the last two for a closed orbit.
 REFINED, QUICKLY = (320.0, 640.0, 1280.0), (80.0, 160.0, 320.0)

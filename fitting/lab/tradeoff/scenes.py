@@ -14,7 +14,7 @@ from fitting.campaign import FmuChoice
 from fitting.fmu.accuracy import Hints
 from fitting.lab.exact import line_width_hz
 from fitting.lab.string import TwoModes
-from fitting.lab.tradeoff.records import Scalar
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 from fitting.text.units import convert

@@ -24,6 +24,7 @@ from fitting.report.figures.style import (
     short,
 )
 from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import (
     Scaling,
@@ -34,8 +35,6 @@ from fitting.text.notation import (
     scaling_for,
     with_error,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 #: Drives drawn one below the other, and spectra side by side; a figure is to stay readable.
 MOST_DRIVES, MOST_SPECTRA, SPECTRA_PER_ROW = 8, 20, 5

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from fitting.report.figures.style import (
     BLUE,
@@ -24,6 +23,7 @@ from fitting.report.figures.style import (
 )
 from fitting.simulate.drive import COLUMN_SAMPLES, DriveResult
 from fitting.simulate.lines import MixedLine
+from fitting.text.arrays import FloatArray
 from fitting.text.notation import (
     Scaling,
     listed,
@@ -34,7 +34,6 @@ from fitting.text.notation import (
     scaling_for,
 )
 
-FloatArray = NDArray[np.float64]
 #: Lines at combinations of the tones, by name.
 Named = Sequence[tuple[str, MixedLine]]
 
