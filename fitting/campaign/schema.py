@@ -17,7 +17,7 @@ from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
 from fitting.text.errors import BadInput
-from fitting.text.tables import parse_toml
+from fitting.text.toml import read_toml
 
 TOP_KEYS = (
     "title",
@@ -164,7 +164,7 @@ def read_campaign_file(path: Path) -> CampaignFile:
     Raises:
         BadInput: no such file, not TOML, a key missing, unknown or of the wrong kind.
     """
-    top = Section(path, "", parse_toml(path), TOP_KEYS)
+    top = Section(path, "", read_toml(path), TOP_KEYS)
     drive = _drive(top)
     campaign = CampaignFile(
         path=path,

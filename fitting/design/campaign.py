@@ -17,7 +17,8 @@ from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.result import Design, Proposal
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
-from fitting.text.tables import parse_toml, read_text
+from fitting.text.tables import read_text
+from fitting.text.toml import read_toml
 
 CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME = "campaign.toml", "experiments.csv", "sweep"
 _HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?")
@@ -53,7 +54,7 @@ def _campaign(
     design: Design, bound: BoundCampaign, limits: Limits, folder: Path, command: str
 ) -> str:
     tables = _tables(read_text(bound.path))
-    raw = parse_toml(bound.path)
+    raw = read_toml(bound.path)
     lines = [
         "# Next measurements, to be made: fill in the peaks of experiments.csv, measure anew what",
         "# drifts, and take the sweep anew if the gain of the detection has changed.",
@@ -99,8 +100,8 @@ def _adapted(
 ) -> list[str]:
     """The lines of a table, what is different in the new campaign put right."""
     values: dict[str, str] = {}
-    if name == "fmu" and "file" in parse_toml(bound.path)["fmu"]:
-        named = bound.path.parent / parse_toml(bound.path)["fmu"]["file"]
+    if name == "fmu" and "file" in read_toml(bound.path)["fmu"]:
+        named = bound.path.parent / read_toml(bound.path)["fmu"]["file"]
         values["file"] = _toml(Path(os.path.relpath(named, folder)).as_posix())
     if name == "sweep" and bound.sweep is not None:
         values["file"] = (

@@ -20,7 +20,7 @@ from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.tables import parse_toml
+from fitting.text.toml import read_toml
 from fitting.text.units import convert, same_kind
 
 KEYS = (
@@ -58,7 +58,7 @@ def design_section(path: Path) -> Section:
     Raises:
         BadInput: no such file, not TOML, or an unknown key in the table.
     """
-    top = Section(path, "", parse_toml(path))
+    top = Section(path, "", read_toml(path))
     return top.sub("design", KEYS)
 
 

@@ -21,7 +21,7 @@ from fitting.lab.synthesis import (
 )
 from fitting.signal.peaks import fit_resonance
 from fitting.text.errors import BadInput
-from fitting.text.tables import parse_toml
+from fitting.text.toml import read_toml
 
 CAMPAIGN = """\
 {mark}
@@ -182,7 +182,7 @@ def _experiments(measured: DuffingSeries, labels: Sequence[str], mark: str) -> s
 
 def is_duffing(truth: Path) -> bool:
     """Whether a truth file is that of a string driven hard."""
-    return truth.is_file() and "cubic" in parse_toml(truth)
+    return truth.is_file() and "cubic" in read_toml(truth)
 
 
 def read_duffing_bench(truth: Path) -> DuffingBench:
@@ -191,7 +191,7 @@ def read_duffing_bench(truth: Path) -> DuffingBench:
     Raises:
         BadInput: a file that does not describe such a bench.
     """
-    bench, top = read_bench(truth), Section(truth, "", parse_toml(truth))
+    bench, top = read_bench(truth), Section(truth, "", read_toml(truth))
     cubic, drive = top.sub("cubic", field_names(Cubic)), top.sub("drive")
     try:
         levels = tuple(float(level) for level in drive.required("levels"))

@@ -14,7 +14,7 @@ from fitting.campaign.section import Section
 from fitting.lab.string import Bench, Series, Trace, TwoModes
 from fitting.signal.peaks import fit_resonance
 from fitting.text.errors import BadInput
-from fitting.text.tables import parse_toml
+from fitting.text.toml import read_toml
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -219,7 +219,7 @@ def read_bench(truth: Path) -> Bench:
     Raises:
         BadInput: no such file, or one that does not describe a bench.
     """
-    top = Section(truth, "", parse_toml(truth))
+    top = Section(truth, "", read_toml(truth))
     bench, modes = top.sub("bench", field_names(Bench)), top.sub("modes", field_names(TwoModes))
     values = {name: bench.required(name) for name in field_names(Bench) if name != "modes"}
     try:

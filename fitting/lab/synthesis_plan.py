@@ -14,7 +14,8 @@ from fitting.lab.planned import Noise, Planned, PlannedSeries, measure_planned
 from fitting.lab.string import Bench
 from fitting.lab.synthesis import CAMPAIGN_NAME, OUTPUTS, TRUTH_NAME
 from fitting.text.errors import BadInput
-from fitting.text.tables import Column, Table, parse_toml, read_table, read_text
+from fitting.text.tables import Column, Table, read_table, read_text
+from fitting.text.toml import read_toml
 from fitting.text.units import convert, parse_quantity
 
 #: Drift that the bench knows, in the order of its eigenfrequencies.
@@ -32,7 +33,7 @@ def planned_files(plan: Path, bench: Bench, seed: int, command: str) -> dict[str
     Raises:
         BadInput: no plan of this kind, or one that asks of the bench what it cannot do.
     """
-    top = Section(plan, "", parse_toml(plan))
+    top = Section(plan, "", read_toml(plan))
     design = top.sub("design")
     if "averaged" not in design:
         raise BadInput(
