@@ -18,8 +18,8 @@ from fitting.measurements.planning import Plan
 from fitting.measurements.response import Evaluation
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.scale import Maximum, nodes_around, refine_maximum
+from fitting.signal.window import Window, plan_window, tone_misfit
 from fitting.simulate.batch import Batch, Workers, alike
-from fitting.simulate.window import Window, plan_window, tone_misfit
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.units import convert
 
@@ -31,7 +31,7 @@ SEARCH_ROUNDS = 12
 def _single_tone(tone_hz: float, settle_s: float, held: int, order: int) -> Window:
     """Window of one sweep point, planned once: the same points come back in every evaluation."""
     return plan_window(
-        (tone_hz,), settle_s, samples_per_period=held, beside_hz=mixed_hz((tone_hz,), order)
+        (tone_hz,), settle_s, samples_per_period=held, mixtures_hz=mixed_hz((tone_hz,), order)
     )
 
 

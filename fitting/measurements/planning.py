@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from fitting.campaign import BoundCampaign
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.scale import FINE_POINTS, half_power_width, laboratory_maximum, nodes_around
+from fitting.signal.window import Window, plan_window
 from fitting.simulate.budget import SHARES, Budget, Decision, PlanRecord, record_of, told
-from fitting.simulate.window import Window, plan_window, settling_s
+from fitting.simulate.settling import settling_s
+from fitting.simulate.words import window_in_words
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number, prefixed
@@ -91,14 +93,14 @@ def with_windows(
             e.read_hz,
             settle_s,
             samples_per_period=held,
-            beside_hz=mixed_hz(e.tones_hz, bound.setup.drive.order),
+            mixtures_hz=mixed_hz(e.tones_hz, bound.setup.drive.order),
         )
         for e in bound.experiments
     )
     if windows:
         budget = budget.with_decision(_window(windows))
     remarks = tuple(
-        f"Experiment {e.label}: {w.reason}."
+        f"Experiment {e.label}: {window_in_words(w)}."
         for e, w in zip(bound.experiments, windows, strict=True)
     )
     nodes: tuple[float, ...] = ()

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fitting.signal.spectrum import exact
+from fitting.signal.tones import exact
 from fitting.text.errors import BadInput
 from fitting.text.tables import did_you_mean
 

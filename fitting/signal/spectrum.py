@@ -1,7 +1,6 @@
-"""Traces to amplitudes at known tones: coherent windows with a proof; else a fit of the tones.
+"""Spectra that are shown: whole periods of every tone, and a band of frequencies unfolded.
 
-Frequencies are taken as the decimal numbers that people wrote (the shortest text of the double),
-and all reasoning about periods and folding is in whole numbers.
+For amplitudes at known tones alone `fitting.signal.window` needs far fewer samples.
 """
 
 from __future__ import annotations
@@ -15,9 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from fitting.signal.tones import common_period, exact, tones_in_words, unit_hint
+from fitting.signal.window import folded, kept_apart
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import listed, number
 
 #: A window has at least this many beats of the closest tones, and periods of a single tone.
 BEATS = 5
@@ -25,15 +25,10 @@ BEATS = 5
 BREADTH = 6
 LEAST_SAMPLES = 256
 MOST_SAMPLES = 2**20
-#: Condition number of a tone fit above which the tones are not told apart.
-WORST_CONDITION = 1e3
-#: Tones that are this many times as fast as others look like a forgotten unit.
-FAR_APART = 1e3
 #: Largest order of combinations of tones: within the band of the tones, and anywhere.
 NEAR_ORDER, ANY_ORDER = 41, 5
 #: Mixtures of more tones than these are not kept off them.
 MOST_MIXED = 4
-_SPLITTER = 134217729.0  # 2**27 + 1 cuts a double into two halves (Dekker 1971)
 
 
 @dataclass(frozen=True)
@@ -73,8 +68,7 @@ class Band:
 
     def bins(self) -> tuple[int, ...]:
         """Bin of each tone in the discrete Fourier transform of the samples."""
-        seen = (int(cycles) % self.samples for cycles in self._cycles())
-        return tuple(min(k, self.samples - k) for k in seen)
+        return tuple(folded(int(cycles), self.samples) for cycles in self._cycles())
 
     def frequencies_hz(self) -> FloatArray:
         """True frequency of every bin, shape (samples // 2 + 1,)."""
@@ -95,25 +89,11 @@ class Band:
         gaps = {(a - b) % n for a in cycles for b in cycles}
         near = _grown(cycles, gaps, NEAR_ORDER // 2, n)
         mixed = _grown({0}, {s * c % n for c in cycles for s in (1, -1)}, ANY_ORDER, n)
-        folded = {min(m, n - m) for m in mixed | near}
-        return tuple(sorted(folded - set(self.bins())))
+        lines = {folded(m, n) for m in mixed | near}
+        return tuple(sorted(lines - set(self.bins())))
 
     def _cycles(self) -> list[Fraction]:
         return [exact(tone) * self.window_s for tone in self.tones_hz]
-
-
-def exact(frequency_hz: float) -> Fraction:
-    """The decimal number that a frequency was written as: 0.1 is 1/10."""
-    return Fraction(repr(float(frequency_hz)))
-
-
-def common_period(tones_hz: Sequence[float]) -> Fraction:
-    """Shortest time in which every tone makes whole periods, exact; tones of 0 Hz fit any."""
-    tones = [exact(tone) for tone in tones_hz if tone != 0.0]
-    if not tones:
-        raise BadInput("no tone above 0 Hz, wanted one at least")
-    denominator = math.lcm(*(tone.denominator for tone in tones))
-    return denominator / Fraction(math.gcd(*(int(tone * denominator) for tone in tones)))
 
 
 def plan_band(
@@ -136,7 +116,7 @@ def plan_band(
     """
     tones = tuple(float(tone) for tone in tones_hz)
     if len(set(tones)) != len(tones) or not all(0.0 < tone < math.inf for tone in tones):
-        raise BadInput(f"{told(tones)}: wanted different positive frequencies")
+        raise BadInput(f"{tones_in_words(tones)}: wanted different positive frequencies")
     if samples is not None and samples < 1:
         raise BadInput(f"samples is {samples!r}, wanted at least 1")
     period = common_period(tones)
@@ -160,32 +140,16 @@ def plan_band(
     possible = (n for n in tried if _common_zone(halves, n) is not None)
     first = next(possible, None)
     if first is not None:
-        mixed = _mixtures([half // 2 for half in halves])
-        clean = (n for n in itertools.chain([first], possible) if not _folds(halves, mixed, n))
+        cycles = [half // 2 for half in halves]
+        mixed = _mixtures(cycles)
+        again = itertools.chain([first], possible)
+        clean = (n for n in again if kept_apart(cycles, mixed, n))
         n = next(clean, first)
         return Band(tones, window, n, _common_zone(halves, n) or 0)
     raise BadInput(
-        f"{told(tones)}: no sampling of {float(window)!r} s "
+        f"{tones_in_words(tones)}: no sampling of {float(window)!r} s "
         f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "
         f"within one band, wanted more samples or tones closer to each other{unit_hint(tones)}"
-    )
-
-
-def told(tones_hz: Sequence[float]) -> str:
-    """Tones in words, none of their digits left out: "tones 6.94018 Hz and 6940360 Hz"."""
-    many = "tones" if len(tones_hz) > 1 else "tone"
-    texts = (repr(float(tone)).removesuffix(".0") for tone in tones_hz)
-    return f"{many} {listed(f'{text} Hz' for text in texts)}"
-
-
-def unit_hint(tones_hz: Sequence[float]) -> str:
-    """What to say where tones are so far apart that a unit may have been forgotten; or nothing."""
-    slow, fast = min(tones_hz), max(tones_hz)
-    if not 0.0 < FAR_APART * slow < fast:
-        return ""
-    return (
-        f"; they differ by a factor of {number(fast / slow, 2)}: is a unit missing, as in "
-        '"6.94 MHz"?'
     )
 
 
@@ -201,50 +165,6 @@ def amplitude_spectrum(values: FloatArray) -> FloatArray:
     if n % 2 == 0:
         amplitudes[-1] /= 2.0
     return np.asarray(amplitudes, dtype=np.float64)
-
-
-def fit_tones(
-    tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Peak amplitudes (n_tones, outputs) by least squares of a mean and the tones.
-
-    For windows that are not whole periods. ``times_s`` (samples,), ``values`` (samples, outputs).
-    The second result is what is left of the values, (samples, outputs).
-    Raises BadInput where the samples do not tell the tones apart.
-    """
-    columns = [np.ones_like(times_s)]
-    for tone in tones_hz:
-        phase = 2.0 * math.pi * cycle_fraction(tone, times_s)
-        columns += [np.cos(phase), np.sin(phase)]
-    design = np.stack(columns, axis=1)
-    condition = float(np.linalg.cond(design)) if design.shape[0] >= design.shape[1] else math.inf
-    if condition > WORST_CONDITION:
-        raise BadInput(
-            f"{told(tones_hz)}: {times_s.size} samples over {float(np.ptp(times_s))!r} s "
-            f"do not tell them apart (condition number {condition:.3g}), wanted a longer window"
-        )
-    coefficients = np.linalg.lstsq(design, values, rcond=None)[0]
-    peaks = np.hypot(coefficients[1::2], coefficients[2::2])
-    return np.asarray(peaks), np.asarray(values - design @ coefficients)
-
-
-def cycle_fraction(frequency_hz: float, times_s: FloatArray) -> FloatArray:
-    """F t without its whole cycles, shape of ``times_s``; no digit of f t is lost at large t.
-
-    The product is formed exactly as the sum of two doubles (Dekker, Numer. Math. 18, 224, 1971);
-    2π f t in one double would carry an error of 1e-16 f t cycles.
-    """
-    product = frequency_hz * times_s
-    f_high, f_low = _split(np.float64(frequency_hz))
-    t_high, t_low = _split(times_s)
-    rest = ((f_high * t_high - product) + f_high * t_low + f_low * t_high) + f_low * t_low
-    return np.asarray(np.fmod(product, 1.0) + rest, dtype=np.float64)
-
-
-def _split(value: np.float64 | FloatArray) -> tuple[FloatArray, FloatArray]:
-    scaled = np.asarray(value * _SPLITTER)
-    high = scaled - (scaled - value)
-    return high, value - high
 
 
 def _grown(seeds: set[int], steps: set[int], times: int, modulus: int) -> set[int]:
@@ -268,12 +188,6 @@ def _mixtures(cycles: list[int]) -> set[int]:
         if 1 < sum(map(abs, ks)) <= ANY_ORDER
     }
     return reached - set(cycles)
-
-
-def _folds(halves: list[int], mixed: set[int], samples: int) -> bool:
-    """Whether one of the mixtures is seen where a tone is."""
-    tones = {min(half // 2 % samples, -(half // 2) % samples) for half in halves}
-    return any(min(m % samples, -m % samples) in tones for m in mixed)
 
 
 def _closest(tones: tuple[float, ...]) -> Fraction:

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from fitting.fmu import InputSignal, Run
-from fitting.simulate.window import Window, tone_amplitudes
+from fitting.signal.window import Window, tone_amplitudes
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 
 

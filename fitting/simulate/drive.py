@@ -11,15 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from fitting.fmu import InputSignal, Run
-from fitting.signal.spectrum import (
-    Band,
-    amplitude_spectrum,
-    exact,
-    fit_tones,
-    plan_band,
-    told,
-    unit_hint,
-)
+from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
+from fitting.signal.tones import exact, fit_tones, tones_in_words, unit_hint
 from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -158,9 +151,11 @@ class _Window:
         level = np.max(np.abs(values), axis=0)
         if not self.coherent:
             times = _times(start_s, self.band.step_s, self.band.samples)
-            peaks, rest = fit_tones(self.tones_hz, times, values)
-            rest = np.max(np.abs(rest), axis=0, keepdims=True)
-            return _Lines(peaks, rest[:0], rest, np.empty(0), np.array([math.nan]), level)
+            found = fit_tones(self.tones_hz, times, values)
+            rest = np.max(np.abs(found.rest), axis=0, keepdims=True)
+            return _Lines(
+                found.amplitudes, rest[:0], rest, np.empty(0), np.array([math.nan]), level
+            )
         tones = list(self.band.bins())
         mixed = [k for k in self.band.combination_bins() if k]
         rest = np.setdiff1d(np.arange(1, self.band.samples // 2 + 1), [*tones, *mixed])
@@ -265,8 +260,8 @@ def _rounded_band(drive: Drive) -> Band:
     except BadInput as error:
         cause = error  # speaks of the rounded tones, which nobody has written
     raise BadInput(
-        f"{told(tones)}: no common period within {LONGEST_WINDOW_S:g} s, and no sampling of "
-        f"{window_s:g} s keeps them within one band{unit_hint(tones)}"
+        f"{tones_in_words(tones)}: no common period within {LONGEST_WINDOW_S:g} s, and no "
+        f"sampling of {window_s:g} s keeps them within one band{unit_hint(tones)}"
     ) from cause
 
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from fitting.fmu import FmuDescription, Run, read_hints
 from fitting.fmu.accuracy import Hints
-from fitting.signal.spectrum import told
+from fitting.signal.tones import tones_in_words
+from fitting.signal.window import Window
 from fitting.simulate.budget import Budget, Decision, PlanRecord, record_of, sentences_of
 from fitting.simulate.drive import Drive
 from fitting.simulate.probe import Probe, Shot, Workers, read
 from fitting.simulate.search import Found, Search
-from fitting.simulate.window import Window
+from fitting.simulate.words import window_in_words
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
@@ -114,8 +115,8 @@ def plan_drive(
     amplitudes = found.readings[0].amplitudes
     if np.isnan(amplitudes).all():
         raise BadInput(
-            f"outputs: {', '.join(drive.outputs)} do not oscillate at {told(drive.tones_hz)}; "
-            "wanted one that does"
+            f"outputs: {', '.join(drive.outputs)} do not oscillate at "
+            f"{tones_in_words(drive.tones_hz)}; wanted one that does"
         )
     window = shot.window(found.settle_s, found.order, found.longest_s)
     return DrivePlan(
@@ -133,7 +134,7 @@ def _with_window(found: Found, window: Window) -> Budget:
     """The decisions with that on the window, which costs nothing that was not measured."""
     kind = "coherent" if window.coherent else "tone fit"
     told_window = Decision(
-        "window", f"{window.step_s * window.samples:.4g} s, {kind}", 0.0, window.reason
+        "window", f"{window.step_s * window.samples:.4g} s, {kind}", 0.0, window_in_words(window)
     )
     first = [d for d in found.budget.decisions if d.subject == "settling"]
     place = found.budget.decisions.index(first[0]) + 1

@@ -17,7 +17,8 @@ import numpy as np
 
 from fitting.fmu import Leg, Run, row_times
 from fitting.signal.combinations import USUAL_ORDER, mixed_hz
-from fitting.simulate.window import Window, plan_window
+from fitting.signal.tones import ToneFit
+from fitting.signal.window import Window, plan_window
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
@@ -83,7 +84,7 @@ class Sweep:
 
 
 def _window(frequency_hz: float) -> Window:
-    return plan_window((frequency_hz,), 0.0, beside_hz=mixed_hz((frequency_hz,), USUAL_ORDER))
+    return plan_window((frequency_hz,), 0.0, mixtures_hz=mixed_hz((frequency_hz,), USUAL_ORDER))
 
 
 @dataclass(frozen=True)
@@ -150,10 +151,8 @@ def _amplitudes(
     times, begin, found = np.array(row_times(run)), 0, []
     for f, window in zip(path, windows, strict=True):
         end = begin + window.samples
-        phase = 2.0 * np.pi * np.mod(f * times[begin:end], 1.0)
-        design = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=1)
-        _, a, b = np.linalg.lstsq(design, samples[begin:end], rcond=None)[0]
-        found.append(math.hypot(a, b))
+        fit = ToneFit((f,), times[begin:end])
+        found.append(float(fit(samples[begin:end]).amplitudes[0]))
         begin = end
     return np.array(found)
 

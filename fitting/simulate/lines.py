@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
-from fitting.signal.spectrum import exact
+from fitting.signal.tones import exact
 from fitting.simulate.drive import BESIDE, DriveResult
 from fitting.text.arrays import FloatArray
 

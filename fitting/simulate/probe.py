@@ -13,8 +13,8 @@ import numpy as np
 
 from fitting.fmu.records import InputSignal, Run
 from fitting.signal.combinations import mixed_hz
-from fitting.signal.spectrum import common_period
-from fitting.simulate.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window
+from fitting.signal.tones import common_period
+from fitting.signal.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 
 #: Periods of the fastest tone in the two runs that only measure how fast the FMU is.
@@ -97,7 +97,7 @@ def _window(
         tones_hz,
         settle_s,
         samples_per_period=held,
-        beside_hz=mixed_hz(driven_hz, order) if coherent else (),
+        mixtures_hz=mixed_hz(driven_hz, order) if coherent else (),
         spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
         longest_s=longest_s,
     )
@@ -151,13 +151,13 @@ def _largest(values: FloatArray) -> float:
 
 def read(window: Window, values: FloatArray) -> Reading:
     """The tones in sampled values (samples, outputs)."""
-    fitted = window.projector @ values
-    rest = values - window.design @ fitted
+    found = window.read(values)
     largest = np.max(np.abs(values), axis=0)  # squares of shares stay numbers, whatever the unit
-    condition = float(np.linalg.norm(window.projector, 2) * math.sqrt(window.samples))
+    condition = float(np.linalg.norm(window.fit.projector, 2) * math.sqrt(window.samples))
     return Reading(
-        fitted[1::2] - 1j * fitted[2::2],
-        largest * np.sqrt(np.mean((rest / np.where(largest > 0.0, largest, 1.0)) ** 2, axis=0)),
+        found.phasors,
+        largest
+        * np.sqrt(np.mean((found.rest / np.where(largest > 0.0, largest, 1.0)) ** 2, axis=0)),
         largest,
         condition,
     )

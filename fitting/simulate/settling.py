@@ -19,6 +19,19 @@ DYING = 0.6
 SAFETY = 2.0
 
 
+def settling_s(line_width_hz: float, accuracy: float) -> float:
+    """Time after which a transient exp(-pi w t) is below the accuracy, s.
+
+    Planned for half the width that was stated: a fit may try less damping than there is.
+
+    Raises:
+        ValueError: a width or an accuracy that is not positive.
+    """
+    if not (line_width_hz > 0.0 and 0.0 < accuracy < 1.0):
+        raise ValueError(f"line width {line_width_hz!r} Hz, accuracy {accuracy!r}")
+    return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
+
+
 @dataclass(frozen=True)
 class Settled:
     """Time to settle, the error that is left, and what was seen at the end."""

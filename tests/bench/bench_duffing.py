@@ -24,7 +24,7 @@ import build_fmu
 from fitting.lab.duffing import READ, Cubic, Drive, duffing_bench, steady_lines
 from fitting.lab.string import TwoModes
 from fitting.signal.combinations import mixed_hz
-from fitting.simulate.window import Window, plan_window, tone_amplitudes
+from fitting.signal.window import Window, plan_window, tone_amplitudes
 from tests.support.fmus import Instance, unpack
 
 ENVELOPE, RK4 = 1, 2
@@ -120,7 +120,7 @@ def main() -> None:
             truth = np.array([abs(lines.at(*k)[0]) for k in READ])
             u1, u2 = scene.drive.tones_hz
             read = (u1, u2, 2 * u1 - u2, 2 * u2 - u1)
-            window = plan_window(read, 0.0, beside_hz=mixed_hz((u1, u2), 15))
+            window = plan_window(read, 0.0, mixtures_hz=mixed_hz((u1, u2), 15))
             for row in rows(scene):
                 seconds, found = measure(fmu, scene, row, window)
                 error = float(np.max(np.abs(found / truth - 1.0)))

@@ -26,7 +26,7 @@ from fitting.fmu import (
     validation_problems,
 )
 from fitting.fmu.input_signal import held_values
-from fitting.signal.spectrum import cycle_fraction
+from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.cfmu_build import build_c_fmu

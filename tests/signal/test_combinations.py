@@ -16,7 +16,7 @@ from fitting.signal.combinations import (
     mixed_lines,
     parse_combination,
 )
-from fitting.simulate.window import plan_window, tone_amplitudes, tone_misfit
+from fitting.signal.window import plan_window, tone_amplitudes, tone_misfit
 from fitting.text.errors import BadInput
 
 TONES = ("u1", "u2")
@@ -77,7 +77,7 @@ def test_a_window_reads_tones_of_a_response_full_of_lines_exactly() -> None:
     """A cubic of two tones has harmonics and mixtures up to order 9 in its third power."""
     tones = (6940240.0, 6940280.0)
     read = (*tones, 6940200.0, 6940320.0)
-    window = plan_window(read, 0.0, beside_hz=mixed_hz(tones, 9))
+    window = plan_window(read, 0.0, mixtures_hz=mixed_hz(tones, 9))
     assert window.samples < 400
 
     def response(t: np.ndarray) -> np.ndarray:
@@ -103,7 +103,7 @@ def test_a_window_reads_tones_of_a_response_full_of_lines_exactly() -> None:
 def test_mixtures_need_a_common_period() -> None:
     tones = (1000.0, 1000.0 * 2**0.5)
     with pytest.raises(BadInput, match="common period"):
-        plan_window(tones, 0.0, beside_hz=mixed_hz(tones, 9))
+        plan_window(tones, 0.0, mixtures_hz=mixed_hz(tones, 9))
 
 
 CAMPAIGN = """\

@@ -10,14 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fitting.signal.spectrum import (
-    Band,
-    amplitude_spectrum,
-    common_period,
-    exact,
-    fit_tones,
-    plan_band,
-)
+from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
+from fitting.signal.tones import common_period, exact, fit_tones
 from fitting.text.errors import BadInput
 
 PAIR = (6.94016e6, 6.94036e6)
@@ -151,7 +145,8 @@ def test_fit_of_incommensurable_tones() -> None:
         axis=1,
     )
     values[7, 1] += 1e-3
-    peaks, rest = fit_tones(tones, times, values)
+    found = fit_tones(tones, times, values)
+    peaks, rest = found.amplitudes, found.rest
     np.testing.assert_allclose(peaks, [[2.0, 0.0], [1.0, 3.0]], atol=1e-4)
     np.testing.assert_allclose(peaks[:, 0], [2.0, 1.0], rtol=1e-12)
     assert np.argmax(np.abs(rest[:, 1])) == 7

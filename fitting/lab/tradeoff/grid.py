@@ -19,7 +19,7 @@ from fitting.lab.tradeoff.records import (
     Setting,
 )
 from fitting.lab.tradeoff.scenes import Scene, Solver
-from fitting.signal.spectrum import common_period
+from fitting.signal.tones import common_period
 
 
 @dataclass(frozen=True)

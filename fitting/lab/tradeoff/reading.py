@@ -11,8 +11,8 @@ import numpy as np
 from scipy.signal import windows
 
 from fitting.lab.tradeoff.records import COHERENT, FLAT_TOP
-from fitting.signal.spectrum import common_period
-from fitting.simulate.window import Window, coherent_samples, plan_window, tone_amplitudes
+from fitting.signal.tones import common_period
+from fitting.signal.window import Window, coherent_samples, plan_window, tone_amplitudes
 from fitting.text.arrays import FloatArray
 
 #: Longest common period that is taken for a window, s.
@@ -45,7 +45,7 @@ class Sampling:
     @cached_property
     def _window(self) -> Window:
         return Window(
-            self.tones_hz, self.settle_s, self.step_s, self.samples, True, self.held_steps, ""
+            self.tones_hz, self.settle_s, self.step_s, self.samples, held_steps=self.held_steps
         )
 
     def amplitudes(self, samples: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What to simulate for a wanted accuracy: settling, window and sampling, each with its reason.
+"""When to sample a response to known tones: few samples, and the proof that they suffice.
 
 A window is coherent where it holds whole periods of every tone: a tone fit then equals the Fourier
 bin and no tone leaks into another. Few samples suffice, because the tones are known: sampling far
@@ -9,14 +9,14 @@ and that is proved here, not hoped for.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from fitting.signal.spectrum import common_period, cycle_fraction, exact
+from fitting.signal.tones import FittedTones, ToneFit, common_period, exact, tone_design
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -25,6 +25,8 @@ from fitting.text.notation import hertz
 LONGEST_WINDOW_S = 100.0
 #: Samples beyond the unknowns (two per tone and the mean), by which a misfit shows.
 SPARE_SAMPLES = 2
+#: Numbers of samples tried from the least on, until one keeps the tones apart.
+TRIED_SAMPLES = 1000
 #: Largest condition number of a tone fit without a coherent window.
 LARGEST_CONDITION = 3.0
 #: Bits of a binary grain within the length of a run: times on it, and their differences, are
@@ -39,8 +41,9 @@ class Window:
     """When to sample one run: t_j = settle + j step, j < samples; how many held steps a step has.
 
     `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
-    makes itself. `reason` is a sentence for the report; `beside` are Fourier bins of lines that the
-    response may hold beside the tones.
+    makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
+    `mixture_bins` are Fourier bins of lines that the response may hold beside the tones, and
+    `mixtures` the number of these lines.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -50,10 +53,11 @@ class Window:
     settle_s: float
     step_s: float
     samples: int
-    coherent: bool
-    held_steps: int
-    reason: str
-    beside: tuple[int, ...] = ()
+    coherent: bool = True
+    held_steps: int = 0
+    condition: float = 1.0
+    mixture_bins: tuple[int, ...] = ()
+    mixtures: int = 0
 
     def __post_init__(self) -> None:
         if self.samples < 2 * len(self.tones_hz) + 1:
@@ -62,64 +66,65 @@ class Window:
             raise ValueError(f"step {self.step_s!r} s, settling {self.settle_s!r} s")
 
     @property
+    def length_s(self) -> float:
+        """Time that is sampled, s: whole periods of every tone where the window is coherent."""
+        return self.step_s * self.samples
+
+    @property
     def input_step_s(self) -> float:
         """Length of a held input step, s."""
         return self.step_s / self.held_steps if self.held_steps else self.step_s
-
-    @cached_property
-    def projector(self) -> FloatArray:
-        """Least-squares fit of the tones as a matrix on the samples, (1 + 2 tones, samples)."""
-        return np.asarray(np.linalg.pinv(self.design))
 
     def times_s(self) -> FloatArray:
         """Sampling times, shape (samples,), each by one multiplication."""
         return np.asarray(self.settle_s + np.arange(self.samples) * self.step_s)
 
     @cached_property
-    def design(self) -> FloatArray:
-        """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (samples, 1 + 2 tones)."""
-        return _design(self.tones_hz, self.times_s())
+    def fit(self) -> ToneFit:
+        """The fit of the tones at these times."""
+        return ToneFit(self.tones_hz, self.times_s())
+
+    def read(self, values: FloatArray) -> FittedTones:
+        """Mean and tones in samples, shape (samples,) or (samples, outputs).
+
+        Raises:
+            ValueError: another number of samples than planned.
+        """
+        if values.shape[:1] != (self.samples,):
+            raise ValueError(f"{values.shape[0]} samples, planned were {self.samples}")
+        return self.fit(values)
 
 
-def _design(tones_hz: Sequence[float], times_s: FloatArray) -> FloatArray:
-    columns = [np.ones(times_s.size)]
-    for tone in tones_hz:
-        phase = 2.0 * np.pi * cycle_fraction(tone, times_s)
-        columns += [np.cos(phase), np.sin(phase)]
-    return np.stack(columns, axis=1)
+def folded(cycles: int, samples: int) -> int:
+    """Bin at which a line of so many whole periods in a window is seen by so many samples."""
+    return min(cycles % samples, -cycles % samples)
 
 
-def settling_s(line_width_hz: float, accuracy: float) -> float:
-    """Time after which a transient exp(-pi w t) is below the accuracy, s.
+def kept_apart(cycles: Sequence[int], others: Iterable[int], samples: int) -> bool:
+    """Whether samples over whole periods see each tone by itself: the proof against folding.
 
-    Planned for half the width that was stated: a fit may try less damping than there is.
-
-    Raises:
-        ValueError: a width or an accuracy that is not positive.
+    `cycles` are whole periods of the tones in the window, `others` those of lines that the
+    response may hold beside them. With k = f T whole, tone k is seen at the bin k mod N, and -k
+    mod N: these must differ from tone to tone, and from 0 and N/2, and no other line may be seen
+    there. All in whole numbers.
     """
-    if not (line_width_hz > 0.0 and 0.0 < accuracy < 1.0):
-        raise ValueError(f"line width {line_width_hz!r} Hz, accuracy {accuracy!r}")
-    return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
+    bins = {folded(k, samples) for k in cycles}
+    alone = len(bins) == len(cycles) and 0 not in bins and (samples % 2 or samples // 2 not in bins)
+    return bool(alone) and not any(folded(k, samples) in bins for k in others)
 
 
 def coherent_samples(
-    tones_hz: Sequence[float], period_s: Fraction, least: int, beside_hz: Sequence[float] = ()
+    tones_hz: Sequence[float], period_s: Fraction, least: int, mixtures_hz: Sequence[float] = ()
 ) -> int | None:
     """Least number of samples over a common period at which no tone folds onto another.
 
-    With k = f T whole, tone k is seen at k mod N: these must differ from each other, from each
-    other's negatives, from 0 and from N/2; nor may a line ``beside_hz`` be seen there, which a
-    nonlinear response has at mixtures of the tones. All in whole numbers.
+    Nor does a line of `mixtures_hz` fold onto a tone, as a nonlinear response has them. None where
+    none of the first thousand numbers does.
     """
-    bins = [int(exact(tone) * period_s) for tone in tones_hz]
-    others = {int(exact(line) * period_s) for line in beside_hz} - set(bins)
-    for samples in range(least, least + 1000):
-        seen = [b % samples for b in bins]
-        taken = {*seen, *(samples - s for s in seen)}
-        apart = len(taken) == 2 * len(bins) and 0 not in seen
-        if apart and not any(line % samples in taken for line in others):
-            return samples
-    return None
+    cycles = [int(exact(tone) * period_s) for tone in tones_hz]
+    others = {int(exact(line) * period_s) for line in mixtures_hz} - set(cycles)
+    tried = range(least, least + TRIED_SAMPLES)
+    return next((n for n in tried if kept_apart(cycles, others, n)), None)
 
 
 def plan_window(
@@ -127,15 +132,16 @@ def plan_window(
     settle_s: float,
     *,
     samples_per_period: int = 0,
-    beside_hz: Sequence[float] = (),
+    mixtures_hz: Sequence[float] = (),
     spare: int = SPARE_SAMPLES,
     longest_s: float = LONGEST_WINDOW_S,
 ) -> Window:
     """Window for known tones: coherent where they have a common period, else for a tone fit.
 
     `samples_per_period` > 0 is for a drive that is held over steps: the steps divide the window.
-    No line of `beside_hz`, of which the response may hold any amount, is seen as one of the tones.
-    `spare` samples are taken beyond the unknowns; a common period beyond `longest_s` is given up.
+    No line of `mixtures_hz`, of which the response may hold any amount, is seen as one of the
+    tones. `spare` samples are taken beyond the unknowns; a common period beyond `longest_s` is
+    given up.
 
     Raises:
         BadInput: no window keeps the tones apart (two equal tones, for one), or clear of the lines
@@ -146,8 +152,8 @@ def plan_window(
     common = common_period(tones)
     samples = None
     if common <= longest_s or len(tones) == 1:
-        samples = coherent_samples(tones, common, least, beside_hz)
-    if samples is None and beside_hz:
+        samples = coherent_samples(tones, common, least, mixtures_hz)
+    if samples is None and mixtures_hz:
         raise BadInput(
             f"drive frequencies {hertz(*tones)}: their mixtures in a nonlinear response cannot be "
             f"told apart; wanted frequencies with a common period up to {longest_s:g} s"
@@ -155,18 +161,21 @@ def plan_window(
     if samples is None:
         return _incoherent(tones, settle_s, least + 4, samples_per_period)
     period = float(common)
-    reason = (
-        f"{hertz(*tones)}: {period:.6g} s hold whole periods; {samples} samples keep the tones "
-        "apart and off 0 and half the rate, so that a fit of the tones is the Fourier bin"
-    )
-    if beside_hz:
-        reason += f", clear of the {len(beside_hz)} mixtures that a nonlinear response may have"
     held = 0
     if samples_per_period:
         held = math.ceil(period * max(tones) * samples_per_period / samples)
-    window = _aligned(tones, settle_s, period / samples, samples, True, held, reason)
-    mixed = [int(exact(line) * common) % samples for line in beside_hz]
-    return replace(window, beside=tuple(sorted({k for m in mixed for k in (m, -m % samples)})))
+    folds = {folded(int(exact(line) * common), samples) for line in mixtures_hz}
+    return _aligned(
+        Window(
+            tones_hz=tones,
+            settle_s=settle_s,
+            step_s=period / samples,
+            samples=samples,
+            held_steps=held,
+            mixture_bins=tuple(sorted({k for b in folds for k in (b, -b % samples)})),
+            mixtures=len(mixtures_hz),
+        )
+    )
 
 
 def _incoherent(
@@ -182,12 +191,18 @@ def _incoherent(
             f"drive frequencies {tones} Hz: no sampling tells them apart (condition {best:.3g}); "
             "wanted frequencies with a common period"
         )
-    reason = (
-        f"{' and '.join(f'{tone!r} Hz' for tone in tones)}: no common period of reasonable length; "
-        f"amplitudes by a tone fit of {samples} samples (condition number {best:.2f})"
-    )
     held = math.ceil(best_step * max(tones) * samples_per_period) if samples_per_period else 0
-    return _aligned(tones, settle_s, best_step, samples, False, held, reason)
+    return _aligned(
+        Window(
+            tones_hz=tones,
+            settle_s=settle_s,
+            step_s=best_step,
+            samples=samples,
+            coherent=False,
+            held_steps=held,
+            condition=best,
+        )
+    )
 
 
 @lru_cache(maxsize=1024)
@@ -196,31 +211,26 @@ def _best_step(tones: tuple[float, ...], samples: int, span_s: float) -> tuple[f
     steps = np.linspace(0.8, 2.5, 400) * span_s / samples
     times = np.arange(samples, dtype=float) * steps[:, np.newaxis]
     # all at once: step by step a thousand experiments would be planned for minutes
-    conditions = np.linalg.cond(_design(tones, times.ravel()).reshape(steps.size, samples, -1))
+    conditions = np.linalg.cond(tone_design(tones, times.ravel()).reshape(steps.size, samples, -1))
     k = int(np.argmin(conditions))
     return float(conditions[k]), float(steps[k])
 
 
-def _aligned(
-    tones: tuple[float, ...],
-    settle_s: float,
-    step_s: float,
-    samples: int,
-    coherent: bool,
-    held: int,
-    reason: str,
-) -> Window:
+def _aligned(window: Window) -> Window:
     """Settling in whole held steps, where the drive is held; else times on a binary grain."""
-    if held:
-        grain = step_s / held
-        settle_s = math.ceil(settle_s / grain - 1e-9) * grain
-        reason += f"; the drive is held over steps of {grain:.6g} s"
-        return Window(tones, settle_s, step_s, samples, coherent, held, reason)
-    grain = 2.0 ** (math.frexp(settle_s + samples * step_s)[1] - GRAIN_BITS)
+    step_s, settle_s = window.step_s, window.settle_s
+    if window.held_steps:
+        return replace(window, settle_s=whole_steps(settle_s, window.input_step_s))
+    grain = 2.0 ** (math.frexp(settle_s + window.samples * step_s)[1] - GRAIN_BITS)
     if grain > LARGEST_GRAIN * step_s:  # so late that no grain of a double divides the step
-        return Window(tones, settle_s, step_s, samples, coherent, held, reason)
+        return window
     step_s, settle_s = round(step_s / grain) * grain, math.ceil(settle_s / grain) * grain
-    return Window(tones, settle_s, step_s, samples, coherent, held, reason)
+    return replace(window, step_s=step_s, settle_s=settle_s)
+
+
+def whole_steps(time_s: float, step_s: float) -> float:
+    """A time rounded up to whole steps, s."""
+    return math.ceil(time_s / step_s - 1e-9) * step_s
 
 
 def tone_amplitudes(window: Window, samples: FloatArray) -> FloatArray:
@@ -229,10 +239,7 @@ def tone_amplitudes(window: Window, samples: FloatArray) -> FloatArray:
     Raises:
         ValueError: another number of samples than planned.
     """
-    if samples.shape != (window.samples,):
-        raise ValueError(f"{samples.size} samples, planned were {window.samples}")
-    coefficients = window.projector @ samples
-    return np.hypot(coefficients[1::2], coefficients[2::2])
+    return window.read(samples).amplitudes
 
 
 def tone_misfit(window: Window, samples: FloatArray) -> float:
@@ -241,11 +248,11 @@ def tone_misfit(window: Window, samples: FloatArray) -> float:
     Lines that are expected beside the tones are no part of it; harmonics otherwise, a transient
     that is left, or noise of the solver: what a plan should keep small.
     """
-    coefficients = window.projector @ samples
-    largest = max(float(np.max(tone_amplitudes(window, samples))), np.finfo(float).tiny)
-    rest = samples - window.design @ coefficients
-    if window.beside:
+    found = window.read(samples)
+    largest = max(float(np.max(found.amplitudes)), np.finfo(float).tiny)
+    rest = found.rest
+    if window.mixture_bins:
         lines = np.fft.fft(rest)
-        lines[list(window.beside)] = 0.0
+        lines[list(window.mixture_bins)] = 0.0
         rest = np.fft.ifft(lines).real
     return float(np.max(np.abs(rest))) / largest
