@@ -1,17 +1,24 @@
 """FMUs in worker processes: describe a file, run batches of simulations, fail in sentences.
 
-The only part of `fitting` that knows fmpy. FMI 2.0 and 3.0, co-simulation.
+The only part of `fitting` that knows fmpy. FMI 2.0 and 3.0, co-simulation. Its names are loaded
+when they are first used: a worker process needs few of them, and starts the sooner.
 """
 
-from fitting.fmu.annotation import read_hints
-from fitting.fmu.description import (
-    FmuDescription,
-    FmuVariable,
-    read_description,
-    validation_problems,
-)
-from fitting.fmu.records import Counts, InputSignal, Leg, Run, row_times
-from fitting.fmu.workers import FmuWorkers
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fitting.fmu.annotation import read_hints
+    from fitting.fmu.description import (
+        FmuDescription,
+        FmuVariable,
+        read_description,
+        validation_problems,
+    )
+    from fitting.fmu.pool import FmuWorkers
+    from fitting.fmu.records import Counts, InputSignal, Leg, Run, row_times
 
 __all__ = [
     "Counts",
@@ -26,3 +33,20 @@ __all__ = [
     "row_times",
     "validation_problems",
 ]
+
+_MODULES = {
+    "annotation": ("read_hints",),
+    "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
+    "pool": ("FmuWorkers",),
+    "records": ("Counts", "InputSignal", "Leg", "Run", "row_times"),
+}
+
+
+def __getattr__(name: str) -> object:
+    """A public name, loaded from its module and kept."""
+    for module, names in _MODULES.items():
+        if name in names:
+            found = getattr(importlib.import_module(f"{__name__}.{module}"), name)
+            globals()[name] = found
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

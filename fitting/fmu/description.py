@@ -10,9 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import fmpy
-from fmpy.validation import validate_fmu
-
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
@@ -93,6 +90,8 @@ def read_description(path: Path | str) -> FmuDescription:
 
     Raises BadInput if the file is no FMU, has no co-simulation, or no binary for this platform.
     """
+    import fmpy  # slow to load, and the other names of this module are wanted by many
+
     path = Path(path)
     try:
         content = path.read_bytes()
@@ -129,6 +128,8 @@ def read_description(path: Path | str) -> FmuDescription:
 
 def validation_problems(path: Path | str) -> list[str]:
     """What fmpy's validation objects to in the FMU; empty if nothing."""
+    from fmpy.validation import validate_fmu
+
     return [str(problem) for problem in validate_fmu(str(path))]
 
 
@@ -138,6 +139,8 @@ def _platforms(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def _require_binary(path: Path, version: str, identifier: str, names: list[str]) -> None:
+    import fmpy
+
     platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
     wanted = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if wanted not in names:

@@ -21,7 +21,8 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
-from fitting.fmu.log import Log, label
+from fitting.fmu.log import CallFailed, Log, label
+from fitting.fmu.messages import UnpackedFmu
 from fitting.fmu.orders import Group
 from fitting.text.arrays import Scalar
 
@@ -38,20 +39,6 @@ _CTYPES: dict[str, Any] = {
     **{f"Int{bits}": getattr(ctypes, f"c_int{bits}") for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": getattr(ctypes, f"c_uint{bits}") for bits in (8, 16, 32, 64)},
 }
-
-
-class CallFailed(Exception):
-    """An FMI call did not succeed; the text says which, when, and what the FMU logged."""
-
-
-class Setup(NamedTuple):
-    """What it takes to load an FMU; ``folder`` is where it is unpacked."""
-
-    fmi_version: str
-    guid: str
-    model_identifier: str
-    folder: str
-    one_instance_per_process: bool
 
 
 class Access(NamedTuple):
@@ -268,21 +255,21 @@ class Interface3(Interface):
             raise self.stopped(reached, wanted, "fmi3DoStep returned early")
 
 
-def load(setup: Setup, log: Log) -> Interface:
+def load(unpacked: UnpackedFmu, log: Log) -> Interface:
     """The library of an unpacked FMU, loaded; no instance yet.
 
     Raises CallFailed if it cannot be loaded or lacks a function.
     """
     kinds: tuple[Any, type[Interface]] = (
-        (FMU2Slave, Interface2) if setup.fmi_version == "2.0" else (FMU3Slave, Interface3)
+        (FMU2Slave, Interface2) if unpacked.fmi_version == "2.0" else (FMU3Slave, Interface3)
     )
     library, interface = kinds
     try:
         fmu = library(
-            guid=setup.guid,
-            modelIdentifier=setup.model_identifier,
-            unzipDirectory=setup.folder,
-            instanceName=setup.model_identifier,
+            guid=unpacked.guid,
+            modelIdentifier=unpacked.model_identifier,
+            unzipDirectory=unpacked.folder,
+            instanceName=unpacked.model_identifier,
         )
     except Exception as error:  # fmpy raises a bare Exception
         raise CallFailed(f"its library cannot be loaded: {error}") from error

@@ -1,4 +1,4 @@
-"""The sentences that an FMU logs, kept until they are wanted."""
+"""The sentences that an FMU logs, kept until they are wanted, and the failure that quotes them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ KEPT = 50  # sentences of one run; the last ones tell why it failed
 WRITTEN = 200  # sentences of one run that go to the file
 SEVERE = 1  # fmi2Warning, fmi3Warning; below it is only chatter
 LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
+
+
+class CallFailed(Exception):
+    """An FMI call did not succeed; the text says which, when, and what the FMU logged."""
 
 
 class Log:

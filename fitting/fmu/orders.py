@@ -8,14 +8,16 @@ hangs on what an FMU does to its parameters on reset.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.description import FmuDescription, FmuVariable
 from fitting.fmu.records import Leg, Run, Tone
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+
+if TYPE_CHECKING:
+    from fitting.fmu.description import FmuDescription, FmuVariable
 
 
 class Group(NamedTuple):

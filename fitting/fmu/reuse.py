@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.fmu.interface import CallFailed
+from fitting.fmu.log import CallFailed
 from fitting.fmu.orders import Layout, Order
 from fitting.text.arrays import FloatArray
 

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.fmu.input_signal import held_values
-from fitting.fmu.interface import Access, CallFailed, Interface
+from fitting.fmu.interface import Access, Interface
+from fitting.fmu.log import CallFailed
 from fitting.fmu.orders import Layout, Order
 from fitting.fmu.records import row_times
 from fitting.text.arrays import FloatArray

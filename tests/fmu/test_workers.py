@@ -386,7 +386,7 @@ if __name__ == "__main__":
     workers = FmuWorkers(sys.argv[1])
     run = Run({"mass": 1.0}, 0.0, 1.0, 2, ("displacement",))
     workers.run([run])
-    print(workers._workers[0]._process.pid, workers._home, flush=True)
+    print(workers._open.processes[0].pid, workers._open.home, flush=True)
     if sys.argv[2] == "busy":
         workers.run([Run({"misbehave": 1}, 0.0, 1.0, 2, ("displacement",))])
     time.sleep(60)

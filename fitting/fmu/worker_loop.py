@@ -1,24 +1,27 @@
-"""The worker process: holds one FMU open, answers each batch of orders with one message."""
+"""The loop of a worker process: hold one FMU open, answer each batch with one message."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import queue
 import shutil
-import signal
 import sys
 import threading
 import time
 import traceback
 from collections.abc import Sequence
-from multiprocessing import connection, parent_process
+from multiprocessing import connection
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from fitting.fmu.interface import CallFailed, Interface, Setup, load
-from fitting.fmu.log import Log
+from fitting.fmu.interface import Interface, load
+from fitting.fmu.log import CallFailed, Log
+from fitting.fmu.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.orders import Layout, Order
+from fitting.fmu.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
 from fitting.fmu.records import Counts
 from fitting.fmu.reuse import Verdict, run_with_reuse
 from fitting.fmu.simulation import Binding, bind, simulate, steps_of
@@ -28,34 +31,6 @@ from fitting.text.arrays import FloatArray
 MOST_INSTANCES = 500
 MOST_GROWTH = 256 * 2**20  # bytes by which a worker may grow before a new process takes over
 
-# Places in the pulse, the memory that worker and caller share: the run of the batch that is under
-# way, a count of everything that was begun, and whether a reset instance is only being tried.
-AT_RUN, BEGUN, IN_TRIAL = 0, 1, 2
-PULSE_SIZE = 3
-
-
-class Batch(NamedTuple):
-    """Runs to do, and the layouts that they refer to."""
-
-    layouts: list[Layout]
-    orders: list[Order]
-
-
-class Reply(NamedTuple):
-    """Results of the first ``done`` orders, flat; the rest is left if ``used_up`` or ``failure``.
-
-    ``used_up``: this process should do no more; ``failure``: why the order after the last done one
-    failed.
-    """
-
-    results: FloatArray
-    done: int
-    used_up: bool
-    failure: str | None
-    warnings: tuple[str, ...]
-    counts: Counts
-    verdict: Verdict
-
 
 class _UsedUp(Exception):
     """A new instance is wanted that this process should not make."""
@@ -64,11 +39,11 @@ class _UsedUp(Exception):
 class _Holder:
     """The FMU of this process, its instance, and the account of what was done with it."""
 
-    def __init__(self, setup: Setup, log: Log, verdict: Verdict, pulse: Any) -> None:
+    def __init__(self, fmu: UnpackedFmu, log: Log, verdict: Verdict, pulse: memoryview) -> None:
         self.verdict = verdict
         self.log = log
-        self._limit = 1 if setup.one_instance_per_process else MOST_INSTANCES
-        self._setup = setup
+        self._limit = 1 if fmu.one_instance_per_process else MOST_INSTANCES
+        self._unpacked = fmu
         self._pulse = pulse
         self._fmu: Interface | None = None
         self._instances = 0
@@ -95,7 +70,7 @@ class _Holder:
         if self._instances >= self._limit:
             raise _UsedUp
         if self._fmu is None:
-            self._fmu = load(self._setup, self.log)
+            self._fmu = load(self._unpacked, self.log)
         self.log.new_run()
         self._pulse[BEGUN] += 1
         self._fmu.instantiate()
@@ -131,35 +106,58 @@ class _Holder:
         return result
 
 
-def serve(
-    pipe: connection.Connection, pulse: Any, setup: Setup, verdict: Verdict, log_path: str
-) -> None:
-    """Main function of the process: answer batches until the caller sends None or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller to deal with
-    home = Path(setup.folder).parent
-    _leave_with_caller(home)
-    log_file = _divert_output(log_path)
-    holder = _Holder(setup, Log(log_file), verdict, pulse)
+def serve(pipe: connection.Connection) -> None:
+    """Take the task, answer batches until the caller sends None; leave when the caller is gone."""
+    messages = _messages(pipe)
+    task: Task = messages.get()
+    log_file = _divert_output(task.log_path)
+    pulse = open_pulse(Path(task.pulse_path)).numbers
+    holder = _Holder(task.fmu, Log(log_file), task.verdict, pulse)
     baseline: int | None = None
     while True:
-        try:
-            batch: Batch | None = pipe.recv()
-        except (EOFError, OSError):  # the caller is gone and cannot clear up
-            shutil.rmtree(home, ignore_errors=True)
-            break
+        batch: Batch | None = messages.get()
         if batch is None:
             holder.close()
             break
         reply = _answer(holder, batch, pulse)
         memory = _memory()
         baseline = memory if baseline is None else baseline
-        pipe.send(reply._replace(used_up=reply.used_up or memory - baseline > MOST_GROWTH))
+        reply = reply._replace(used_up=reply.used_up or memory - baseline > MOST_GROWTH)
+        with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
+            pipe.send(reply)
         _shorten(log_file)
     # not by way of the interpreter's teardown, in which FMUs are known to crash
     os._exit(0)
 
 
-def _answer(holder: _Holder, batch: Batch, pulse: Any) -> Reply:
+def _messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
+    """The caller's messages as they come; the process ends when they cannot come any more.
+
+    They are read by a thread of their own, so that the end of a caller that was killed is noticed
+    even while the FMU is in an endless loop.
+    """
+    arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def read() -> None:
+        home: Path | None = None
+        try:
+            while True:
+                message = pipe.recv()
+                if isinstance(message, Task):
+                    home = Path(message.fmu.folder).parent
+                arrived.put(message)
+        except (EOFError, OSError):
+            if home is not None:  # which the caller cannot clear up
+                shutil.rmtree(home, ignore_errors=True)
+        except BaseException:
+            traceback.print_exc()
+        os._exit(1)
+
+    threading.Thread(target=read, daemon=True).start()
+    return arrived
+
+
+def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
     pulse[BEGUN] += 1
     results: list[FloatArray] = []
     used_up, failure = False, None
@@ -191,24 +189,9 @@ def _joined(results: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([r.ravel() for r in results]) if results else np.empty(0)
 
 
-def _leave_with_caller(folder: Path) -> None:
-    """End this process when its caller is gone, killed for instance, even from an endless loop."""
-    parent = parent_process()
-    if parent is None:
-        return
-    sentinel = parent.sentinel
-
-    def wait() -> None:
-        connection.wait([sentinel])
-        shutil.rmtree(folder, ignore_errors=True)
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
 def _divert_output(path: str) -> int:
     """What the FMU prints goes to a file, from where its last words can be quoted."""
-    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
+    file = os.open(path, os.O_WRONLY | os.O_APPEND)
     sys.stdout.flush()
     sys.stderr.flush()
     os.dup2(file, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import tempfile
@@ -9,7 +10,7 @@ import time
 import weakref
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing import connection
 from pathlib import Path
@@ -19,12 +20,11 @@ from typing import Literal
 import numpy as np
 
 from fitting.fmu.description import FmuDescription, read_description
-from fitting.fmu.interface import Setup
+from fitting.fmu.messages import Batch, Reply, UnpackedFmu
 from fitting.fmu.orders import Order, Orders
-from fitting.fmu.process import Worker
 from fitting.fmu.records import Counts, Run
 from fitting.fmu.reuse import Verdict
-from fitting.fmu.worker import Batch, Reply
+from fitting.fmu.worker_process import WorkerProcess
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure
 
@@ -32,6 +32,30 @@ POLL_S = 0.1
 CLOSING_S = 2.0
 MOST_WARNINGS = 50
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
+
+
+@dataclass
+class _Open:
+    """What has to be closed: processes by number, the unpacked FMU, and whose they are."""
+
+    processes: list[WorkerProcess | None]
+    home: Path | None = None
+    owner: int = field(default_factory=os.getpid)
+
+    def close(self) -> None:
+        """End the processes and remove the unpacked FMU; nothing in a fork of the owner."""
+        if os.getpid() != self.owner:
+            return
+        alive = [worker for worker in self.processes if worker is not None]
+        self.processes[:] = [None] * len(self.processes)
+        for worker in alive:
+            worker.ask_to_end()
+        until = time.monotonic() + CLOSING_S
+        for worker in alive:
+            worker.end(max(0.0, until - time.monotonic()))
+        home, self.home = self.home, None
+        if home is not None:
+            shutil.rmtree(home, ignore_errors=True)
 
 
 @dataclass
@@ -45,7 +69,10 @@ class _Job:
 
 
 class FmuWorkers:
-    """Processes that hold an FMU open and take batches of runs; a context manager.
+    """Processes that hold an FMU open and take batches of runs.
+
+    They are started when the first runs come, and end with `close`, at the end of a ``with`` block,
+    when nobody refers to this object any more, or with the caller, however that ends.
 
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
     reset and reused where a repeated run is the same bit for bit, "never": a new one for each run;
@@ -76,12 +103,12 @@ class FmuWorkers:
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
         self._orders = Orders(self.description)
-        self._workers: list[Worker | None] = [None] * workers
+        self._open = _Open([None] * workers)
+        self._finaliser = weakref.finalize(self, self._open.close)
         self._verdicts = [Verdict() for _ in range(workers)]
         if reuse == "never":
             for verdict in self._verdicts:
                 verdict.refuse("so it was asked for")
-        self._home: Path | None = None
 
     def __enter__(self) -> FmuWorkers:
         """Start the processes, so that they load while the caller prepares."""
@@ -126,56 +153,52 @@ class FmuWorkers:
 
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
-        alive = [worker for worker in self._workers if worker is not None]
-        for worker in alive:
-            worker.ask_to_end()
-        until = time.monotonic() + CLOSING_S
-        for worker in alive:
-            worker.end(max(0.0, until - time.monotonic()))
-        self._workers = [None] * len(self._workers)
-        if self._home is not None:
-            self._remove_home()
-            self._home = None
+        self._open.close()
 
     def _shares(self, n: int) -> dict[int, list[int]]:
         """Runs by worker: neighbours together, as equal as can be."""
-        edges = [n * k // len(self._workers) for k in range(len(self._workers) + 1)]
+        edges = [n * k // len(self._open.processes) for k in range(len(self._open.processes) + 1)]
         shares = enumerate(pairwise(edges))
         return {number: list(range(a, b)) for number, (a, b) in shares if a < b}
 
     def _start_missing(self) -> None:
-        for number, worker in enumerate(self._workers):
+        for number, worker in enumerate(self._open.processes):
             if worker is None:
                 self._start(number)
 
-    def _start(self, number: int) -> Worker:
-        if self._home is None:
-            self._home = _unpack(self.description)
-            # at the latest when the interpreter ends, if nobody closes this object
-            self._remove_home = weakref.finalize(
-                self, shutil.rmtree, self._home, ignore_errors=True
-            )
-        d = self.description
-        folder = str(self._home / "fmu")
-        setup = Setup(d.fmi_version, d.guid, d.model_identifier, folder, d.one_instance_per_process)
-        worker = Worker(setup, self._verdicts[number], self._home / f"worker{number}.log")
-        self._workers[number] = worker
+    def _start(self, number: int) -> WorkerProcess:
+        if self._open.home is None:
+            self._open.home = _unpack(self.description)
+        home, d = self._open.home, self.description
+        folder = str(home / "fmu")
+        fmu = UnpackedFmu(
+            fmi_version=d.fmi_version,
+            guid=d.guid,
+            model_identifier=d.model_identifier,
+            folder=folder,
+            one_instance_per_process=d.one_instance_per_process,
+        )
+        try:
+            worker = WorkerProcess(fmu, self._verdicts[number], home, f"worker{number}")
+        except OSError as error:
+            raise FmuFailure(f"no worker process could be started: {error}", {}, d.path) from error
+        self._open.processes[number] = worker
         self.counts += Counts(processes=1)
         return worker
 
     def _kill(self, number: int) -> None:
-        worker, self._workers[number] = self._workers[number], None
+        worker, self._open.processes[number] = self._open.processes[number], None
         if worker is not None:
             worker.end()
 
     def _send(self, number: int, job: _Job) -> None:
-        worker = self._workers[number] or self._start(number)
+        worker = self._open.processes[number] or self._start(number)
         orders = [job.orders[i] for i in job.todo[number]]
         worker.send(Batch(self._orders.layouts, orders))
 
     def _wait(self, job: _Job) -> None:
         """Take what has arrived, and look after who is late."""
-        busy = {number: self._workers[number] for number in job.todo}
+        busy = {number: self._open.processes[number] for number in job.todo}
         pipes = {worker.pipe: (number, worker) for number, worker in busy.items() if worker}
         for pipe in connection.wait(list(pipes), timeout=POLL_S):
             number, worker = pipes[pipe]  # type: ignore[index]
@@ -213,7 +236,7 @@ class FmuWorkers:
         else:
             del job.todo[number]
 
-    def _ended_badly(self, number: int, worker: Worker, job: _Job, how: str) -> None:
+    def _ended_badly(self, number: int, worker: WorkerProcess, job: _Job, how: str) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
         at_run = min(worker.at_run, len(job.todo[number]) - 1)
         in_trial = worker.in_trial
@@ -244,7 +267,11 @@ def _unpack(description: FmuDescription) -> Path:
                 "FMUs stumble over, wanted letters, digits and ._-/ (set TMPDIR)"
             ) from error
     folder = home / "fmu"
-    with zipfile.ZipFile(description.path) as archive:
-        archive.extractall(folder)
+    try:
+        with zipfile.ZipFile(description.path) as archive:
+            archive.extractall(folder)
+    except BaseException:
+        shutil.rmtree(home, ignore_errors=True)
+        raise
     (folder / "resources").mkdir(exist_ok=True)  # some FMUs crash where it is missing
     return home

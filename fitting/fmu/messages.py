@@ -1,0 +1,52 @@
+"""What a caller and its worker process say to each other: a task, then batches and replies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fitting.fmu.orders import Layout, Order
+from fitting.fmu.records import Counts
+from fitting.fmu.reuse import Verdict
+from fitting.text.arrays import FloatArray
+
+
+class UnpackedFmu(NamedTuple):
+    """What it takes to load an FMU; ``folder`` is where it is unpacked."""
+
+    fmi_version: str
+    guid: str
+    model_identifier: str
+    folder: str
+    one_instance_per_process: bool
+
+
+class Task(NamedTuple):
+    """What a worker is there for: an FMU, what is known about its reuse, and its two files."""
+
+    fmu: UnpackedFmu
+    verdict: Verdict
+    log_path: str
+    pulse_path: str
+
+
+class Batch(NamedTuple):
+    """Runs to do, and the layouts that they refer to."""
+
+    layouts: list[Layout]
+    orders: list[Order]
+
+
+class Reply(NamedTuple):
+    """Results of the first ``done`` orders, flat; the rest is left if ``used_up`` or ``failure``.
+
+    ``used_up``: this process should do no more; ``failure``: why the order after the last done one
+    failed.
+    """
+
+    results: FloatArray
+    done: int
+    used_up: bool
+    failure: str | None
+    warnings: tuple[str, ...]
+    counts: Counts
+    verdict: Verdict

@@ -1,0 +1,36 @@
+"""The program of a worker process: ``python worker_main.py HANDLE``, started by `WorkerProcess`.
+
+A program of its own, so that nothing of the caller is imported again: neither its ``__main__``,
+which need not be guarded then, nor what that imports. HANDLE is the worker's end of the pipe, an
+inherited file descriptor (a handle on Windows), which no other process can have.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from multiprocessing import connection
+
+
+def main(handle: int) -> None:
+    """Ignore Ctrl-C, take over the caller's import path, and serve."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller to deal with
+    if sys.platform == "win32":
+        os.set_handle_inheritable(handle, False)  # not for the processes that an FMU may start
+        pipe = connection.PipeConnection(handle)
+    else:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        os.set_inheritable(handle, False)
+        pipe = connection.Connection(handle)
+    try:
+        sys.path[:] = pipe.recv()
+    except EOFError:  # the caller has gone already
+        return
+    from fitting.fmu.worker_loop import serve
+
+    serve(pipe)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
