@@ -21,7 +21,7 @@ from fitting.design.choice import CRITERIA
 from fitting.design.limits import design_section, limits_of
 from fitting.design.proposal import propose
 from fitting.design.result import Design, design_csv, write_design
-from fitting.design.weighing import Question, weigh
+from fitting.design.weighing import DesignGoal, weigh
 from fitting.fit.result import Result, read_result
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
@@ -104,18 +104,18 @@ def run(args: argparse.Namespace) -> int:
         limits = limits_of(bound, description.variables, section, read)
         if args.number is not None:
             limits = replace(limits, number=args.number)
-        question = _question(args, bound, section, fitted)
+        goal = _question(args, bound, section, fitted)
         also = [bind(other, description.variables) for other in others]
         with status_line(NAME) as told:
-            weighed = weigh(bound, workers, limits, question, told, also)
-        variable = description.variables[_variable(bound, question.target)]
+            weighed = weigh(bound, workers, limits, goal, told, also)
+        variable = description.variables[_variable(bound, goal.target)]
         provenance = {
             "command": _command(args),
             "FMU": description.model_name,
             "FMU sha256": description.sha256,
             "seed": str(args.seed),
         }
-        design = propose(bound, weighed, limits, question, variable.unit or "", provenance)
+        design = propose(bound, weighed, limits, goal, variable.unit or "", provenance)
     _write(design, bound, limits, out, args)
     return 0
 
@@ -140,12 +140,12 @@ def _write(
 
 def _question(
     args: argparse.Namespace, bound: BoundCampaign, section: Section, fitted: Result | None
-) -> Question:
+) -> DesignGoal:
     names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]
     target = args.target or section.text("target", "") or names[0]
     criterion = args.criterion or section.choice("criterion", CRITERIA, CRITERIA[0])
     start = _start(args.at, fitted, bound) if fitted is not None else None
-    return Question(target, criterion, start, args.seed)
+    return DesignGoal(target, criterion, start, args.seed)
 
 
 def _start(

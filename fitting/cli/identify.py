@@ -11,7 +11,7 @@ from fitting.cli.options import default_workers, whole_number
 from fitting.fit.result import read_result
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
-from fitting.inference.identification import Question, identify
+from fitting.inference.identification import IdentificationOptions, identify
 from fitting.inference.inference import BUDGET
 from fitting.inference.knowledge import Identification
 from fitting.report.figures.knowledge import knowledge_figures
@@ -84,7 +84,9 @@ def run(args: argparse.Namespace) -> int:
         variables = workers.description.variables
         bound = bind(campaign, variables)
         units = {name: variables[name].unit or "" for name in bound.derived}
-        question = Question(fitted, args.expected, args.bootstrap, args.seed, args.budget)
+        question = IdentificationOptions(
+            fitted, args.expected, args.bootstrap, args.seed, args.budget
+        )
         knowledge = identify(bound, workers, units, question)
         provenance = {
             "command": _command(args),

@@ -22,16 +22,16 @@ from fitting.text.arrays import BoolArray, FloatArray
 #: Walkers per alternative, their steps, and the length of one in prior standard deviations.
 WALKERS, STRIDES, STRIDE = 4, 8, 0.35
 #: Gauss-Newton steps at most that lead to a fit, and those after each stride.
-SETTLING, CORRECTIONS = 12, 2
+GAUSS_NEWTON_STEPS, CORRECTIONS = 12, 2
 DAMPING = 1e-3
 #: Singular values of J, in units of noise and prior, from which the data hold a direction.
-HELD = 1.0
+DETERMINED = 1.0
 #: Chi-square above the least from which a point no longer counts as an equal fit (two sigma).
 EQUAL = 4.0
 
 
 @dataclass(frozen=True)
-class Fitted:
+class LinearisedFit:
     """A point, its chi-square, rows (m,) and J (m, n) in units of noise and prior."""
 
     place: Place
@@ -41,8 +41,8 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Terrain:
-    """Where walkers walk: data, covariance of all their rows (m, m), prior sigmas and steps (n,).
+class WhitenedData:
+    """Data so far: series, covariance of all their rows (m, m), prior sigmas and steps (n,).
 
     All series have the parameters of the first.
     """
@@ -52,7 +52,7 @@ class Terrain:
     prior: FloatArray
     steps: FloatArray
 
-    def at(self, places: Sequence[Place]) -> list[Fitted]:
+    def at(self, places: Sequence[Place]) -> list[LinearisedFit]:
         """Rows and Jacobians at places of one alternative, in one batch."""
         if not places:
             return []
@@ -71,22 +71,22 @@ class Terrain:
         for place, some, matrices in zip(places, residuals, slopes, strict=True):
             rows = np.linalg.solve(factor, np.concatenate(some))
             matrix = np.linalg.solve(factor, np.concatenate(matrices)) * self.prior
-            found.append(Fitted(place, float(rows @ rows), rows, matrix))
+            found.append(LinearisedFit(place, float(rows @ rows), rows, matrix))
         return found
 
-    def moved(self, fitted: Fitted, dy: FloatArray) -> Place:
+    def moved(self, fitted: LinearisedFit, dy: FloatArray) -> Place:
         """The place dy prior standard deviations away, within the box."""
         lower, upper = search_bounds(self.series[0].bound.parameters)
         x = np.clip(fitted.place.x + self.prior * dy, lower, upper)
         return Place(fitted.place.alternative, np.asarray(x))
 
 
-def settle(terrain: Terrain, place: Place) -> Fitted:
+def nearest_fit(data: WhitenedData, place: Place) -> LinearisedFit:
     """The nearest fit, by Levenberg-Marquardt, as long as chi-square falls by a hundredth."""
-    here = terrain.at([place])[0]
+    here = data.at([place])[0]
     damping = DAMPING
-    for _ in range(SETTLING):
-        there = terrain.at([terrain.moved(here, _correction(here, damping))])[0]
+    for _ in range(GAUSS_NEWTON_STEPS):
+        there = data.at([data.moved(here, _correction(here, damping))])[0]
         if not there.chi_square < here.chi_square:
             damping = 30.0 * max(damping, float(np.linalg.norm(here.matrix, 2) ** 2) * 1e-3)
             continue
@@ -97,43 +97,43 @@ def settle(terrain: Terrain, place: Place) -> Fitted:
     return here
 
 
-def walk(terrain: Terrain, start: Fitted, seed: int) -> list[Fitted]:
+def equal_fits(data: WhitenedData, start: LinearisedFit, seed: int) -> list[LinearisedFit]:
     """Points of equal fit that walkers reach from one, the start not among them.
 
     None where the data hold every direction better than the prior does.
     """
-    if start.matrix.shape[0] >= len(terrain.prior) and _held(start.matrix).all():
+    if start.matrix.shape[0] >= len(data.prior) and _determined(start.matrix).all():
         return []
     rng = np.random.default_rng(seed)
     walkers = [start] * WALKERS
-    headings = list(rng.standard_normal((WALKERS, len(terrain.prior))))
-    reached: list[Fitted] = []
+    headings = list(rng.standard_normal((WALKERS, len(data.prior))))
+    reached: list[LinearisedFit] = []
     for _ in range(STRIDES):
         places = []
         for k, walker in enumerate(walkers):
             headings[k] = _along_the_fit(walker.matrix, headings[k])
-            places.append(terrain.moved(walker, STRIDE * headings[k]))
-        ahead = terrain.at(places)
+            places.append(data.moved(walker, STRIDE * headings[k]))
+        ahead = data.at(places)
         for _ in range(CORRECTIONS):
-            ahead = terrain.at([terrain.moved(f, _correction(f, DAMPING)) for f in ahead])
+            ahead = data.at([data.moved(f, _correction(f, DAMPING)) for f in ahead])
         for k, there in enumerate(ahead):
             stuck = np.allclose(there.place.x, walkers[k].place.x)
             if there.chi_square <= start.chi_square + EQUAL and not stuck:
                 walkers[k] = there
                 reached.append(there)
             else:
-                headings[k] = rng.standard_normal(len(terrain.prior))
+                headings[k] = rng.standard_normal(len(data.prior))
     return reached
 
 
-def _correction(fitted: Fitted, damping: float) -> FloatArray:
+def _correction(fitted: LinearisedFit, damping: float) -> FloatArray:
     left, singular, right = np.linalg.svd(fitted.matrix, full_matrices=False)
-    held = np.where(singular >= HELD, singular / (singular**2 + damping), 0.0)
+    held = np.where(singular >= DETERMINED, singular / (singular**2 + damping), 0.0)
     return np.asarray(-right.T @ (held * (left.T @ fitted.rows)))
 
 
-def _held(matrix: FloatArray) -> BoolArray:
-    return np.linalg.svd(matrix, compute_uv=False) >= HELD
+def _determined(matrix: FloatArray) -> BoolArray:
+    return np.linalg.svd(matrix, compute_uv=False) >= DETERMINED
 
 
 def _along_the_fit(matrix: FloatArray, heading: FloatArray) -> FloatArray:
@@ -141,7 +141,7 @@ def _along_the_fit(matrix: FloatArray, heading: FloatArray) -> FloatArray:
     _, singular, right = np.linalg.svd(matrix, full_matrices=True)
     values = np.zeros(len(heading))
     values[: singular.size] = singular
-    free = right[values < HELD]
+    free = right[values < DETERMINED]
     along = free.T @ (free @ heading)
     length = float(np.linalg.norm(along))
     return np.asarray(along / length if length > 0.0 else along)

@@ -10,7 +10,7 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, to_model
 from fitting.design.candidates import Limits
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
-from fitting.design.weighing import Question, Weighed, chosen_by
+from fitting.design.weighing import DesignGoal, Weighed, chosen_by
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
 
@@ -22,7 +22,7 @@ def propose(
     bound: BoundCampaign,
     weighed: Weighed,
     limits: Limits,
-    question: Question,
+    goal: DesignGoal,
     unit: str,
     provenance: Mapping[str, str],
 ) -> Design:
@@ -33,17 +33,17 @@ def propose(
     Raises:
         BadInput: the criterion is the target's, and it can be differentiated at no point.
     """
-    chosen = chosen_by(weighed, limits, question.criterion)
+    chosen = chosen_by(weighed, limits, goal.criterion)
     known = np.isfinite(weighed.spread_values)
     values = weighed.spread_values[known]
     return Design(
         title=bound.title,
         synthetic=bound.synthetic,
         campaign=str(bound.path),
-        target=question.target,
+        target=goal.target,
         unit=unit,
         amplitude_unit=bound.amplitude_unit,
-        criterion=question.criterion,
+        criterion=goal.criterion,
         before=_expected(weighed.sigmas([])),
         spread=weighed.spread,
         span=(float(np.min(values)), float(np.max(values))) if values.size else (np.nan, np.nan),
@@ -57,8 +57,8 @@ def propose(
         setups=len(weighed.setups),
         candidates=weighed.problem.candidates,
         sentences=(
-            *_sentences(weighed, chosen, limits, question),
-            *_doubts(weighed, chosen, question),
+            *_sentences(weighed, chosen, limits, goal),
+            *_doubts(weighed, chosen, goal),
         ),
         limits=_limits(bound, limits),
         provenance=dict(provenance),
@@ -131,23 +131,23 @@ def _places(
     return tuple(points)
 
 
-def _doubts(weighed: Weighed, chosen: Sequence[int], question: Question) -> list[str]:
+def _doubts(weighed: Weighed, chosen: Sequence[int], goal: DesignGoal) -> list[str]:
     """Where the proposal does not help, or cannot be judged."""
     before, after = weighed.sigmas([]), weighed.sigmas(chosen)
     if not np.isfinite(before[0]):
-        return [f"{question.target} has no value, or none that can be differentiated, here."]
+        return [f"{goal.target} has no value, or none that can be differentiated, here."]
     gain, usual = float(before[0] / after[0]), float(np.nanmedian(before / after))
     if gain > min(0.3 * usual, HELPFUL):
         return []
     return [
-        f"At the given point itself the error of {question.target} falls by a factor of "
+        f"At the given point itself the error of {goal.target} falls by a factor of "
         f"{gain:.2g} only, where {usual:.2g} is usual: if the truth lies there, these measurements "
         "determine it as little."
     ]
 
 
 def _sentences(
-    weighed: Weighed, chosen: Sequence[int], limits: Limits, question: Question
+    weighed: Weighed, chosen: Sequence[int], limits: Limits, goal: DesignGoal
 ) -> tuple[str, ...]:
     """What was assumed, and what a reader must know to judge the figures."""
     count, none = weighed.spread_values.size, int(np.sum(~np.isfinite(weighed.spread_values)))
@@ -161,12 +161,12 @@ def _sentences(
     ]
     if none:
         said.append(
-            f"{question.target} has no value at {none} of {count} points of equal fit; they are "
+            f"{goal.target} has no value at {none} of {count} points of equal fit; they are "
             "left out."
         )
     if np.isfinite(weighed.spread):
         said.append(
-            f"Before anything is measured, {question.target} is taken to be known to its standard "
+            f"Before anything is measured, {goal.target} is taken to be known to its standard "
             "deviation over these points, where the linearised prior says more."
         )
     highest = max(weighed.setups[weighed.setup_of[i]].level for i in chosen)

@@ -28,7 +28,7 @@ from fitting.design.information import (
     scale_sigma,
     unmeasured,
 )
-from fitting.design.points import Terrain, settle, spread_out, walk
+from fitting.design.points import WhitenedData, equal_fits, nearest_fit, spread_out
 from fitting.fit.job import measured_of
 from fitting.fit.objective import evaluate_many
 from fitting.inference.uncertainty import SMALLEST_SIGMA
@@ -49,7 +49,7 @@ ENOUGH = 5
 
 
 @dataclass(frozen=True)
-class Question:
+class DesignGoal:
     """What is asked: target (parameter or derived output), criterion, where, seed of the walk.
 
     `start` is an alternative and the parameters (n,) in their units, None for the fit that is
@@ -104,8 +104,8 @@ def weigh(
     bound: BoundCampaign,
     workers: Workers,
     limits: Limits,
-    question: Question,
-    told: Callable[[str], None] = lambda state: None,
+    goal: DesignGoal,
+    progress: Callable[[str], None] = lambda state: None,
     also: Sequence[BoundCampaign] = (),
 ) -> Weighed:
     """Information of the data so far and of every candidate, at points of equal fit.
@@ -118,22 +118,22 @@ def weigh(
             parameters.
         FmuFailure: the FMU failed.
     """
-    _check_target(bound, question.target)
+    _check_target(bound, goal.target)
     data = Series(bound, workers, measured_of(bound))
     known = (data, *(_alike(other, bound, workers) for other in also))
     steps, prior = data.steps(), prior_sigmas(bound.parameters)
-    told("points of equal fit")
-    given, others = _equal_fits(known, question, prior, steps, limits)
-    values = _values(data, question.target, [given, *others])
+    progress("points of equal fit")
+    given, others = _equal_fits(known, goal, prior, steps, limits)
+    values = _values(data, goal.target, [given, *others])
     useful = [p for p, v in zip(others, values[1:], strict=True) if np.isfinite(v)]
-    judged = useful if question.criterion == "target" else others
+    judged = useful if goal.criterion == "target" else others
     places = spread_out(bound.parameters, given, judged, PLACES, prior)
-    told(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
-    gradients = _gradients(data, question.target, places)
+    progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
+    gradients = _gradients(data, goal.target, places)
     scale = _scale_sigma(bound, data)
     unit = np.append(prior, scale)
     base = np.stack([_known(known, place, steps, limits) for place in places])
-    told("candidates")
+    progress("candidates")
     setups = setups_of(bound, limits)
     rows, linear = _setup_rows(bound, workers, limits, setups, places, steps)
     return _weighed(
@@ -144,7 +144,7 @@ def weigh(
         unit,
         np.column_stack([gradients * prior, np.zeros(len(places))]),
         tuple(places),
-        _values(data, question.target, places),
+        _values(data, goal.target, places),
         values,
         linear,
     )
@@ -194,7 +194,7 @@ def _scale_sigma(bound: BoundCampaign, data: Series) -> float:
 
 def _equal_fits(
     known: tuple[Series, ...],
-    question: Question,
+    goal: DesignGoal,
     prior: FloatArray,
     steps: FloatArray,
     limits: Limits,
@@ -202,27 +202,27 @@ def _equal_fits(
     """The given point (the fit nearest to the references), and others that fit as well."""
     bound = known[0].bound
     lower, upper = search_bounds(bound.parameters)
-    if question.start is None:
+    if goal.start is None:
         start = Place(bound.alternatives[0], np.clip(np.zeros(len(prior)), lower, upper))
     else:
-        alternative, p = question.start
+        alternative, p = goal.start
         start = Place(alternative, np.clip(to_search(bound.parameters, p), lower, upper))
     blocks = []
     for series in known:
         first = series.rows([start], steps, limits.setting_sigmas)[0]
         covariance = information_of_data(series, first, limits.setting_sigmas)[1]
         blocks.append(covariance + scale_sigma(series.measured) ** 2)
-    terrain = Terrain(known, block_diag(*blocks), prior, steps)
-    given = settle(terrain, start)
+    whitened = WhitenedData(known, block_diag(*blocks), prior, steps)
+    given = nearest_fit(whitened, start)
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):
         here = given
         if alternative != given.place.alternative:
-            here = settle(terrain, Place(alternative, given.place.x))
+            here = nearest_fit(whitened, Place(alternative, given.place.x))
             others.append(here.place)
-        others += [f.place for f in walk(terrain, here, question.seed + k)]
+        others += [f.place for f in equal_fits(whitened, here, goal.seed + k)]
     # a point that was asked for is kept, also where it fits badly
-    return (given.place if question.start is None else start), others
+    return (given.place if goal.start is None else start), others
 
 
 def _gradients(data: Series, target: str, places: Sequence[Place]) -> FloatArray:

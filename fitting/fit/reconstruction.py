@@ -34,7 +34,7 @@ from fitting.fit.result import (
 )
 from fitting.fit.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.consistency import consistency, warnings_of
-from fitting.inference.elsewhere import judged
+from fitting.inference.equivalent_fits import with_equivalent_fits
 from fitting.measurements.data_warnings import data_warnings
 from fitting.measurements.response import Response
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
@@ -217,7 +217,9 @@ def _finish(
     parameters = assembly.parameter_results(solution)
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
     alternatives = assembly.alternative_results(objectives, outcomes, bound.alternatives, reported)
-    parameters, derived, told = judged(parameters, derived, bound.parameters, alternatives)
+    parameters, derived, told = with_equivalent_fits(
+        parameters, derived, bound.parameters, alternatives
+    )
     said = assembly.warning_sentences(solution, outcome, parameters, derived) + told
     line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     offsets = corrections.offset_results(solution)

@@ -17,10 +17,10 @@ import numpy as np
 
 from fitting.campaign.parameters import to_model
 from fitting.fit.result import IDENTIFIABLE
-from fitting.inference.descent import Local, descend, located
+from fitting.inference.descent import Expansion, descend, expansion_at
 from fitting.inference.knowledge import Bootstrap, Percentiles, Profile
-from fitting.inference.likelihood import Likelihood, Surface
-from fitting.inference.lockstep import Exhausted, Sample, Task, together
+from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.inference.lockstep import Exhausted, Sample, Task, run_in_lockstep
 from fitting.text.arrays import FloatArray
 
 #: Refits handed to an executor at a time.
@@ -29,7 +29,7 @@ CHUNK = 25
 
 def bootstrap(
     likelihood: Likelihood,
-    local: Local,
+    expansion: Expansion,
     profiles: Mapping[str, Profile],
     samples: int,
     seed: int,
@@ -42,7 +42,7 @@ def bootstrap(
 
     Args:
         likelihood: of the data, inflation included.
-        local: the most likely point with its slopes.
+        expansion: the most likely point with its slopes.
         profiles: by name, for verdicts and where periods are counted from.
         samples: number of synthetic data sets.
         seed: of their noise; the same with and without an executor.
@@ -54,16 +54,16 @@ def bootstrap(
         FmuFailure: the model failed at more points than can be left out.
     """
     generator = np.random.default_rng(seed)
-    noise = generator.standard_normal((samples, local.sample.rows.size))
-    noise[:, likelihood.whitening.shape[0] :] *= likelihood.tension > 0.0
+    noise = generator.standard_normal((samples, expansion.sample.rows.size))
+    noise[:, likelihood.whitening.shape[0] :] *= likelihood.inverse_prior_sigma > 0.0
     if executor is None:
-        refits = _refits(likelihood, local, noise, limit)
+        refits = _refits(likelihood, expansion, noise, limit)
     else:
         parts = [noise[k : k + CHUNK] for k in range(0, samples, CHUNK)]
-        pending = [executor.submit(_refits, likelihood, local, part) for part in parts]
+        pending = [executor.submit(_refits, likelihood, expansion, part) for part in parts]
         refits = [refit for future in pending for refit in future.result()]
     done = [refit for refit in refits if refit is not None]
-    values = _values(likelihood, local, done, profiles) if len(done) > 1 else {}
+    values = _values(likelihood, expansion, done, profiles) if len(done) > 1 else {}
     wide = f", widened {likelihood.inflation:.3g} times" if likelihood.inflation > 1.0 else ""
     sentence = (
         f"Parametric bootstrap: {samples} data sets drawn at the most likely point with the noise "
@@ -74,30 +74,30 @@ def bootstrap(
 
 
 def _refits(
-    likelihood: Likelihood, local: Local, noise: FloatArray, limit: int = 10**9
+    likelihood: Likelihood, expansion: Expansion, noise: FloatArray, limit: int = 10**9
 ) -> list[tuple[FloatArray, FloatArray] | None]:
     """(x, outputs) of a refit per row of whitened noise; None where none was reached."""
-    surface = Surface(likelihood, limit)
-    tasks = [_refit(likelihood, local, local.sample.rows + row) for row in noise]
-    return together(tasks, surface)
+    evaluator = LikelihoodEvaluator(likelihood, limit)
+    tasks = [_refit(likelihood, expansion, expansion.sample.rows + row) for row in noise]
+    return run_in_lockstep(tasks, evaluator)
 
 
 def _refit(
-    likelihood: Likelihood, local: Local, offset: FloatArray
+    likelihood: Likelihood, expansion: Expansion, offset: FloatArray
 ) -> Task[tuple[FloatArray, FloatArray] | None]:
     """The most likely point of data whose rows are those of the model less an offset."""
-    begin = Local(_less(local.sample, offset), local.matrix, local.outward)
+    begin = Expansion(_less(expansion.sample, offset), expansion.matrix, expansion.outward)
     try:
         found = yield from _displaced(descend(likelihood, begin), offset)
         if found is None:
             return None
-        whole = yield from located(likelihood, found.x)
+        whole = yield from expansion_at(likelihood, found.x)
     except Exhausted:
         return None
     return whole.x, whole.sample.outputs
 
 
-def _displaced(task: Task[Local | None], offset: FloatArray) -> Task[Local | None]:
+def _displaced(task: Task[Expansion | None], offset: FloatArray) -> Task[Expansion | None]:
     """A search among rows that are less by an offset than those that are evaluated."""
     try:
         request = next(task)
@@ -105,7 +105,7 @@ def _displaced(task: Task[Local | None], offset: FloatArray) -> Task[Local | Non
             answer = yield request
             request = task.send([_less(sample, offset) for sample in answer])
     except StopIteration as ended:  # at once, where the search is there already
-        result: Local | None = ended.value
+        result: Expansion | None = ended.value
         return result
 
 
@@ -115,12 +115,12 @@ def _less(sample: Sample, offset: FloatArray) -> Sample:
 
 def _values(
     likelihood: Likelihood,
-    local: Local,
+    expansion: Expansion,
     refits: Sequence[tuple[FloatArray, FloatArray]],
     profiles: Mapping[str, Profile],
 ) -> dict[str, Percentiles]:
     parameters = likelihood.parameters
-    here = to_model(parameters, local.x)
+    here = to_model(parameters, expansion.x)
     table = to_model(parameters, np.array([x for x, _ in refits]))
     columns = {
         p.name: profiles[p.name].best + table[:, i] - here[i]

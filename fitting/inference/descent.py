@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincc
 
-from fitting.inference.likelihood import Likelihood, Surface, slopes, stencil
-from fitting.inference.lockstep import Request, Sample, Task, together
-from fitting.inference.uncertainty import freedom
+from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator, slopes, stencil
+from fitting.inference.lockstep import Request, Sample, Task, run_in_lockstep
+from fitting.inference.uncertainty import effective_degrees_of_freedom
 from fitting.signal.least_squares import bounded_step
 from fitting.text.arrays import FloatArray
 
@@ -36,8 +36,11 @@ TOO_LARGE_P = 0.05
 
 
 @dataclass(frozen=True)
-class Local:
-    """A sample with its slopes: `matrix` d rows/dx (m, n), `outward` d outputs/dx (k, n)."""
+class Expansion:
+    """A sample with its slopes: the first-order expansion of rows and outputs about it.
+
+    `matrix` is d rows/dx (m, n), `outward` d outputs/dx (k, n).
+    """
 
     sample: Sample
     matrix: FloatArray
@@ -56,8 +59,8 @@ class Local:
 
 
 @dataclass(frozen=True)
-class Pin:
-    """What a descent holds: x_index at `target`, or output `output` near it with that `weight`.
+class Constraint:
+    """What a descent keeps to: x_index at `target`, or output `output` near it with that `weight`.
 
     `frozen` axes stay where they are.
 
@@ -71,45 +74,45 @@ class Pin:
     weight: float = 0.0
     frozen: tuple[int, ...] = ()
 
-    def miss(self, sample: Sample) -> float:
+    def residual(self, sample: Sample) -> float:
         """Weighted distance of the held output from its target; zero for a parameter."""
         if self.output < 0:
             return 0.0
         return self.weight * float(sample.outputs[self.output] - self.target)
 
 
-FREE = Pin(0.0)
+UNCONSTRAINED = Constraint(0.0)
 
 
-def located(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Local]:
+def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Expansion]:
     """A point with its slopes, in one round; without those of the outputs if not wanted."""
     samples = yield Request(stencil(likelihood, x), outputs=outputs)
-    return Local(samples[0], *slopes(samples))
+    return Expansion(samples[0], *slopes(samples))
 
 
 def descend(
     likelihood: Likelihood,
-    here: Local,
-    pin: Pin = FREE,
+    here: Expansion,
+    constraint: Constraint = UNCONSTRAINED,
     promise: float = PROMISE,
     enough: float = -np.inf,
-) -> Task[Local | None]:
-    """The nearest minimum of chi square with `pin` held; None where none was reached.
+) -> Task[Expansion | None]:
+    """The nearest minimum of chi square under `constraint`; None where none was reached.
 
-    It ends where a linearised step promises less than `promise`, or where chi square, what the pin
-    misses included, is as low as `enough`.
+    It ends where a linearised step promises less than `promise`, or where chi square, with the row
+    of the constraint, is as low as `enough`.
     """
     damping, hope = LEAST_DAMPING, np.inf
-    moved = pin.index < 0  # a held parameter must first be brought to its value
+    moved = constraint.index < 0  # a held parameter must first be brought to its value
     for _ in range(ITERATIONS):
-        step, promised, left = _proposed(likelihood, here, pin, damping)
+        step, promised, left = _proposed(likelihood, here, constraint, damping)
         hope = min(hope, promised) if damping > LEAST_DAMPING else promised
-        if moved and (promised < promise or _merit(here, pin) <= enough):
+        if moved and (promised < promise or _merit(here, constraint) <= enough):
             # a step that is damped promises little anywhere: what did the free one promise?
-            return here if hope < STALLED or _merit(here, pin) <= enough else None
-        trial = yield from located(likelihood, here.x + step, pin.output >= 0)
-        merit = _merit(trial, pin)
-        gain = _merit(here, pin) - merit
+            return here if hope < STALLED or _merit(here, constraint) <= enough else None
+        trial = yield from expansion_at(likelihood, here.x + step, constraint.output >= 0)
+        merit = _merit(trial, constraint)
+        gain = _merit(here, constraint) - merit
         if not moved:
             if merit > left + ASTRAY and damping < MOST_DAMPING:
                 damping *= 1e3  # the free step threw the rest out of the valley
@@ -128,30 +131,32 @@ def descend(
     return None
 
 
-def _merit(local: Local, pin: Pin) -> float:
-    merit = local.chi_square + pin.miss(local.sample) ** 2
+def _merit(expansion: Expansion, constraint: Constraint) -> float:
+    merit = expansion.chi_square + constraint.residual(expansion.sample) ** 2
     return merit if np.isfinite(merit) else np.inf
 
 
 def _proposed(
-    likelihood: Likelihood, here: Local, pin: Pin, damping: float
+    likelihood: Likelihood, here: Expansion, constraint: Constraint, damping: float
 ) -> tuple[FloatArray, float, float]:
     """Step of the damped, bounded problem, the decrease of the merit it promises, and the rest."""
     reach = np.minimum(likelihood.widths, 0.25 * likelihood.periods)
     rows, target = [here.matrix], [-here.sample.rows]
-    if pin.output >= 0:
-        outward = np.where(np.isfinite(here.outward[pin.output]), here.outward[pin.output], 0.0)
-        rows.append(pin.weight * outward[np.newaxis])
-        target.append(np.array([-pin.miss(here.sample)]))
+    if constraint.output >= 0:
+        outward = np.where(
+            np.isfinite(here.outward[constraint.output]), here.outward[constraint.output], 0.0
+        )
+        rows.append(constraint.weight * outward[np.newaxis])
+        target.append(np.array([-constraint.residual(here.sample)]))
     matrix, wanted = np.concatenate(rows), np.concatenate(target)
     low = np.maximum(likelihood.lower - here.x, -reach)
     high = np.minimum(likelihood.upper - here.x, reach)
     fixed = np.zeros(here.x.size)
     free = np.ones(here.x.size, dtype=bool)
-    free[list(pin.frozen)] = False
-    if pin.index >= 0:
-        free[pin.index] = False
-        fixed[pin.index] = pin.target - here.x[pin.index]
+    free[list(constraint.frozen)] = False
+    if constraint.index >= 0:
+        free[constraint.index] = False
+        fixed[constraint.index] = constraint.target - here.x[constraint.index]
     rest = wanted - matrix @ fixed
     anchor = np.sqrt(damping) * np.diag(1.0 / likelihood.widths[free])
     step = fixed.copy()
@@ -170,23 +175,25 @@ def _proposed(
 class Optimum:
     """The most likely point: its likelihood (inflation in it) and the point with its slopes.
 
-    `chi_square` of the data before inflation, `freedom` what it is held against; `converged`
+    `chi_square` of the data before inflation, against `degrees_of_freedom`; `converged`
     whether a minimum was reached.
     """
 
     likelihood: Likelihood
-    local: Local
+    expansion: Expansion
     chi_square: float
-    freedom: float
+    degrees_of_freedom: float
     converged: bool
 
     @property
     def least(self) -> float:
         """Chi square (inflated, priors included) at the optimum."""
-        return self.local.chi_square
+        return self.expansion.chi_square
 
 
-def most_likely(surface: Surface, starts: Sequence[FloatArray], widening: float = 1.0) -> Optimum:
+def most_likely(
+    evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray], widening: float = 1.0
+) -> Optimum:
     """Least squares in the box from several starts; residuals beyond the noise widen them.
 
     The first start wins where another is no better by PROMISE: in a valley the point beside the
@@ -194,38 +201,42 @@ def most_likely(surface: Surface, starts: Sequence[FloatArray], widening: float 
     than TOO_LARGE_P, else one (`inflation_of`).
 
     Args:
-        surface: evaluates the likelihood without inflation; is given the inflated one.
+        evaluator: evaluates the likelihood without inflation; is given the inflated one.
         starts: search vectors, the end of Algorithm 2 first.
         widening: at least this, e.g. for residuals that hang together.
 
     Raises:
         FmuFailure: the model failed at the first start.
     """
-    likelihood = surface.likelihood
-    best, converged = _best_of(surface, starts)
+    likelihood = evaluator.likelihood
+    best, converged = _best_of(evaluator, starts)
     m = likelihood.whitening.shape[0]
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
-    prior = np.hypot(np.sqrt(12.0) / likelihood.widths, likelihood.tension)
-    free = freedom(best.matrix[:m], prior)
+    prior = np.hypot(np.sqrt(12.0) / likelihood.widths, likelihood.inverse_prior_sigma)
+    free = effective_degrees_of_freedom(best.matrix[:m], prior)
     inflation = max(widening, inflation_of(chi_square, free))
     if inflation > 1.0:
         wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)
-        surface.likelihood = wider
-        best, converged = _best_of(surface, [best.x])
-    [whole] = together([located(surface.likelihood, best.x)], surface)
+        evaluator.likelihood = wider
+        best, converged = _best_of(evaluator, [best.x])
+    [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, best.x)], evaluator)
     best = whole if whole is not None else best
-    return Optimum(surface.likelihood, best, chi_square, free, converged)
+    return Optimum(evaluator.likelihood, best, chi_square, free, converged)
 
 
-def _best_of(surface: Surface, starts: Sequence[FloatArray]) -> tuple[Local, bool]:
-    likelihood = surface.likelihood
+def _best_of(
+    evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]
+) -> tuple[Expansion, bool]:
+    likelihood = evaluator.likelihood
     begun = [
-        local
-        for local in together([located(likelihood, x, False) for x in starts], surface)
-        if local is not None
+        expansion
+        for expansion in run_in_lockstep(
+            [expansion_at(likelihood, x, False) for x in starts], evaluator
+        )
+        if expansion is not None
     ]
-    ended = together([descend(likelihood, local) for local in begun], surface)
+    ended = run_in_lockstep([descend(likelihood, expansion) for expansion in begun], evaluator)
     best, converged = begun[0], False
     for begin, end in zip(begun, ended, strict=True):
         found = end if end is not None else begin

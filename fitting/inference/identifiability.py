@@ -1,7 +1,7 @@
-"""Which changes the data do not see, in words that were tried: directions, idle parameters, twins.
+"""Which changes the data do not see, in words that were tried: directions, idle values, equal fits.
 
 What is said of a direction is said of a finite change: the model was evaluated there, at the very
-numbers of the sentence, and the largest move of any row is told.
+numbers of the sentence, and the largest move of any row is given.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 
 from fitting.campaign.parameters import canonical, to_model, to_search
 from fitting.fit.result import IDENTIFIABLE
-from fitting.inference.descent import Local, Optimum, descend, located
-from fitting.inference.exploration import Found
+from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
+from fitting.inference.exploration import Exploration
 from fitting.inference.knowledge import Direction, Equivalent, Profile
-from fitting.inference.likelihood import Likelihood, Surface
-from fitting.inference.lockstep import Exhausted, Request, Task, together
+from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.inference.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
@@ -32,15 +32,15 @@ SHARES = (0.05, 0.01, 0.002)
 SAME = 0.02
 
 
-def directions(surface: Surface, optimum: Optimum) -> tuple[Direction, ...]:
+def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direction, ...]:
     """Singular directions of the whitened sensitivities, unseen ones with a change that was tried.
 
     Singular values are those of J diag(scale): sigma per unit of x. A direction is unseen where
     half the box along it, as far as the linearisation holds, stays below one sigma.
     """
-    likelihood, local = optimum.likelihood, optimum.local
+    likelihood, expansion = optimum.likelihood, optimum.expansion
     m = likelihood.whitening.shape[0]
-    matrix = local.matrix[:m] * likelihood.inflation  # of the stated noise
+    matrix = expansion.matrix[:m] * likelihood.inflation  # of the stated noise
     _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
     values = np.zeros(rows.shape[0])
     values[: singular.size] = singular
@@ -50,13 +50,13 @@ def directions(surface: Surface, optimum: Optimum) -> tuple[Direction, ...]:
         row = row * np.sign(row[int(np.argmax(np.abs(row)))])
         share = value / float(np.max(np.abs(row) / likelihood.widths))
         vector = dict(zip(names, map(float, row), strict=True))
-        change, largest, sentence = _unseen(surface, optimum, row, share)
+        change, largest, sentence = _unseen(evaluator, optimum, row, share)
         found.append(Direction(float(value), float(share), vector, change, largest, sentence))
     return tuple(found)
 
 
 def _unseen(
-    surface: Surface, optimum: Optimum, row: FloatArray, share: float
+    evaluator: LikelihoodEvaluator, optimum: Optimum, row: FloatArray, share: float
 ) -> tuple[dict[str, float], float, str]:
     """A change along an unseen direction that moves nothing: (change, largest move, sentence)."""
     nothing: tuple[dict[str, float], float, str] = ({}, math.nan, "")
@@ -66,7 +66,7 @@ def _unseen(
     for size in SHARES:
         for sign in (1.0, -1.0):
             try:
-                tried = _tried(surface, optimum, row, sign * size)
+                tried = _tried(evaluator, optimum, row, sign * size)
             except Exhausted:
                 return best
             if tried is None:
@@ -79,22 +79,22 @@ def _unseen(
 
 
 def _tried(
-    surface: Surface, optimum: Optimum, row: FloatArray, size: float
+    evaluator: LikelihoodEvaluator, optimum: Optimum, row: FloatArray, size: float
 ) -> tuple[dict[str, float], float, str] | None:
     """The direction followed by a share of the box, back onto the rows, rounded, and evaluated."""
-    likelihood, x = optimum.likelihood, optimum.local.x
+    likelihood, x = optimum.likelihood, optimum.expansion.x
     parameters = likelihood.parameters
     lead = int(np.argmax(np.abs(row) / likelihood.widths))
     there = x + size * likelihood.widths[lead] / abs(row[lead]) * row
     if np.any(there < likelihood.lower) or np.any(there > likelihood.upper):
         return None
-    valley = _same_rows(surface, optimum, there)
+    valley = _same_rows(evaluator, optimum, there)
     if valley is None:
         return None
     p = to_model(parameters, x)
     for digits in (2, 3, 4):
         shown = np.array([_rounded(v, digits) for v in to_model(parameters, valley) - p])
-        largest = _largest_move(surface, optimum, to_search(parameters, p + shown))
+        largest = _largest_move(evaluator, optimum, to_search(parameters, p + shown))
         if largest <= NO_CHANGE:
             break
     change = {
@@ -105,32 +105,34 @@ def _tried(
     return change, largest, _change_words(likelihood, change, largest)
 
 
-def _same_rows(surface: Surface, optimum: Optimum, begin: FloatArray) -> FloatArray | None:
+def _same_rows(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, begin: FloatArray
+) -> FloatArray | None:
     """From a point beside the optimum to the nearest one whose rows are those of the optimum."""
-    local, likelihood = optimum.local, optimum.likelihood
+    expansion, likelihood = optimum.expansion, optimum.likelihood
     m = likelihood.whitening.shape[0]
-    left = np.linalg.solve(likelihood.whitening, local.sample.rows[:m])
+    left = np.linalg.solve(likelihood.whitening, expansion.sample.rows[:m])
     # data that the model meets exactly at the optimum
     held = replace(likelihood, shift=likelihood.shift + left)
 
-    def search() -> Task[Local | None]:
-        here = yield from located(held, begin, False)
+    def search() -> Task[Expansion | None]:
+        here = yield from expansion_at(held, begin, False)
         return (yield from descend(held, here, promise=1e-6))
 
-    kept, surface.likelihood = surface.likelihood, held
+    kept, evaluator.likelihood = evaluator.likelihood, held
     try:
-        found = together([search()], surface)[0]
+        found = run_in_lockstep([search()], evaluator)[0]
     finally:
-        surface.likelihood = kept
+        evaluator.likelihood = kept
     return None if found is None else found.x
 
 
-def _largest_move(surface: Surface, optimum: Optimum, x: FloatArray) -> float:
+def _largest_move(evaluator: LikelihoodEvaluator, optimum: Optimum, x: FloatArray) -> float:
     """Largest change of any row against the optimum, in sigma of that row."""
-    sample = surface([Request((x,), outputs=False)])[0][0]
+    sample = evaluator([Request((x,), outputs=False)])[0][0]
     m = optimum.likelihood.whitening.shape[0]
     unwhitened = np.linalg.solve(
-        optimum.likelihood.whitening, (sample.rows - optimum.local.sample.rows)[:m]
+        optimum.likelihood.whitening, (sample.rows - optimum.expansion.sample.rows)[:m]
     )
     return float(np.max(np.abs(unwhitened) / optimum.likelihood.row_sigma))
 
@@ -154,16 +156,16 @@ def _rounded(value: float, digits: int) -> float:
 
 
 def without_effect(
-    surface: Surface, optimum: Optimum, profiles: Mapping[str, Profile]
+    evaluator: LikelihoodEvaluator, optimum: Optimum, profiles: Mapping[str, Profile]
 ) -> tuple[str, ...]:
     """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated."""
-    likelihood, x = optimum.likelihood, optimum.local.x
+    likelihood, x = optimum.likelihood, optimum.expansion.x
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
         own = profiles.get(parameter.name)
         if own is None or own.verdict != IDENTIFIABLE[2]:
             continue
-        if float(np.linalg.norm(optimum.local.matrix[:, i])) * likelihood.widths[i] > 3.0:
+        if float(np.linalg.norm(optimum.expansion.matrix[:, i])) * likelihood.widths[i] > 3.0:
             continue
         width = likelihood.widths[i]
         low = likelihood.lower[i] if np.isfinite(likelihood.lower[i]) else x[i] - 0.5 * width
@@ -172,7 +174,7 @@ def without_effect(
             there = x.copy()
             there[i] = low + share * width
             try:
-                moves.append(_largest_move(surface, optimum, there))
+                moves.append(_largest_move(evaluator, optimum, there))
             except Exhausted:
                 moves.append(math.inf)
         if max(moves) <= IDLE:
@@ -180,29 +182,29 @@ def without_effect(
     return tuple(idle)
 
 
-def equivalents(found: Found) -> tuple[Equivalent, ...]:
+def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
     """Separate minima that fit as well: outside what the profiles of the optimum go through."""
-    optimum = found.optimum
+    optimum = explored.optimum
     likelihood = optimum.likelihood
     parameters = likelihood.parameters
-    open_ = np.array([_is_open(found, p.name) for p in parameters])
+    open_ = np.array([_is_open(explored, p.name) for p in parameters])
     kept: list[Equivalent] = []
-    places = [optimum.local.x]
-    for stop in sorted(found.pool, key=lambda each: each.delta):
-        gaps = [_gap(likelihood, stop.x, other) for other in places]
+    places = [optimum.expansion.x]
+    for point in sorted(explored.minima, key=lambda each: each.delta):
+        gaps = [_gap(likelihood, point.x, other) for other in places]
         if any(not np.any((gap > SAME) & ~open_) for gap in gaps):
             continue
-        if not _beyond(found, stop.x):
+        if not _beyond(explored, point.x):
             continue
-        places.append(stop.x)
-        shown = canonical(parameters, to_model(parameters, stop.x))
+        places.append(point.x)
+        shown = canonical(parameters, to_model(parameters, point.x))
         named = {p.name: float(v) for p, v in zip(parameters, shown, strict=True)}
-        derived = dict(zip(likelihood.names, map(float, stop.outputs), strict=True))
+        derived = dict(zip(likelihood.names, map(float, point.outputs), strict=True))
         kept.append(
             Equivalent(
                 named,
                 derived,
-                max(0.0, stop.delta),
+                max(0.0, point.delta),
                 "start",
                 _equivalent_words(named, derived, likelihood),
             )
@@ -210,12 +212,12 @@ def equivalents(found: Found) -> tuple[Equivalent, ...]:
     return tuple(kept)
 
 
-def _is_open(found: Found, name: str) -> bool:
+def _is_open(explored: Exploration, name: str) -> bool:
     """Whether a parameter is free from end to end: then its value tells no two minima apart."""
-    if name not in found.sides:
+    if name not in explored.branches:
         return True  # nobody asked how far it can go
-    ends = zip(found.sides[name], found.reached[name], strict=True)
-    return all(stop is not None or side.end != "crossed" for side, stop in ends)
+    ends = zip(explored.branches[name], explored.range_ends[name], strict=True)
+    return all(point is not None or branch.end != "crossed" for branch, point in ends)
 
 
 def _gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArray:
@@ -228,14 +230,14 @@ def _gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArr
     return np.asarray(apart / likelihood.widths)
 
 
-def _beyond(found: Found, x: FloatArray) -> bool:
+def _beyond(explored: Exploration, x: FloatArray) -> bool:
     """Whether a point lies outside the interval of some parameter."""
-    likelihood = found.optimum.likelihood
+    likelihood = explored.optimum.likelihood
     for i, parameter in enumerate(likelihood.parameters):
-        if _is_open(found, parameter.name):
+        if _is_open(explored, parameter.name):
             continue
-        down, up = found.sides[parameter.name]
-        quantity = next(q for q in found.quantities if q.name == parameter.name)
+        down, up = explored.branches[parameter.name]
+        quantity = next(q for q in explored.quantities if q.name == parameter.name)
         low = quantity.low if math.isnan(down.at_95) else down.at_95
         high = quantity.high if math.isnan(up.at_95) else up.at_95
         period, at = float(likelihood.periods[i]), float(x[i])
@@ -272,7 +274,9 @@ def sentences(
     """What the data say, in words, for terminal and report."""
     said = []
     inflation = optimum.likelihood.inflation
-    square = f"chi^2 = {optimum.chi_square:.3g} on {optimum.freedom:.3g} degrees of freedom"
+    square = (
+        f"chi^2 = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
+    )
     if widening > 1.0:
         said.append(
             f"The residuals of the sweep hang together: its noise is taken {widening:.3g} times as "

@@ -15,9 +15,9 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
 from fitting.inference.descent import most_likely
-from fitting.inference.inference import Asked, know
+from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Equivalent, Knowledge
-from fitting.inference.likelihood import Surface, likelihood_of
+from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.profiles import ROOT_95
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
@@ -27,7 +27,7 @@ from fitting.text.errors import BadInput
 
 
 @dataclass(frozen=True)
-class Question:
+class IdentificationOptions:
     """What is asked: a fit to set out from, expected data instead of measured ones, limits.
 
     Without `result` the search sets out from the campaign's start and reference values. With
@@ -42,7 +42,10 @@ class Question:
 
 
 def identify(
-    bound: BoundCampaign, workers: FmuWorkers, units: Mapping[str, str], question: Question
+    bound: BoundCampaign,
+    workers: FmuWorkers,
+    units: Mapping[str, str],
+    request: IdentificationOptions,
 ) -> Knowledge:
     """Knowledge of one campaign; alternatives that fit as well are named beside it.
 
@@ -57,30 +60,32 @@ def identify(
         response = FmuResponse(bound, workers, plan, alternative)
         return make_objective(response, bound.parameters, measured)
 
-    chosen = bound.alternatives[0] if question.result is None else question.result.alternative
+    chosen = bound.alternatives[0] if request.result is None else request.result.alternative
     objective = objective_of(chosen)
-    begins = _beginnings(bound, question.result)
-    if question.expected:
+    begins = _beginnings(bound, request.result)
+    if request.expected:
         begins = begins[:1]
-    noise = _noise(objective, begins[0], question.expected)
+    noise = _noise(objective, begins[0], request.expected)
     others = [a for a in bound.alternatives if dict(a) != dict(chosen)]
-    twins = (
+    equal_fits = (
         ()
-        if question.expected
+        if request.expected
         else tuple(
-            twin for a in others if (twin := _twin(objective_of(a), objective, a, begins, noise))
+            equal_fit
+            for a in others
+            if (equal_fit := _equal_fit(objective_of(a), objective, a, begins, noise))
         )
     )
-    asked = Asked(
+    options = InferenceOptions(
         units,
-        question.seed,
-        question.budget,
+        request.seed,
+        request.budget,
         begins[1:],
-        twins,
-        not question.expected,
-        question.bootstrap,
+        equal_fits,
+        not request.expected,
+        request.bootstrap,
     )
-    return know(objective, begins[0], noise, asked)
+    return know(objective, begins[0], noise, options)
 
 
 def _beginnings(bound: BoundCampaign, result: Result | None) -> list[FloatArray]:
@@ -117,21 +122,23 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     noise = noise_of(objective, point)
     if expected or np.all(objective.measured.rows_sigma > 0.0):
         return noise
-    surface = Surface(likelihood_of(objective, noise.sigma, noise.common))
-    optimum = most_likely(surface, [begin])
-    [point] = evaluate_many(objective, [surface.likelihood.folded(optimum.local.x)])
+    evaluator = LikelihoodEvaluator(likelihood_of(objective, noise.sigma, noise.common))
+    optimum = most_likely(evaluator, [begin])
+    [point] = evaluate_many(objective, [evaluator.likelihood.folded(optimum.expansion.x)])
     noise = noise_of(objective, point)
     if not objective.measured.fit_sweep:
         return noise
     first = objective.measured.peaks_v.size
-    rows = np.linalg.solve(surface.likelihood.whitening, optimum.local.matrix[: noise.sigma.size])
+    rows = np.linalg.solve(
+        evaluator.likelihood.whitening, optimum.expansion.matrix[: noise.sigma.size]
+    )
     found = residual_structure(point.residuals[first:], np.asarray(rows[first:]))
     sigma = noise.sigma.copy()
     sigma[first:] *= found.widening
     return RowNoise(sigma, noise.common)
 
 
-def _twin(
+def _equal_fit(
     other: Objective,
     objective: Objective,
     settings: Mapping[str, Scalar],
@@ -140,7 +147,7 @@ def _twin(
 ) -> Equivalent | None:
     """Another alternative at its most likely point, if it fits as well as this one."""
     both = [
-        most_likely(Surface(likelihood_of(each, noise.sigma, noise.common)), begins)
+        most_likely(LikelihoodEvaluator(likelihood_of(each, noise.sigma, noise.common)), begins)
         for each in (objective, other)
     ]
     here, there = both
@@ -149,7 +156,7 @@ def _twin(
     if delta > ROOT_95**2:
         return None
     parameters = other.parameters
-    p = to_model(parameters, there.likelihood.folded(there.local.x))
+    p = to_model(parameters, there.likelihood.folded(there.expansion.x))
     outputs = other.response.derived_many([p])[0]
     values = {q.name: float(v) for q, v in zip(parameters, p, strict=True)}
     words = ", ".join(f"{name} = {value}" for name, value in settings.items())

@@ -22,12 +22,17 @@ from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Res
 from fitting.inference import identifiability
 from fitting.inference.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.descent import Optimum, most_likely
-from fitting.inference.elsewhere import exchanged, is_reason, lowered, reason_sentences
-from fitting.inference.exploration import OTHER_STARTS, Found, explore, other_minima
+from fitting.inference.equivalent_fits import (
+    exchange_reasons,
+    is_reason,
+    reason_sentences,
+    with_lower_verdicts,
+)
+from fitting.inference.exploration import OTHER_STARTS, Exploration, explore, other_minima
 from fitting.inference.knowledge import Effort, Equivalent, Knowledge, Profile
-from fitting.inference.likelihood import Surface, likelihood_of
+from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.nu_choice import choose_nu
-from fitting.inference.profiles import ROOT_95, Stop
+from fitting.inference.profiles import ROOT_95, ProfilePoint
 from fitting.inference.ranges import OutputRange, output_ranges
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
@@ -35,21 +40,21 @@ from fitting.text.errors import FmuFailure
 
 Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
-#: Decrease of chi square along a walk from which the search begins anew at the better point.
+#: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
-#: Evaluations at most, unless told otherwise.
+#: Evaluations at most, by default.
 BUDGET = 12000
 
 
 @dataclass(frozen=True)
-class Asked:
+class InferenceOptions:
     """What is asked of the inference: units of outputs, seed, evaluations at most, bootstrap.
 
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
     as well. Without `data` the measurements are taken to be what the model says at the solution.
     `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
     names the values that are profiled (all, if empty); other minima are looked
-    for from `starts` seeded points. `widening` is told: by how much the noise of a sweep was taken
+    for from `starts` seeded points. `widening`: by how much the noise of a sweep was taken
     wider because its residuals hang together.
     """
 
@@ -68,7 +73,10 @@ class Asked:
 
 
 def know(
-    objective: Objective, solution: FloatArray, noise: RowNoise, asked: Asked | None = None
+    objective: Objective,
+    solution: FloatArray,
+    noise: RowNoise,
+    options: InferenceOptions | None = None,
 ) -> Knowledge:
     """Verdict, interval and profile for every parameter and derived output.
 
@@ -76,37 +84,42 @@ def know(
         objective: response, parameters and data.
         solution: search vector where the search begins, e.g. the end of Algorithm 2.
         noise: of the rows.
-        asked: units, seed, limits.
+        options: units, seed, limits.
 
     Raises:
         FmuFailure: the model failed at more points of the box than can be left out.
     """
-    asked = asked or Asked()
+    options = options or InferenceOptions()
     parameters = objective.parameters
-    ranges = output_ranges(objective.response, parameters, asked.seed, [solution])
+    ranges = output_ranges(objective.response, parameters, options.seed, [solution])
     likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(ranges))
-    if not asked.data:
+    if not options.data:
         [point] = evaluate_many(objective, [solution])
         likelihood = replace(likelihood, shift=point.residuals)
-    surface = Surface(likelihood, asked.budget)
-    optimum = most_likely(surface, [solution, *asked.others])
-    found = _explored(surface, optimum, ranges, asked)
+    evaluator = LikelihoodEvaluator(likelihood, options.budget)
+    optimum = most_likely(evaluator, [solution, *options.others])
+    found = _explored(evaluator, optimum, ranges, options)
     optimum = found.optimum
-    equivalents = (*identifiability.equivalents(found), *asked.alternatives)
-    profiles = profiles_of(found, equivalents, asked.units)
-    directions = identifiability.directions(surface, optimum) if asked.directions else ()
-    idle = identifiability.without_effect(surface, optimum, profiles)
+    equivalents = (*identifiability.equivalents(found), *options.alternatives)
+    profiles = profiles_of(found, equivalents, options.units)
+    directions = identifiability.directions(evaluator, optimum) if options.directions else ()
+    idle = identifiability.without_effect(evaluator, optimum, profiles)
     resampled = None
-    if asked.bootstrap > 1:
+    if options.bootstrap > 1:
         resampled = bootstrap_of(
-            optimum.likelihood, optimum.local, profiles, asked.bootstrap, asked.seed, asked.executor
+            optimum.likelihood,
+            optimum.expansion,
+            profiles,
+            options.bootstrap,
+            options.seed,
+            options.executor,
         )
-    spent = Effort(surface.evaluations, surface.derived, surface.runs)
+    spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
     named = [p.name for p in parameters]
     return Knowledge(
-        data=asked.data,
+        data=options.data,
         chi_square=optimum.chi_square,
-        freedom=optimum.freedom,
+        freedom=optimum.degrees_of_freedom,
         inflation=optimum.likelihood.inflation,
         parameters={name: p for name, p in profiles.items() if name in named},
         derived={name: p for name, p in profiles.items() if name not in named},
@@ -114,7 +127,7 @@ def know(
         without_effect=idle,
         equivalents=equivalents,
         sentences=identifiability.sentences(
-            optimum, profiles, directions, idle, equivalents, asked.widening
+            optimum, profiles, directions, idle, equivalents, options.widening
         ),
         effort=spent,
         bootstrap=resampled,
@@ -122,51 +135,57 @@ def know(
 
 
 def _explored(
-    surface: Surface, optimum: Optimum, ranges: Mapping[str, OutputRange], asked: Asked
-) -> Found:
-    """Other minima, then walks around the best; once more, should they come by a better one."""
-    pool = other_minima(surface, optimum, asked.seed, asked.starts)
-    begin = _better(optimum, pool)
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    ranges: Mapping[str, OutputRange],
+    options: InferenceOptions,
+) -> Exploration:
+    """Other minima, then profiles around the best; once more, should they come by a better one."""
+    minima = other_minima(evaluator, optimum, options.seed, options.starts)
+    begin = _better(optimum, minima)
     if begin is not None:
-        optimum, pool = _moved(surface, optimum, begin, pool)
-    found = explore(surface, optimum, ranges, pool, asked.only)
+        optimum, minima = _moved(evaluator, optimum, begin, minima)
+    found = explore(evaluator, optimum, ranges, minima, options.only)
     begin = _better(optimum, found.points)
     if begin is None:
         return found
-    optimum, pool = _moved(surface, optimum, begin, pool)
-    return explore(surface, optimum, ranges, pool, asked.only)
+    optimum, minima = _moved(evaluator, optimum, begin, minima)
+    return explore(evaluator, optimum, ranges, minima, options.only)
 
 
-def _better(optimum: Optimum, stops: Sequence[Stop]) -> Stop | None:
+def _better(optimum: Optimum, points: Sequence[ProfilePoint]) -> ProfilePoint | None:
     """A point that is clearly more likely, or as likely with a value for every output.
 
     Where an output exists at the optimum it has to exist at the better point.
     """
-    exists = np.isfinite(optimum.local.sample.outputs)
-    possible = [s for s in stops if s.outputs.size == 0 or np.all(np.isfinite(s.outputs[exists]))]
-    lowest = min(possible, key=lambda stop: stop.delta, default=None)
+    exists = np.isfinite(optimum.expansion.sample.outputs)
+    possible = [s for s in points if s.outputs.size == 0 or np.all(np.isfinite(s.outputs[exists]))]
+    lowest = min(possible, key=lambda point: point.delta, default=None)
     if lowest is not None and lowest.delta < -BETTER:
         return lowest
     if np.all(exists):
         return None
     whole = [s for s in possible if s.delta < BETTER and s.outputs.size == exists.size]
     whole = [s for s in whole if np.all(np.isfinite(s.outputs))]
-    return min(whole, key=lambda stop: stop.delta, default=None)
+    return min(whole, key=lambda point: point.delta, default=None)
 
 
 def _moved(
-    surface: Surface, optimum: Optimum, begin: Stop, pool: Sequence[Stop]
-) -> tuple[Optimum, tuple[Stop, ...]]:
-    """The optimum at a better point, and the pool with its chi square counted from there."""
-    again = most_likely(surface, [begin.x])
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    begin: ProfilePoint,
+    minima: Sequence[ProfilePoint],
+) -> tuple[Optimum, tuple[ProfilePoint, ...]]:
+    """The optimum at a better point, and the other minima, their chi square counted from there."""
+    again = most_likely(evaluator, [begin.x])
     gain = optimum.least - again.least
     moved = replace(
         again,
         chi_square=optimum.chi_square - gain * optimum.likelihood.inflation**2,
-        freedom=optimum.freedom,
+        degrees_of_freedom=optimum.degrees_of_freedom,
     )
-    fitting = [replace(stop, delta=stop.delta + gain) for stop in pool]
-    return moved, tuple(stop for stop in fitting if stop.delta <= ROOT_95**2)
+    fitting = [replace(point, delta=point.delta + gain) for point in minima]
+    return moved, tuple(point for point in fitting if point.delta <= ROOT_95**2)
 
 
 def inform(
@@ -179,7 +198,7 @@ def inform(
     """
     objective, chosen = solution.objective, solution.final
     noise = noise_at(solution)
-    asked = Asked(
+    options = InferenceOptions(
         {name: d.unit for name, d in result.derived.items()},
         result.provenance.seed,
         budget,
@@ -189,7 +208,7 @@ def inform(
         only=(*result.parameters, *result.derived),  # what one experiment holds has a table
     )
     try:
-        knowledge = know(objective, chosen.x, noise, asked)
+        knowledge = know(objective, chosen.x, noise, options)
         plain = likelihood_of(objective, noise.sigma, noise.common)
         nu = choose_nu(plain, solution.chain.steps, result.history)
     except KeyboardInterrupt:
@@ -242,8 +261,8 @@ def informed(result: Result, knowledge: Knowledge, fitted: Sequence[Parameter] =
         for name, value in result.derived.items()
     }
     reasons = {n: p.reason for n, p in knowledge.profiles.items() if is_reason(p.reason)}
-    missed = exchanged({**parameters, **derived}, fitted, result.alternatives)
-    parameters, derived = lowered(parameters, derived, missed)
+    missed = exchange_reasons({**parameters, **derived}, fitted, result.alternatives)
+    parameters, derived = with_lower_verdicts(parameters, derived, missed)
     rest = [said for said in result.warnings if said not in before and not is_reason(said)]
     verdicts = verdict_sentences({**parameters, **derived})
     warnings = (*verdicts, *reason_sentences({**reasons, **missed}), *rest)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
 
-#: What ended a side of a profile.
+#: What ended a branch of a profile.
 ENDS = ("crossed", "bound", "round", "lost", "cost")
 
 
@@ -20,7 +20,7 @@ class Profile:
     """Profile likelihood of one parameter or derived output.
 
     `best` is the most likely value, `interval68`, `interval95` where Dchi^2 stays below 1 and 3.84
-    (asymmetric where the data are), `box` the range without data, `ends` how each side ended:
+    (asymmetric where the data are), `box` the range without data, `ends` how each branch ended:
     "crossed" the threshold, met a "bound" of the range, came "round", was "lost" (no further
     point found; the interval then goes to the end of the range) or cut for its "cost" (likewise).
     `sigma` is linearised at the best point, `shrinkage` = 1 - (width of interval95/width without

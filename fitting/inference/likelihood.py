@@ -29,15 +29,16 @@ MOST_FAILURES = 12
 class Likelihood:
     """Whitened rows of an objective, with the box in which they are looked at.
 
-    `whitening` (m, m) turns residuals into rows of unit variance, inflation included; `tension`
-    (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted from the residuals (a synthetic
-    data set of the bootstrap). `periods` (n,) hold the period of a parameter that can go round
-    inside its box, else infinity: such a parameter has no bounds here. `names` of the outputs.
+    `whitening` (m, m) turns residuals into rows of unit variance, inflation included;
+    `inverse_prior_sigma` (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted
+    from the residuals (a synthetic data set of the bootstrap). `periods` (n,) hold the
+    period of a parameter that can go round inside its box, else infinity: such a parameter has no
+    bounds here. `names` of the outputs.
     """
 
     objective: Objective
     whitening: FloatArray
-    tension: FloatArray
+    inverse_prior_sigma: FloatArray
     shift: FloatArray
     lower: FloatArray
     upper: FloatArray
@@ -65,7 +66,7 @@ class Likelihood:
     def rows(self, point: Point) -> FloatArray:
         """Rows of data and priors whose sum of squares is chi square, shape (m + n,)."""
         data = self.whitening @ (point.residuals - self.shift)
-        return np.concatenate([data, point.x * self.tension])
+        return np.concatenate([data, point.x * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:
         """The same system inside the box: parameters that go round brought back, the rest cut."""
@@ -90,7 +91,7 @@ def likelihood_of(
     variance = np.diag(np.maximum(sigma, SMALLEST_SIGMA) ** 2) + common @ common.T
     lower, upper = search_bounds(objective.parameters)
     periods = np.full(lower.size, np.inf)
-    tension = np.zeros(lower.size)
+    inverse_prior_sigma = np.zeros(lower.size)
     for i, parameter in enumerate(objective.parameters):
         if parameter.period is not None:
             period = parameter.period / parameter.scale
@@ -98,12 +99,12 @@ def likelihood_of(
                 periods[i] = period
         prior = parameter.prior_sigma
         if prior is not None:
-            tension[i] = parameter.scale / prior
+            inverse_prior_sigma[i] = parameter.scale / prior
     bound = np.isinf(periods)
     return Likelihood(
         objective,
         np.linalg.inv(np.linalg.cholesky(variance)),
-        tension,
+        inverse_prior_sigma,
         np.zeros(sigma.size),
         np.where(bound, lower, -np.inf),
         np.where(bound, upper, np.inf),
@@ -112,7 +113,7 @@ def likelihood_of(
     )
 
 
-class Surface:
+class LikelihoodEvaluator:
     """Evaluates a likelihood in batches and counts; at most `limit` evaluations."""
 
     def __init__(self, likelihood: Likelihood, limit: int = 10**9) -> None:

@@ -1,8 +1,8 @@
 """Many searches side by side: each asks for points, all of what they ask for is one batch.
 
 A search is a generator that yields a `Request` and is sent the answers. A fit whose simulations
-run in worker processes is fast only if there is work for all of them at a time; a walk along a
-profile has one point to try. Twenty walks have twenty.
+run in worker processes is fast only if there is work for all of them at a time; one branch
+of a profile has one point to try. Twenty branches have twenty.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Sample:
 Task = Generator[Request, list[Sample], T]
 
 
-def together(
+def run_in_lockstep(
     tasks: Sequence[Task[T]], evaluate: Callable[[Sequence[Request]], list[list[Sample]]]
 ) -> list[T | None]:
     """Run all tasks to their ends, one batch per round; None where `Exhausted` ended one.

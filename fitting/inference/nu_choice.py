@@ -18,7 +18,7 @@ from scipy.special import chdtri
 from fitting.fit.continuation import ContinuationStep
 from fitting.fit.result import HistoryRow
 from fitting.inference.knowledge import NuChoice, NuRow
-from fitting.inference.likelihood import Likelihood, Surface
+from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.inference.lockstep import Request
 
 #: Probability with which noise alone stays below the allowed chi square.
@@ -42,15 +42,15 @@ def choose_nu(
     """
     if not steps:
         return NuChoice((), math.nan, math.nan, math.nan, math.nan, (), {}, {})
-    surface = Surface(likelihood)
+    evaluator = LikelihoodEvaluator(likelihood)
     xs = [np.array(step.x) for step in steps]
-    samples = surface([Request(tuple(xs), outputs=False)])[0]
+    samples = evaluator([Request(tuple(xs), outputs=False)])[0]
     m = likelihood.whitening.shape[0]
     squares = [float(np.sum(sample.rows[:m] ** 2)) for sample in samples]
-    own = likelihood.tension == 0.0
+    own = likelihood.inverse_prior_sigma == 0.0
     distances = [float(np.linalg.norm(x[own])) for x in xs]
     bends = curvatures([step.j_fit for step in steps], distances)
-    told = {row.level: row for row in history}
+    rows_at = {row.level: row for row in history}
     rows = tuple(
         NuRow(
             step.nu,
@@ -58,8 +58,8 @@ def choose_nu(
             distance,
             square,
             bend,
-            dict(told[step.level].parameters) if step.level in told else {},
-            dict(told[step.level].derived) if step.level in told else {},
+            dict(rows_at[step.level].parameters) if step.level in rows_at else {},
+            dict(rows_at[step.level].derived) if step.level in rows_at else {},
         )
         for step, distance, square, bend in zip(steps, distances, squares, bends, strict=True)
     )

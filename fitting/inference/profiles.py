@@ -3,8 +3,8 @@
     Dchi^2(c) = min { chi^2(x) : g(x) = c } - min chi^2
 
 for g a parameter or a derived output. The values with Dchi^2 <= 1 and <= 3.84 are the 68 % and 95 %
-intervals, asymmetric where the data are, and nothing is linearised. Walks go outward from the most
-likely point, each point begins where the last one ended; all walks of all values go side by side.
+intervals, asymmetric where the data are, and nothing is linearised. Branches go outward from the
+most likely point, each point begins where the last one ended; all branches go in lockstep.
 
 Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87; A. Raue et al.,
 Bioinformatics 25 (2009) 1923.
@@ -18,17 +18,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.inference.descent import Local, Optimum, Pin, descend, located
+from fitting.inference.descent import Constraint, Expansion, Optimum, descend, expansion_at
 from fitting.inference.lockstep import Exhausted, Task
 from fitting.text.arrays import FloatArray
 
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.
 ROOT_68, ROOT_95 = 1.0, 1.959964
-#: Steps across the box, at least, points of a walk, and refinements of a crossing, at most.
+#: Steps across the box, at least, points of a branch, and refinements of a crossing, at most.
 STEPS, POINTS, REFINEMENTS = 10, 40, 4
 #: A crossing is found where sqrt(Dchi^2) is this close to its threshold.
 CLOSE = 0.02
-#: Shares of the range: this near its end a walk has reached it; a step that small got nowhere.
+#: Shares of the range: this near its end a branch has reached it; a step that small got nowhere.
 AT_END, NOWHERE = 1e-3, 0.05
 #: Dchi^2 at which the end of a range is known to fit without being followed to its minimum.
 ENOUGH = 0.5
@@ -36,8 +36,6 @@ ENOUGH = 0.5
 EXCLUDED = 9.0
 #: Weight of the row that holds an output, over the step: it misses its target by next to nothing.
 HOLD = 30.0
-#: How a walk ended.
-ENDS = ("crossed", "bound", "round", "lost", "cost")
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class Quantity:
     """What is profiled, a parameter (x_index) or an output, in x or in the output's unit.
 
     `best` at the most likely point, `sigma` linearised (infinite where the data do not see it);
-    `low`, `high` are where a walk ends; `round` marks a parameter that comes back to itself there.
+    `low`, `high` are where its branches end; `round`: a parameter that comes back to itself there.
     """
 
     name: str
@@ -62,21 +60,23 @@ class Quantity:
         """Range without data."""
         return self.high - self.low
 
-    def at(self, local: Local) -> float:
+    def at(self, expansion: Expansion) -> float:
         """Its value at a point."""
         if self.index >= 0:
-            return float(local.x[self.index])
-        return float(local.sample.outputs[self.output])
+            return float(expansion.x[self.index])
+        return float(expansion.sample.outputs[self.output])
 
-    def pin(self, target: float, step: float) -> Pin:
+    def constraint(self, target: float, step: float) -> Constraint:
         """What holds it at a target that is a step away."""
         if self.index >= 0:
-            return Pin(target, index=self.index)
-        return Pin(target, output=self.output, weight=HOLD / max(abs(step), 1e-12 * self.width))
+            return Constraint(target, index=self.index)
+        return Constraint(
+            target, output=self.output, weight=HOLD / max(abs(step), 1e-12 * self.width)
+        )
 
 
 @dataclass(frozen=True)
-class Stop:
+class ProfilePoint:
     """A point of a profile: value, Dchi^2, search vector and outputs there."""
 
     value: float
@@ -86,46 +86,49 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class Side:
-    """One side of a profile: its points outward, how it ended (`ENDS`), where it crosses 68, 95 %.
+class ProfileBranch:
+    """One side of a profile: its points outward, how it ended (`knowledge.ENDS`), its crossings.
 
-    NaN where it does not cross. A walk that was "lost" (nothing beyond that fits or exists, or no
-    minimum was found) or cut for its "cost" has no claim on what lies beyond.
+    `at_68`, `at_95` are the values where it crosses the 68 % and 95 % thresholds, NaN where it does
+    not cross. A branch that was "lost" (nothing beyond that fits or exists, or no minimum found) or
+    cut for its "cost" has no claim on what lies beyond.
     """
 
-    points: tuple[Stop, ...]
+    points: tuple[ProfilePoint, ...]
     end: str
     at_68: float
     at_95: float
 
 
-def walk(optimum: Optimum, quantity: Quantity, direction: float, steps: int = STEPS) -> Task[Side]:
+def trace_branch(
+    optimum: Optimum, quantity: Quantity, direction: float, steps: int = STEPS
+) -> Task[ProfileBranch]:
     """Go outward along the profile until it crosses the 95 % threshold or meets the end.
 
     At most `steps` strides across the range, as far as nothing on the way asks for shorter ones.
     """
-    walker = _Walker(optimum, quantity, direction, steps)
+    tracer = _BranchTracer(optimum, quantity, direction, steps)
     try:
-        end = yield from walker.go()
+        end = yield from tracer.go()
     except Exhausted:
         end = "cost"
-    return Side(
-        tuple(walker.points),
+    return ProfileBranch(
+        tuple(tracer.points),
         end,
-        _crossing(walker.points, quantity.best, ROOT_68),
-        _crossing(walker.points, quantity.best, ROOT_95),
+        _crossing(tracer.points, quantity.best, ROOT_68),
+        _crossing(tracer.points, quantity.best, ROOT_95),
     )
 
 
-class _Walker:
-    """State of one walk: where it stands, its step, the points so far in the order of the value."""
+class _BranchTracer:
+    """State of one branch: where it stands, its step, the points so far in order of the value."""
 
     def __init__(self, optimum: Optimum, quantity: Quantity, direction: float, steps: int) -> None:
         self.optimum, self.quantity, self.direction = optimum, quantity, direction
         self.limit = quantity.high if direction > 0.0 else quantity.low
         self.longest = quantity.width / steps
-        self.here = optimum.local
-        self.points: list[Stop] = []
+        self.here = optimum.expansion
+        self.points: list[ProfilePoint] = []
 
     def go(self) -> Task[str]:
         """Walk; the word for how it ended."""
@@ -159,17 +162,17 @@ class _Walker:
         self._keep(found)
         return True
 
-    def _profiled(self, target: float, step: float, begin: Local) -> Task[Local | None]:
-        pin = self.quantity.pin(target, step)
-        found = yield from descend(self.optimum.likelihood, begin, pin)
+    def _profiled(self, target: float, step: float, begin: Expansion) -> Task[Expansion | None]:
+        constraint = self.quantity.constraint(target, step)
+        found = yield from descend(self.optimum.likelihood, begin, constraint)
         if found is None or not math.isfinite(self.quantity.at(found)):
             return None
         return found
 
-    def _keep(self, found: Local) -> None:
+    def _keep(self, found: Expansion) -> None:
         delta = found.chi_square - self.optimum.least
-        stop = Stop(self.quantity.at(found), delta, found.x, found.sample.outputs)
-        self.points.append(stop)
+        point = ProfilePoint(self.quantity.at(found), delta, found.x, found.sample.outputs)
+        self.points.append(point)
         self.points.sort(key=lambda point: self.direction * point.value)
 
     def _root(self) -> float:
@@ -213,7 +216,7 @@ class _Walker:
             self._keep(found)
 
 
-def _crossing(points: Sequence[Stop], best: float, root: float) -> float:
+def _crossing(points: Sequence[ProfilePoint], best: float, root: float) -> float:
     """Where sqrt(Dchi^2) first reaches a threshold, linear between the points; NaN if nowhere."""
     at, height = best, 0.0
     for point in points:
@@ -225,28 +228,28 @@ def _crossing(points: Sequence[Stop], best: float, root: float) -> float:
     return float("nan")
 
 
-def reach(
+def fit_at_end(
     optimum: Optimum,
     quantity: Quantity,
     begin: FloatArray,
     end: float,
     frozen: tuple[int, ...] = (),
-) -> Task[Stop | None]:
+) -> Task[ProfilePoint | None]:
     """The point at the end of a range, if the data do not exclude it for good, else None.
 
-    A range that the data leave open from end to end is found so at once, also where no walk would
+    A range that the data leave open from end to end is found so at once, also where no branch would
     get through. With `frozen` axes the search keeps to the rest; the quantity is then where `begin`
     has it.
     """
     likelihood = optimum.likelihood
-    pin = quantity.pin(end, quantity.width / STEPS)
+    constraint = quantity.constraint(end, quantity.width / STEPS)
     if frozen:
-        pin = Pin(end, frozen=frozen)
+        constraint = Constraint(end, frozen=frozen)
     try:
-        here = yield from located(likelihood, begin)
+        here = yield from expansion_at(likelihood, begin)
         if not math.isfinite(quantity.at(here)):
             return None
-        found = yield from descend(likelihood, here, pin, enough=optimum.least + ENOUGH)
+        found = yield from descend(likelihood, here, constraint, enough=optimum.least + ENOUGH)
     except Exhausted:
         return None
     if found is None:
@@ -256,18 +259,21 @@ def reach(
     delta = found.chi_square - optimum.least
     if not (abs(value - end) <= 0.01 * quantity.width and delta <= EXCLUDED):
         return None
-    return Stop(value, delta, found.x, outputs if quantity.output >= 0 else np.empty(0))
+    return ProfilePoint(value, delta, found.x, outputs if quantity.output >= 0 else np.empty(0))
 
 
 def interval(
-    quantity: Quantity, sides: tuple[Side, Side], reached: tuple[bool, bool], mark: str = "95"
+    quantity: Quantity,
+    branches: tuple[ProfileBranch, ProfileBranch],
+    ends_fit: tuple[bool, bool],
+    mark: str = "95",
 ) -> tuple[float, float]:
     """The interval of a profile: crossings, or the ends of the range where it does not cross.
 
-    `sides` are (downward, upward), `reached` whether the ends of the range fit the data.
+    `branches` are (downward, upward), `ends_fit` whether the ends of the range fit the data.
     """
     ends = []
-    for side, limit, fits in zip(sides, (quantity.low, quantity.high), reached, strict=True):
-        crossing = side.at_95 if mark == "95" else side.at_68
+    for branch, limit, fits in zip(branches, (quantity.low, quantity.high), ends_fit, strict=True):
+        crossing = branch.at_95 if mark == "95" else branch.at_68
         ends.append(limit if fits or math.isnan(crossing) else crossing)
     return ends[0], ends[1]

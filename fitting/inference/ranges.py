@@ -57,7 +57,7 @@ class _Climb:
                 nodes.append(np.clip(moved, lower, upper))
         return nodes
 
-    def told(self, nodes: Sequence[FloatArray], values: FloatArray) -> None:
+    def update(self, nodes: Sequence[FloatArray], values: FloatArray) -> None:
         """Go to the best node, or halve the step."""
         ranked = np.where(np.isfinite(values), self.sign * values, -np.inf)
         best = int(np.argmax(ranked)) if ranked.size else 0
@@ -109,7 +109,7 @@ def output_ranges(
         answers = _means(response, parameters, [x for each in nodes for x in each])
         at = 0
         for climb, each in zip(going, nodes, strict=True):
-            climb.told(each, answers[climb.name][at : at + len(each)])
+            climb.update(each, answers[climb.name][at : at + len(each)])
             at += len(each)
     found = {(c.name, c.sign): c for c in climbs}
     nothing = np.full(lower.size, np.nan)

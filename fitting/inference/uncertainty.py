@@ -56,7 +56,7 @@ def row_sigmas(sigmas: FloatArray, residuals: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(filled, SMALLEST_SIGMA))
 
 
-def freedom(white: FloatArray, prior: FloatArray) -> float:
+def effective_degrees_of_freedom(white: FloatArray, prior: FloatArray) -> float:
     """Degrees of freedom that the residuals keep: rows less the directions that the data hold.
 
     m - sum s^2/(1 + s^2), s the singular values of `white` (m, n) in units of the prior, whose

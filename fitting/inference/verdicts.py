@@ -1,4 +1,4 @@
-"""From walks to verdicts: interval, shrinkage and word for every parameter and derived output."""
+"""From profiles to verdicts: interval, shrinkage and word for parameters and derived outputs."""
 
 from __future__ import annotations
 
@@ -9,10 +9,17 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.result import IDENTIFIABLE
-from fitting.inference.elsewhere import contradicts, exchange_words
-from fitting.inference.exploration import Found
+from fitting.inference.equivalent_fits import contradicts, exchange_words
+from fitting.inference.exploration import Exploration
 from fitting.inference.knowledge import Equivalent, Interval, Profile
-from fitting.inference.profiles import ROOT_68, ROOT_95, Quantity, Side, Stop, interval
+from fitting.inference.profiles import (
+    ROOT_68,
+    ROOT_95,
+    ProfileBranch,
+    ProfilePoint,
+    Quantity,
+    interval,
+)
 from fitting.inference.uncertainty import in_words
 from fitting.text.arrays import FloatArray
 
@@ -28,47 +35,47 @@ ENDS_IN_WORDS = {
 
 
 def profiles(
-    found: Found, equivalents: Sequence[Equivalent], units: Mapping[str, str]
+    explored: Exploration, equivalents: Sequence[Equivalent], units: Mapping[str, str]
 ) -> dict[str, Profile]:
     """A `Profile` for every quantity, in its own unit, parameters first.
 
     An equivalent minimum at which every output exists and that lies outside an interval widens it:
     nothing in the data is against it. Where an output has no value the point says nothing of it.
     """
-    parameters = {p.name: p for p in found.optimum.likelihood.parameters}
-    turn = _turn(found)
+    parameters = {p.name: p for p in explored.optimum.likelihood.parameters}
+    turn = _turn(explored)
     made = {}
-    for quantity in found.quantities:
+    for quantity in explored.quantities:
         parameter = parameters.get(quantity.name)
         unit = parameter.unit if parameter is not None else units.get(quantity.name, "")
-        made[quantity.name] = _profile(found, quantity, parameter, unit, equivalents, turn)
-    for name in found.optimum.likelihood.names:
+        made[quantity.name] = _profile(explored, quantity, parameter, unit, equivalents, turn)
+    for name in explored.optimum.likelihood.names:
         if name not in made:
-            made[name] = _without_value(found, name, units.get(name, ""))
+            made[name] = _without_value(explored, name, units.get(name, ""))
     return made
 
 
-def _turn(found: Found) -> FloatArray:
+def _turn(explored: Exploration) -> FloatArray:
     """What brings the optimum into the canonical period, (n,), in the parameters' units."""
-    parameters = found.optimum.likelihood.parameters
-    p = to_model(parameters, found.optimum.local.x)
+    parameters = explored.optimum.likelihood.parameters
+    p = to_model(parameters, explored.optimum.expansion.x)
     return np.asarray(canonical(parameters, p) - p)
 
 
 def _profile(
-    found: Found,
+    explored: Exploration,
     quantity: Quantity,
     parameter: Parameter | None,
     unit: str,
     equivalents: Sequence[Equivalent],
     turn: FloatArray,
 ) -> Profile:
-    sides, reached = found.sides[quantity.name], found.reached[quantity.name]
-    goes_round = quantity.round and all(side.end == "bound" for side in sides)
-    fits, ends = _ends_of(sides, reached, goes_round)
-    tight = tuple(stop is not None and stop.delta <= ROOT_68**2 for stop in reached)
-    wide = interval(quantity, sides, fits)
-    narrow = interval(quantity, sides, (tight[0], tight[1]), "68")
+    branches, range_ends = explored.branches[quantity.name], explored.range_ends[quantity.name]
+    goes_round = quantity.round and all(branch.end == "bound" for branch in branches)
+    fits, ends = _ends_of(branches, range_ends, goes_round)
+    tight = tuple(point is not None and point.delta <= ROOT_68**2 for point in range_ends)
+    wide = interval(quantity, branches, fits)
+    narrow = interval(quantity, branches, (tight[0], tight[1]), "68")
     scale, shift = 1.0, 0.0
     prior = quantity.width
     if parameter is not None:
@@ -87,7 +94,7 @@ def _profile(
     exchange = _exchange(best, parameter, (low, high), equivalents, unit, quantity.name)
     if exchange and verdict == IDENTIFIABLE[0]:
         verdict, reason = IDENTIFIABLE[1], exchange
-    stops = _in_order(found, quantity)
+    points = _in_order(explored, quantity)
     return Profile(
         kind="parameter" if parameter is not None else "derived",
         unit=unit,
@@ -100,26 +107,28 @@ def _profile(
         shrinkage=1.0 - share**2,
         verdict=verdict,
         reason=reason,
-        values=tuple(shift + scale * stop.value for stop in stops),
-        delta=tuple(max(0.0, stop.delta) for stop in stops),
-        path=_path(found, stops, turn),
+        values=tuple(shift + scale * point.value for point in points),
+        delta=tuple(max(0.0, point.delta) for point in points),
+        path=_path(explored, points, turn),
     )
 
 
 def _ends_of(
-    sides: tuple[Side, Side], reached: tuple[Stop | None, Stop | None], goes_round: bool
+    branches: tuple[ProfileBranch, ProfileBranch],
+    range_ends: tuple[ProfilePoint | None, ProfilePoint | None],
+    goes_round: bool,
 ) -> tuple[tuple[bool, bool], tuple[str, str]]:
-    """Which ends of the range fit the data, and the word for how each side ended.
+    """Which ends of the range fit the data, and the word for how each branch ended.
 
     Where one end fits, noise alone cuts the other off one time in twenty: it then counts as
     fitting, too, unless the data exclude it for good.
     """
-    inside = [stop is not None and stop.delta <= ROOT_95**2 for stop in reached]
-    if any(inside) or "crossed" not in [side.end for side in sides]:
-        inside = [stop is not None for stop in reached]
+    inside = [point is not None and point.delta <= ROOT_95**2 for point in range_ends]
+    if any(inside) or "crossed" not in [branch.end for branch in branches]:
+        inside = [point is not None for point in range_ends]
     words = [
-        "round" if goes_round else "bound" if fit else side.end
-        for side, fit in zip(sides, inside, strict=True)
+        "round" if goes_round else "bound" if fit else branch.end
+        for branch, fit in zip(branches, inside, strict=True)
     ]
     return (inside[0], inside[1]), (words[0], words[1])
 
@@ -200,36 +209,38 @@ def _verdict(
     return word, reason
 
 
-def _in_order(found: Found, quantity: Quantity) -> list[Stop]:
+def _in_order(explored: Exploration, quantity: Quantity) -> list[ProfilePoint]:
     """All points of a profile, the optimum and the reached ends among them, in rising order."""
-    local = found.optimum.local
-    down, up = found.sides[quantity.name]
-    middle = Stop(quantity.best, 0.0, local.x, local.sample.outputs)
+    expansion = explored.optimum.expansion
+    down, up = explored.branches[quantity.name]
+    middle = ProfilePoint(quantity.best, 0.0, expansion.x, expansion.sample.outputs)
     points = [*down.points, middle, *up.points]
     low, high = min(p.value for p in points), max(p.value for p in points)
     near = 1e-3 * quantity.width
-    for stop in found.reached[quantity.name]:
-        if stop is not None and not low - near <= stop.value <= high + near:
-            points.append(stop)
-    return sorted(points, key=lambda stop: stop.value)
+    for point in explored.range_ends[quantity.name]:
+        if point is not None and not low - near <= point.value <= high + near:
+            points.append(point)
+    return sorted(points, key=lambda point: point.value)
 
 
-def _path(found: Found, stops: Sequence[Stop], turn: FloatArray) -> dict[str, tuple[float, ...]]:
+def _path(
+    explored: Exploration, points: Sequence[ProfilePoint], turn: FloatArray
+) -> dict[str, tuple[float, ...]]:
     """Parameters and outputs along a profile."""
-    likelihood = found.optimum.likelihood
-    table = np.array([to_model(likelihood.parameters, stop.x) + turn for stop in stops])
+    likelihood = explored.optimum.likelihood
+    table = np.array([to_model(likelihood.parameters, point.x) + turn for point in points])
     path = {p.name: tuple(map(float, table[:, i])) for i, p in enumerate(likelihood.parameters)}
     for k, name in enumerate(likelihood.names):
-        path[name] = tuple(float(stop.outputs[k]) for stop in stops)
+        path[name] = tuple(float(point.outputs[k]) for point in points)
     return path
 
 
-def _without_value(found: Found, name: str, unit: str) -> Profile:
+def _without_value(explored: Exploration, name: str, unit: str) -> Profile:
     """An output that has no value where the data lead, or that nothing moves."""
-    k = found.optimum.likelihood.names.index(name)
-    best = float(found.optimum.local.sample.outputs[k])
+    k = explored.optimum.likelihood.names.index(name)
+    best = float(explored.optimum.expansion.sample.outputs[k])
     nan = math.nan
-    box = (found.ranges[name].low, found.ranges[name].high)
+    box = (explored.ranges[name].low, explored.ranges[name].high)
     if math.isfinite(best) and not box[1] > box[0]:  # it does not depend on what is fitted
         return Profile(
             "derived",

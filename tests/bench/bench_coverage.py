@@ -31,7 +31,7 @@ from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, make_objective
 from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
-from fitting.inference.inference import Asked, know
+from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
 from fitting.lab.string import Series, TwoModes, measure, steady_state, string_bench
 from fitting.lab.synthesis import campaign_files
@@ -196,8 +196,8 @@ def ask(
         p[k] = laboratory.start.get(parameter.name, p[k])
     x = to_search(bound.parameters, p)
     [point] = evaluate_many(objective, [x])
-    asked = Asked(only=names, starts=setting.starts, budget=20000, directions=False)
-    return know(objective, x, noise_of(objective, point), asked)
+    options = InferenceOptions(only=names, starts=setting.starts, budget=20000, directions=False)
+    return know(objective, x, noise_of(objective, point), options)
 
 
 @dataclass

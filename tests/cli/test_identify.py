@@ -13,11 +13,11 @@ import pytest
 from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.inference.bootstrap import _displaced, bootstrap
-from fitting.inference.descent import Local, Optimum, most_likely
-from fitting.inference.inference import Asked, know
+from fitting.inference.descent import Expansion, Optimum, most_likely
+from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Identification, Knowledge
-from fitting.inference.likelihood import Surface, likelihood_of
-from fitting.inference.lockstep import Task, together
+from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.inference.lockstep import Task, run_in_lockstep
 from fitting.text.records import read_json
 from tests.support import single_line
 
@@ -113,11 +113,11 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
 
 
 def test_a_search_that_is_there_already_asks_for_nothing() -> None:
-    def there() -> Task[Local | None]:
+    def there() -> Task[Expansion | None]:
         return None
         yield  # a generator all the same
 
-    assert together([_displaced(there(), np.zeros(1))], lambda requests: []) == [None]
+    assert run_in_lockstep([_displaced(there(), np.zeros(1))], lambda requests: []) == [None]
 
 
 @pytest.fixture(scope="module")
@@ -125,14 +125,14 @@ def line() -> tuple[Optimum, Knowledge]:
     objective = single_line.line_objective(sigma=SIGMA, span=SPAN)
     sigma = objective.measured.rows_sigma
     likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)), ("Q",))
-    optimum = most_likely(Surface(likelihood), [np.zeros(3)])
-    return optimum, know(objective, optimum.local.x, RowNoise(sigma, np.zeros((sigma.size, 0))))
+    optimum = most_likely(LikelihoodEvaluator(likelihood), [np.zeros(3)])
+    return optimum, know(objective, optimum.expansion.x, RowNoise(sigma, np.zeros((sigma.size, 0))))
 
 
 def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) -> None:
     """Against the inverse of the information summed over these very points, in closed form."""
     optimum, knowledge = line
-    found = bootstrap(optimum.likelihood, optimum.local, knowledge.profiles, 400, 7)
+    found = bootstrap(optimum.likelihood, optimum.expansion, knowledge.profiles, 400, 7)
     assert found.failed == 0
     response = optimum.likelihood.objective.response
     x = 2.0 * (response.tones_hz - 1000.0) / 8.0  # type: ignore[attr-defined]
@@ -155,7 +155,7 @@ def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) 
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_any_executor_gives_the_same_bootstrap(line: tuple[Optimum, Knowledge], pool: type) -> None:
     optimum, knowledge = line
-    arguments = (optimum.likelihood, optimum.local, knowledge.profiles, 40, 3)
+    arguments = (optimum.likelihood, optimum.expansion, knowledge.profiles, 40, 3)
     here = bootstrap(*arguments)
     with pool(2) as executor:
         there = bootstrap(*arguments, executor)
@@ -168,7 +168,7 @@ def test_nothing_is_resampled_that_the_data_do_not_determine(
     objective = single_line.line_objective(sigma=50.0, span=SPAN)
     sigma = objective.measured.rows_sigma
     noise = RowNoise(sigma, np.zeros((sigma.size, 0)))
-    knowledge = know(objective, np.zeros(3), noise, Asked(bootstrap=10))
+    knowledge = know(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
     assert knowledge.parameters["w"].verdict == "not determined"
     assert knowledge.bootstrap is not None
     assert "w" not in knowledge.bootstrap.values

@@ -19,7 +19,7 @@ from fitting.design.choice import exhaustive, greedy, losses
 from fitting.design.information import Place, Series, prior_sigmas, unmeasured
 from fitting.design.limits import KEYS, limits_of
 from fitting.design.proposal import propose
-from fitting.design.weighing import Question, Weighed, chosen_by, weigh
+from fitting.design.weighing import DesignGoal, Weighed, chosen_by, weigh
 from fitting.fmu import FmuWorkers
 from fitting.lab.synthesis import read_bench
 from fitting.signal.peaks import fit_resonance
@@ -58,7 +58,7 @@ def limits(bound: BoundCampaign, workers: FmuWorkers) -> Limits:
 @pytest.fixture(scope="module")
 def weighed(bound: BoundCampaign, workers: FmuWorkers, limits: Limits) -> Weighed:
     start = (bound.alternatives[0], TRUTH)
-    return weigh(bound, workers, limits, Question("lambda", start=start))
+    return weigh(bound, workers, limits, DesignGoal("lambda", start=start))
 
 
 def test_limits_are_those_the_campaign_kept_to(bound: BoundCampaign, workers: FmuWorkers) -> None:
@@ -155,7 +155,7 @@ def test_the_expected_error_falls_tenfold(
     bound: BoundCampaign, weighed: Weighed, limits: Limits
 ) -> None:
     """And by the measurements that determine lambda by their singular values."""
-    design = propose(bound, weighed, limits, Question("lambda"), "Hz", {})
+    design = propose(bound, weighed, limits, DesignGoal("lambda"), "Hz", {})
     last = design.proposals[-1].expected
     assert design.before.at / last.at > 10.0
     assert design.before.mean / last.mean > 10.0
@@ -174,10 +174,10 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     """With the q2 series beside, one mode at the other's resonance settles it."""
     path = Q1.parents[1] / "string_q2" / "campaign.toml"
     other = bind(read_campaign(path), workers.description.variables)
-    question = Question("lambda", start=(bound.alternatives[0], TRUTH))
+    goal = DesignGoal("lambda", start=(bound.alternatives[0], TRUTH))
     one = replace(bound, alternatives=bound.alternatives[:1])
-    weighed = weigh(one, workers, limits, question, also=[other])
-    design = propose(bound, weighed, limits, question, "Hz", {})
+    weighed = weigh(one, workers, limits, goal, also=[other])
+    design = propose(bound, weighed, limits, goal, "Hz", {})
     first = design.proposals[0]
     assert (first.output, first.centre_hz > 7e6) in (("q2_hybrid", False), ("q1_hybrid", True))
     assert design.before.at / first.expected.at > 5.0
@@ -187,7 +187,7 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     assert np.ptp(np.array(both)[1:, 1]) < 8.0
     more = replace(other, parameters=other.parameters[:2])
     with pytest.raises(BadInput, match="fits d1, theta, but"):
-        weigh(bound, workers, limits, question, also=[more])
+        weigh(bound, workers, limits, goal, also=[more])
 
 
 @pytest.mark.parametrize("criterion", ["D", "target"])
@@ -210,7 +210,7 @@ def test_laboratories_that_follow_the_advice(
 
     The benchmark tests/bench/bench_design.py does so for a hundred of them.
     """
-    design = propose(bound, weighed, limits, Question("lambda"), "Hz", {})
+    design = propose(bound, weighed, limits, DesignGoal("lambda"), "Hz", {})
     write_all(tmp_path / "plan", campaign_files(design, bound, limits, tmp_path / "plan", "a test"))
     bench = read_bench(Q1.parent / "truth.toml")
     starts = [np.array([1.6, 250.0, 90.0]), np.array([2.6, 60.0, 200.0])]
@@ -239,8 +239,8 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
     limits = limits_of(bound, variables, Section(path, "design", {"levels": [1]}, KEYS))
     assert limits.tones == 1
     assert limits.frequency_step_hz == 2.0
-    question = Question("width_plus")
-    design = propose(bound, weigh(bound, workers, limits, question), limits, question, "Hz", {})
+    goal = DesignGoal("width_plus")
+    design = propose(bound, weigh(bound, workers, limits, goal), limits, goal, "Hz", {})
     assert bound.sweep is not None
     line = fit_resonance(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
     assert design.before.at == pytest.approx(line.width_std_hz / line.structure.widening, rel=0.05)
@@ -255,9 +255,9 @@ def test_nothing_measurable_is_said(
     deaf = replace(limits, noise_floor_v=1.0, outputs=("q1_hybrid",))
     one = replace(bound, alternatives=bound.alternatives[:1])
     with pytest.raises(BadInput, match="setups can be measured: every peak is below"):
-        weigh(one, workers, deaf, Question("lambda"))
+        weigh(one, workers, deaf, DesignGoal("lambda"))
     with pytest.raises(BadInput, match="target 'nu' is neither fitted nor derived"):
-        weigh(bound, workers, limits, Question("nu"))
+        weigh(bound, workers, limits, DesignGoal("nu"))
 
 
 def test_a_target_without_a_value_is_said(weighed: Weighed, limits: Limits) -> None:

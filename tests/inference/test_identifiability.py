@@ -1,4 +1,4 @@
-"""Directions, idle parameters, twins and verdicts, on closed forms and on the shipped campaigns."""
+"""Directions, idle parameters, equal fits and verdicts, on closed forms and shipped campaigns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Measured, Objective, evaluate_many, make_objective
 from fitting.fit.result import Result, read_result, write_result
-from fitting.inference.inference import Asked, know
+from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
@@ -56,7 +56,7 @@ def learn(
     sigma = measured.rows_sigma
     x = to_search(objective.parameters, np.array(start))
     knowledge = know(
-        objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), Asked({"lambda": "Hz"})
+        objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), InferenceOptions({"lambda": "Hz"})
     )
     return objective, knowledge
 

@@ -13,9 +13,9 @@ from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model, to_search
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.inference.descent import Pin, descend, inflation_of, located, most_likely
-from fitting.inference.likelihood import MOST_FAILURES, Surface, likelihood_of
-from fitting.inference.lockstep import Exhausted, Request, together
+from fitting.inference.descent import Constraint, descend, expansion_at, inflation_of, most_likely
+from fitting.inference.likelihood import MOST_FAILURES, LikelihoodEvaluator, likelihood_of
+from fitting.inference.lockstep import Exhausted, Request, run_in_lockstep
 from fitting.measurements.response import Evaluation
 from fitting.text.errors import FmuFailure
 from tests.support import closed_form, single_line
@@ -27,30 +27,34 @@ def string_objective(seed: int = 3) -> Objective:
     return make_objective(response, closed_form.string_parameters(), measured)
 
 
-def surface_of(objective: Objective, common: float = 0.0, limit: int = 10**6) -> Surface:
+def evaluator_of(
+    objective: Objective, common: float = 0.0, limit: int = 10**6
+) -> LikelihoodEvaluator:
     sigma = objective.measured.rows_sigma
-    return Surface(likelihood_of(objective, sigma, np.full((sigma.size, 1), common)), limit)
+    return LikelihoodEvaluator(
+        likelihood_of(objective, sigma, np.full((sigma.size, 1), common)), limit
+    )
 
 
 def test_chi_square_is_that_of_the_full_covariance() -> None:
     """r^T V^-1 r with V written out, chi's error common to all rows."""
     objective = string_objective()
     x = np.array([0.3, 0.2, -0.1])
-    surface = surface_of(objective, common=0.03)
-    rows = surface.one(x).rows
+    evaluator = evaluator_of(objective, common=0.03)
+    rows = evaluator.one(x).rows
     [point] = evaluate_many(objective, [x])
     sigma = objective.measured.rows_sigma
     v = np.diag(sigma**2) + 0.03**2
     wanted = point.residuals @ np.linalg.solve(v, point.residuals)
     assert rows @ rows == pytest.approx(wanted, rel=1e-9)
-    assert surface.likelihood.row_sigma == pytest.approx(np.sqrt(sigma**2 + 0.03**2), rel=1e-9)
+    assert evaluator.likelihood.row_sigma == pytest.approx(np.sqrt(sigma**2 + 0.03**2), rel=1e-9)
 
 
 def test_the_most_likely_point_is_that_of_scipy() -> None:
     objective = single_line.line_objective(seed=5, span=2.0)
-    surface = surface_of(objective)
+    evaluator = evaluator_of(objective)
     start = to_search(objective.parameters, np.array([1002.0, 12.0, 1.0]))
-    optimum = most_likely(surface, [start])
+    optimum = most_likely(evaluator, [start])
     sigma = objective.measured.rows_sigma
     fit = least_squares(
         lambda x: evaluate_many(objective, [x])[0].residuals / sigma, start, xtol=1e-12
@@ -59,7 +63,11 @@ def test_the_most_likely_point_is_that_of_scipy() -> None:
     bound = single_line.bounds_of(0.02, 3)
     scales = np.array([p.scale for p in objective.parameters])
     # far below what the noise leaves open
-    off = np.abs(optimum.local.x - fit.x) * scales / np.array([bound[k] for k in ("eta", "w", "A")])
+    off = (
+        np.abs(optimum.expansion.x - fit.x)
+        * scales
+        / np.array([bound[k] for k in ("eta", "w", "A")])
+    )
     assert np.max(off) < 0.02
     assert optimum.chi_square == pytest.approx(2.0 * fit.cost, abs=1e-3)
 
@@ -68,8 +76,8 @@ def test_a_gaussian_prior_pulls_as_bayes_says() -> None:
     """A prior as sharp as the data, one sigma off: the answer lies half way; both are Gaussian."""
     bound = single_line.bounds_of(0.02, 3)["eta"]
     objective = single_line.line_objective(prior_hz=bound)
-    optimum = most_likely(surface_of(objective), [np.zeros(3)])
-    place = to_model(objective.parameters, optimum.local.x)[0] - single_line.ETA_HZ
+    optimum = most_likely(evaluator_of(objective), [np.zeros(3)])
+    place = to_model(objective.parameters, optimum.expansion.x)[0] - single_line.ETA_HZ
     assert place == pytest.approx(0.5 * bound, rel=0.02)
     assert optimum.least == pytest.approx(0.5, rel=0.02)  # a quarter from the data, one from it
 
@@ -85,9 +93,9 @@ def test_a_valley_is_left_where_it_was_entered() -> None:
     """Directions that the data do not see are walked along no further than the others ask for."""
     objective = string_objective()
     start = to_search(objective.parameters, np.array([1.7, 100.0, 94.0]))
-    optimum = most_likely(surface_of(objective), [start])
-    assert optimum.local.x[0] == pytest.approx(start[0], abs=0.3)
-    fitted = to_model(objective.parameters, optimum.local.x)
+    optimum = most_likely(evaluator_of(objective), [start])
+    assert optimum.expansion.x[0] == pytest.approx(start[0], abs=0.3)
+    fitted = to_model(objective.parameters, optimum.expansion.x)
     theta, d1, d2 = map(float, fitted)
     width = closed_form.damping(theta, d1, d2, reflection=False)[0, 0]
     assert width == pytest.approx(94.1, abs=2.0)
@@ -96,14 +104,16 @@ def test_a_valley_is_left_where_it_was_entered() -> None:
 def test_a_pinned_descent_is_the_minimum_over_the_rest() -> None:
     """On a linear-Gaussian problem the rest follows along the regression line."""
     objective = single_line.line_objective()
-    surface = surface_of(objective)
-    optimum = most_likely(surface, [np.zeros(3)])
-    [here] = together([located(optimum.likelihood, optimum.local.x)], surface)
+    evaluator = evaluator_of(objective)
+    optimum = most_likely(evaluator, [np.zeros(3)])
+    [here] = run_in_lockstep([expansion_at(optimum.likelihood, optimum.expansion.x)], evaluator)
     assert here is not None
     bound = single_line.bounds_of(0.02, 3)
     w = objective.parameters[1]
     target = (single_line.WIDTH_HZ + 0.1 * bound["w"] - w.reference) / w.scale
-    [found] = together([descend(optimum.likelihood, here, Pin(target, index=1), 1e-10)], surface)
+    [found] = run_in_lockstep(
+        [descend(optimum.likelihood, here, Constraint(target, index=1), 1e-10)], evaluator
+    )
     assert found is not None
     # cov(A, w)/var(w) = -sigma^2.../...: with var w and I_Aw = A/(w) (pi/2), I_AA = pi
     slope = -0.5 * single_line.TOP / single_line.WIDTH_HZ
@@ -113,7 +123,7 @@ def test_a_pinned_descent_is_the_minimum_over_the_rest() -> None:
 
 
 def test_angles_that_differ_by_a_period_are_one_system() -> None:
-    likelihood = surface_of(string_objective()).likelihood
+    likelihood = evaluator_of(string_objective()).likelihood
     lower, upper = -2 * np.pi - closed_form.THETA_REFERENCE, 2 * np.pi - closed_form.THETA_REFERENCE
     for theta in (lower - 0.4, upper + 5.0, 0.3):
         x = likelihood.folded(np.array([theta, 0.0, 0.0]))
@@ -123,11 +133,11 @@ def test_angles_that_differ_by_a_period_are_one_system() -> None:
 
 def test_what_asks_for_too_much_is_told_and_ends() -> None:
     objective = string_objective()
-    surface = surface_of(objective, limit=20)
+    evaluator = evaluator_of(objective, limit=20)
     with pytest.raises(Exhausted):
-        surface([Request(tuple(np.zeros(3) for _ in range(21)))])
-    searches = [located(surface.likelihood, np.zeros(3)) for _ in range(6)]
-    assert together(searches, surface) == [None] * 6
+        evaluator([Request(tuple(np.zeros(3) for _ in range(21)))])
+    searches = [expansion_at(evaluator.likelihood, np.zeros(3)) for _ in range(6)]
+    assert run_in_lockstep(searches, evaluator) == [None] * 6
 
 
 class Failing(closed_form.ClosedFormResponse):
@@ -144,9 +154,9 @@ def test_points_at_which_the_model_fails_are_left_out() -> None:
     old = closed_form.string_response()
     bad = Failing(old.pairs_hz, old.eta_plus_hz, old.eta_minus_hz, old.sweep_hz)
     objective = Objective(bad, whole.parameters, whole.measured, whole.steps)
-    surface = surface_of(objective)
+    evaluator = evaluator_of(objective)
     good, failed = np.zeros(3), np.array([0.0, 1.3, 0.0])
-    answers = surface([Request((good, failed, good))])[0]
+    answers = evaluator([Request((good, failed, good))])[0]
     assert [bool(np.all(np.isfinite(a.rows))) for a in answers] == [True, False, True]
     with pytest.raises(FmuFailure, match="overdamped"):
-        surface([Request((failed,) * (MOST_FAILURES + 1))])
+        evaluator([Request((failed,) * (MOST_FAILURES + 1))])

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from fitting.campaign.parameters import Parameter, to_search
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Measured, Objective, make_objective
-from fitting.inference.inference import Asked, know
+from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
 from fitting.inference.ranges import output_ranges
 from tests.support import closed_form, single_line
@@ -21,7 +21,9 @@ from tests.support import closed_form, single_line
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
     sigma = objective.measured.rows_sigma
     x = to_search(objective.parameters, np.array(start))
-    return know(objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), Asked(budget=budget))
+    return know(
+        objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), InferenceOptions(budget=budget)
+    )
 
 
 def half(interval: tuple[float, float]) -> float:

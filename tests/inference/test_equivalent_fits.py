@@ -13,7 +13,7 @@ from fitting.fit.choice import chosen
 from fitting.fit.continuation import Chain, ContinuationStep, Outcome
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
-from fitting.inference.inference import Asked, know
+from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Equivalent
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
@@ -76,7 +76,7 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     sigma = measured.rows_sigma
     x = to_search(objective.parameters, TRUTH)
     noise = RowNoise(sigma, np.zeros((sigma.size, 1)))
-    knowledge = know(objective, x, noise, Asked({"lambda": "Hz"}, alternatives=(twin,)))
+    knowledge = know(objective, x, noise, InferenceOptions({"lambda": "Hz"}, alternatives=(twin,)))
     for name in ("theta", "d1", "d2"):
         profile = knowledge.parameters[name]
         assert profile.verdict == "partly determined", name

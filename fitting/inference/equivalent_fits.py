@@ -21,7 +21,7 @@ EXCHANGE = "determined up to an exchange"
 MISSED = "the reported fit is not in its interval"
 #: Beyond an interval by less than this share of its width a value is still the same: two fits of
 #: one minimum differ so, because the misfit that is minimised is not the likelihood.
-BESIDE = 0.5
+SLACK = 0.5
 
 
 def contradicts(value: float, interval: tuple[float, float], period: float | None = None) -> bool:
@@ -29,7 +29,7 @@ def contradicts(value: float, interval: tuple[float, float], period: float | Non
     low, high = interval
     if not all(map(math.isfinite, (value, low, high))):
         return False
-    slack = max(BESIDE * (high - low), 1e-9 * max(abs(low), abs(high)))
+    slack = max(SLACK * (high - low), 1e-9 * max(abs(low), abs(high)))
     turns = (0.0,) if period is None else (-period, 0.0, period)
     return not any(low - slack <= value + turn <= high + slack for turn in turns)
 
@@ -48,7 +48,7 @@ def settings_words(settings: Mapping[str, Scalar]) -> str:
 Values = Mapping[str, ParameterResult | DerivedResult]
 
 
-def exchanged(
+def exchange_reasons(
     values: Values, parameters: Sequence[Parameter], alternatives: Iterable[AlternativeResult]
 ) -> dict[str, str]:
     """Why values called determined are not, by name.
@@ -77,7 +77,7 @@ def exchanged(
     return said
 
 
-def lowered(
+def with_lower_verdicts(
     parameters: Mapping[str, ParameterResult],
     derived: Mapping[str, DerivedResult],
     reasons: Mapping[str, str],
@@ -90,15 +90,15 @@ def lowered(
     )
 
 
-def judged(
+def with_equivalent_fits(
     parameters: Mapping[str, ParameterResult],
     derived: Mapping[str, DerivedResult],
     fitted: Sequence[Parameter],
     alternatives: Iterable[AlternativeResult],
 ) -> tuple[dict[str, ParameterResult], dict[str, DerivedResult], list[str]]:
     """Values in the light of equal fits elsewhere, and what is said of them."""
-    reasons = exchanged({**parameters, **derived}, fitted, alternatives)
-    return (*lowered(parameters, derived, reasons), reason_sentences(reasons))
+    reasons = exchange_reasons({**parameters, **derived}, fitted, alternatives)
+    return (*with_lower_verdicts(parameters, derived, reasons), reason_sentences(reasons))
 
 
 def is_reason(sentence: str) -> bool:
