@@ -14,12 +14,12 @@ from fitting.fmu.models import provide_fmu
 from fitting.inference.identification import IdentificationOptions, identify
 from fitting.inference.inference import BUDGET
 from fitting.inference.knowledge import Identification
-from fitting.report.figures.knowledge import knowledge_figures
+from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.style import save, style
 from fitting.report.page import page
 from fitting.report.sections import Section, knowledge_section
 from fitting.report.tables import pairs_table
-from fitting.report.words import knowledge_lines
+from fitting.report.words.knowledge import knowledge_lines
 from fitting.text.files import write_whole
 from fitting.text.notation import number
 from fitting.text.records import write_json

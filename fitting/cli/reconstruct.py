@@ -35,7 +35,8 @@ from fitting.fmu.models import provide_fmu
 from fitting.inference import inference
 from fitting.inference.external import check_external, with_external
 from fitting.report.plan import plan_line
-from fitting.report.words import knowledge_lines
+from fitting.report.shown import shown_campaign
+from fitting.report.words.knowledge import knowledge_lines
 from fitting.text.errors import BadInput
 
 NAME = "reconstruct"
@@ -191,7 +192,8 @@ def _report(result: Result, bound: BoundCampaign, out: Path) -> None:
     """Figures and report, where that part of the package is installed."""
     if importlib.util.find_spec("fitting.report.page") is None:
         return
-    page = importlib.import_module("fitting.report.page").write_report(result, bound, out)
+    data = shown_campaign(bound)
+    page = importlib.import_module("fitting.report.page").write_report(result, data, out)
     print(f"report: {page}")
 
 

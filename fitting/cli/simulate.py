@@ -254,7 +254,9 @@ def _write(
     mixed: Sequence[MixedLine],
     names: Sequence[str],
 ) -> list[Path]:
-    from fitting.report.figures.drive import save_figures  # worker processes import this file, too
+    from fitting.report.figures.simulate import (
+        save_figures,
+    )  # worker processes import this file, too
 
     units = [description.variables[name].unit or "1" for name in result.drive.outputs]
     columns = [f"{name} ({unit})" for name, unit in zip(result.drive.outputs, units, strict=True)]

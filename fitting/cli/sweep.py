@@ -135,7 +135,7 @@ def _silence_others(tone: str, values: dict[str, Scalar], description: FmuDescri
 
 
 def _write(result: FrfResult, description: FmuDescription, out: Path) -> list[Path]:
-    from fitting.report.figures.frf import save_frf  # worker processes import this file, too
+    from fitting.report.figures.simulate import save_frf  # worker processes import this file, too
 
     sweep = result.sweep
     unit = description.variables[sweep.output].unit or "1"

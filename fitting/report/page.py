@@ -10,11 +10,11 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 import fitting
-from fitting.campaign import BoundCampaign
 from fitting.fit.result import STATUSES, Result
 from fitting.report.figures.reconstruction import write_figures
 from fitting.report.figures.style import FigureFile
 from fitting.report.sections import Section, sections_of
+from fitting.report.shown import ShownCampaign
 from fitting.text.files import write_whole
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -34,7 +34,7 @@ class Picture:
 
 def write_report(
     result: Result,
-    bound: BoundCampaign,
+    data: ShownCampaign,
     out_dir: Path,
     figures: Sequence[FigureFile] | None = None,
 ) -> Path:
@@ -46,18 +46,18 @@ def write_report(
     Raises:
         BadInput: the folder cannot be written.
     """
-    drawn = write_figures(result, bound, out_dir) if figures is None else figures
+    drawn = write_figures(result, data, out_dir) if figures is None else figures
     path = out_dir / NAME
-    write_whole(path, render(result, bound, drawn))
+    write_whole(path, render(result, data, drawn))
     return path
 
 
-def render(result: Result, bound: BoundCampaign, figures: Sequence[FigureFile]) -> str:
+def render(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) -> str:
     """The report as HTML text."""
     return page(
         result.title,
         "reconstruction",
-        sections_of(result, bound, figures),
+        sections_of(result, data, figures),
         synthetic=result.synthetic,
         good=result.status == STATUSES[0],
         status=(result.status, result.message),

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fitting.campaign import BoundCampaign
 from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
 from fitting.fit.sweep_line import line_sentences
 from fitting.inference.knowledge import Knowledge
@@ -16,7 +15,9 @@ from fitting.report.figures.style import FigureFile
 from fitting.report.joint import joint_sentences, joint_tables
 from fitting.report.knowledge import FIGURES, knowledge_tables, knowledge_words
 from fitting.report.plan import plan_table, remarks
+from fitting.report.shown import ShownCampaign
 from fitting.report.tables import Table
+from fitting.report.words.values import scalar_words, settings_words
 from fitting.text.notation import listed, number, plain, prefixed, quantity, span
 
 #: Correlations from which two errors are named as tied to each other.
@@ -36,7 +37,7 @@ class Section:
 
 
 def sections_of(
-    result: Result, bound: BoundCampaign, figures: Sequence[FigureFile]
+    result: Result, data: ShownCampaign, figures: Sequence[FigureFile]
 ) -> tuple[Section, ...]:
     """All sections that this result has something for; every figure appears in one of them."""
     shelf = {figure.name: figure for figure in figures}
@@ -50,18 +51,18 @@ def sections_of(
         _found(result),
         knowledge_section(result.knowledge, take(*FIGURES)),
         _agreement(result),
-        _derived(result, bound, take("6_derived_per_experiment")),
-        _experiments(result, bound, take("1_drive", "2_spectra")),
-        _response(result, bound, take("8_frequency_response")),
+        _derived(result, data, take("6_derived_per_experiment")),
+        _experiments(result, data, take("1_drive", "2_spectra")),
+        _response(result, data, take("8_frequency_response")),
         _deviations(
             result,
-            bound,
+            data,
             take("3_deviation_over_frequency", "4_improvement", "7_deviation_per_experiment"),
         ),
         _convergence(result, take("5_convergence")),
         _search(result),
-        _settings(result, bound),
-        _plan(result, bound),
+        _settings(result, data),
+        _plan(result, data),
         _provenance(result),
     ]
     if shelf:
@@ -103,7 +104,7 @@ def _found(result: Result) -> Section:
         f"ones{share}."
     ]
     if result.alternative:
-        said.append(f"Reported alternative: {tables.settings_words(result.alternative)}.")
+        said.append(f"Reported alternative: {settings_words(result.alternative)}.")
     every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
     items = [_value_sentence(name, value) for name, value in every.items()]
     tied = _tied_sentences(result)
@@ -169,11 +170,11 @@ def _tied_sentences(result: Result) -> list[str]:
 
 
 def _derived(
-    result: Result, bound: BoundCampaign, figures: tuple[FigureFile, ...]
+    result: Result, data: ShownCampaign, figures: tuple[FigureFile, ...]
 ) -> Section | None:
     if not result.derived:
         return None
-    shown = [tables.derived_table(result), tables.per_experiment_table(result, bound)]
+    shown = [tables.derived_table(result), tables.per_experiment_table(result, data)]
     return Section(
         "derived",
         "Derived quantities",
@@ -184,20 +185,20 @@ def _derived(
 
 
 def _experiments(
-    result: Result, bound: BoundCampaign, figures: tuple[FigureFile, ...]
+    result: Result, data: ShownCampaign, figures: tuple[FigureFile, ...]
 ) -> Section | None:
-    if not bound.experiments:
+    if not data.tones:
         return None
-    spectra = sum(1 for e in bound.experiments if e.spectrum is not None)
+    spectra = sum(1 for e in data.tones if e.trace is not None)
     read = "peaks given in the experiments file"
     if spectra:
         read = f"peaks read from {spectra} spectra, noise floor removed"
-    said = f"{len(bound.experiments)} experiments with {len(result.peaks)} {read}."
+    said = f"{len(data.tones)} experiments with {len(result.peaks)} {read}."
     return Section("experiments", "Experiments and spectra", (said,), figures=figures)
 
 
 def _response(
-    result: Result, bound: BoundCampaign, figures: tuple[FigureFile, ...]
+    result: Result, data: ShownCampaign, figures: tuple[FigureFile, ...]
 ) -> Section | None:
     if result.sweep is None:
         said = ["Every campaign has a sweep and a scale of its own."]
@@ -247,10 +248,10 @@ def _scale_sentence(result: Result) -> str:
     return said
 
 
-def _deviations(result: Result, bound: BoundCampaign, figures: tuple[FigureFile, ...]) -> Section:
+def _deviations(result: Result, data: ShownCampaign, figures: tuple[FigureFile, ...]) -> Section:
     shown = [
-        tables.mean_deviation_table(result, bound),
-        tables.deviation_table(result, bound),
+        tables.mean_deviation_table(result, data),
+        tables.deviation_table(result, data),
     ]
     said = (
         f"Relative deviation |χz − z*|/z* of simulated (z) from measured amplitudes (z*). "
@@ -283,7 +284,7 @@ def _search(result: Result) -> Section | None:
     equal = [a for a in result.alternatives if a.equal_to_best and not a.reported]
     said = ""
     if equal:
-        others = listed(tables.settings_words(a.settings) for a in equal)
+        others = listed(settings_words(a.settings) for a in equal)
         said = f"The data do not tell the alternatives apart: {others} reaches the same J."
     return Section(
         "search",
@@ -294,45 +295,14 @@ def _search(result: Result) -> Section | None:
     )
 
 
-def _settings(result: Result, bound: BoundCampaign) -> Section:
-    drive = bound.setup.drive
-    how = {
-        "tones": f"tones set by the FMU's {listed(drive.frequencies)}, level {number(drive.level)}",
-        "input": f"signal on the FMU's input {drive.input}, level {number(drive.level)}, held "
-        f"{drive.samples_per_period} times per period",
-    }
-    campaign = {
-        "campaign": bound.title,
-        "synthetic": "yes: simulated data, not measured" if bound.synthetic else "no",
-        "observed output": bound.setup.output,
-        "drive": how.get(drive.kind, drive.kind),
-        "experiments": str(len(bound.experiments)),
-        "start values of the FMU": tables.settings_words(bound.setup.start_values) or "its own",
-        "settling": "declared to start on its periodic orbit"
-        if bound.setup.steady_start
-        else "settles before it is sampled",
-        "wanted accuracy of amplitudes": number(bound.setup.accuracy),
-    }
-    for name, (before, after) in bound.drift.ends.items():
-        campaign[f"drift of {name}"] = (
-            f"{number(before, 12)} to {number(after, 12)}, linear over the series (FMU's unit)"
-        )
-    if bound.sweep is not None:
-        campaign["sweep"] = (
-            f"{len(bound.sweep.frequency_hz)} points, "
-            + ("fitted point by point" if bound.sweep.use == "fit" else "sets the scale only")
-            + (
-                f"; FMU at {tables.settings_words(bound.sweep.settings)}"
-                if bound.sweep.settings
-                else ""
-            )
-        )
+def _settings(result: Result, data: ShownCampaign) -> Section:
+    campaign = dict(data.settings)
     cost = result.evaluations
     campaign["cost"] = (
         f"{cost.objective} evaluations of the objective, {cost.jacobians} Jacobians, "
         f"{cost.fmu_runs} simulation runs, {result.seconds:.1f} s"
     )
-    chosen = {name: tables.scalar_words(v) for name, v in result.provenance.settings.items()}
+    chosen = {name: scalar_words(v) for name, v in result.provenance.settings.items()}
     return Section(
         "settings",
         "Settings",
@@ -345,8 +315,8 @@ def _settings(result: Result, bound: BoundCampaign) -> Section:
     )
 
 
-def _plan(result: Result, bound: BoundCampaign) -> Section | None:
-    sentences = (*remarks(result.plan, result.provenance.plan), *bound.notes)
+def _plan(result: Result, data: ShownCampaign) -> Section | None:
+    sentences = (*remarks(result.plan, result.provenance.plan), *data.notes)
     if not sentences and result.plan is None:
         return None
     shown = () if result.plan is None else (plan_table(result.plan),)

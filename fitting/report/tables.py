@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from fitting.campaign import BoundCampaign
 from fitting.fit.result import (
     IDENTIFIABLE,
     AlternativeResult,
@@ -16,7 +15,8 @@ from fitting.fit.result import (
     Result,
     SweepLine,
 )
-from fitting.text.arrays import Scalar
+from fitting.report.shown import ShownCampaign
+from fitting.report.words.values import settings_words
 from fitting.text.notation import (
     markup,
     number,
@@ -184,9 +184,9 @@ def derived_table(result: Result) -> Table:
     )
 
 
-def per_experiment_table(result: Result, bound: BoundCampaign) -> Table | None:
+def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
     """Derived outputs of each experiment; None without experiments or outputs."""
-    labels = [e.label for e in bound.experiments]
+    labels = list(data.labels)
     outputs = {n: d for n, d in result.derived.items() if len(d.values) == len(labels)}
     if not labels or not outputs:
         return None
@@ -200,12 +200,12 @@ def per_experiment_table(result: Result, bound: BoundCampaign) -> Table | None:
     return Table("Derived outputs per experiment", heads, tuple(rows))
 
 
-def deviation_table(result: Result, bound: BoundCampaign) -> Table | None:
+def deviation_table(result: Result, data: ShownCampaign) -> Table | None:
     """Every peak: measured, simulated before and after, deviations; None without peaks."""
     if not result.peaks:
         return None
     along, hertz = prefixed(max(p.frequency_hz for p in result.peaks), "Hz")
-    up, volts = prefixed(max(p.measured_v for p in result.peaks), bound.amplitude_unit)
+    up, volts = prefixed(max(p.measured_v for p in result.peaks), data.unit)
     before, after = result.deviations.initial.per_peak, result.deviations.final.per_peak
     rows = tuple(
         _peak_row(peak, first, last, along, up)
@@ -243,10 +243,10 @@ def _peak_row(peak: Peak, first: float, last: float, along: float, up: float) ->
     )
 
 
-def mean_deviation_table(result: Result, bound: BoundCampaign) -> Table:
+def mean_deviation_table(result: Result, data: ShownCampaign) -> Table:
     """Mean deviations per experiment and overall, before and after."""
     first, last = result.deviations.initial, result.deviations.final
-    labels = [e.label for e in bound.experiments] or ["sweep"]
+    labels = list(data.labels) or ["sweep"]
     lines = [*zip(labels, first.per_experiment, last.per_experiment, strict=False)]
     if len(lines) > 1:
         lines.append(("all", first.mean, last.mean))
@@ -395,18 +395,6 @@ def start_table(result: Result) -> Table:
 
 def _values(values: Mapping[str, float], names: Iterable[str]) -> str:
     return ", ".join(f"{markup(name)} = {number(values[name], 6)}" for name in names)
-
-
-def settings_words(settings: Mapping[str, Scalar]) -> str:
-    """Settings as "name = value, ..."."""
-    return ", ".join(f"{name} = {scalar_words(value)}" for name, value in settings.items())
-
-
-def scalar_words(value: Scalar) -> str:
-    """A setting as a campaign file writes it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return number(value, 12) if isinstance(value, float) else str(value)
 
 
 def pairs_table(caption: str, heads: Sequence[str], pairs: Mapping[str, str]) -> Table:

@@ -17,6 +17,7 @@ from fitting.fmu.description import read_description
 from fitting.lab.planned import Noise, Planned, measure_planned
 from fitting.lab.string import steady_state
 from fitting.lab.synthesis import read_bench
+from fitting.report.shown import shown_campaign
 from fitting.text.errors import BadInput
 from fitting.text.records import write_json
 from tests.fit import test_swap
@@ -117,7 +118,7 @@ def test_it_sets_out_from_a_result(
 ) -> None:
     """The given point is the result's, its alternative too; one of another campaign is refused."""
     bound = bind(read_campaign(Q1 / "campaign.toml"), read_description(oscillator_fmu).variables)
-    base = result_for(bound)
+    base = result_for(shown_campaign(bound))
     values = {"theta": 2.2, "d1": 160.0, "d2": 60.0}
     known = base.parameters["d1"]
     parameters = {name: replace(known, value=value) for name, value in values.items()}

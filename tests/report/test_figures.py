@@ -18,27 +18,21 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from fitting.campaign import BoundCampaign
 from fitting.fit.result import Result
 from fitting.report.figures import style as plots_style
-from fitting.report.figures.campaign import draw_drive, draw_response, draw_spectra
-from fitting.report.figures.deviation import (
+from fitting.report.figures.fit import draw_convergence, draw_derived
+from fitting.report.figures.reconstruction import figures_of, write_figures
+from fitting.report.figures.style import Drawing, FigureFile, save, style
+from fitting.report.figures.sweep import draw_response
+from fitting.report.figures.tones import (
+    draw_drive,
     draw_improvement,
     draw_over_frequency,
     draw_per_experiment,
+    draw_spectra,
 )
-from fitting.report.figures.history import draw_convergence, draw_derived
-from fitting.report.figures.reconstruction import figures_of, write_figures
-from fitting.report.figures.style import (
-    AFTER,
-    BEFORE,
-    MEASURED,
-    SIMULATED,
-    Drawing,
-    FigureFile,
-    save,
-    style,
-)
+from fitting.report.plot.axes import AFTER, BLACK, MEASURED, SIMULATED
+from fitting.report.shown import ShownCampaign
 from tests.support import report_records as records
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -48,11 +42,11 @@ ALL = (draw_drive, draw_spectra, *DEVIATIONS, draw_convergence, draw_derived, dr
 #: The paper: bullet, triangle, pentagon, diamond, square.
 PAPER_MARKERS = ["o", "^", "p", "D", "s"]
 
-Draw = Callable[[Result, BoundCampaign], Drawing]
+Draw = Callable[[Result, ShownCampaign], Drawing]
 
 
 @pytest.fixture(scope="module")
-def bound() -> BoundCampaign:
+def data() -> ShownCampaign:
     return SHAPES["paper"]
 
 
@@ -63,23 +57,23 @@ def result() -> Result:
 
 @pytest.fixture(scope="module")
 def files(
-    result: Result, bound: BoundCampaign, tmp_path_factory: pytest.TempPathFactory
+    result: Result, data: ShownCampaign, tmp_path_factory: pytest.TempPathFactory
 ) -> list[FigureFile]:
-    return write_figures(result, bound, tmp_path_factory.mktemp("figures"))
+    return write_figures(result, data, tmp_path_factory.mktemp("figures"))
 
 
-KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, BoundCampaign]] = {}
+KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, ShownCampaign]] = {}
 
 
-def drawn(draw: Draw, result: Result, bound: BoundCampaign) -> Figure:
+def drawn(draw: Draw, result: Result, data: ShownCampaign) -> Figure:
     """The figure as drawn, laid out; kept, because that takes a second."""
-    key = (draw, id(result), id(bound))
+    key = (draw, id(result), id(data))
     if key not in KEPT:
         with style():
-            figure = draw(result, bound).figure
+            figure = draw(result, data).figure
             FigureCanvasAgg(figure)
             figure.draw_without_rendering()
-        KEPT[key] = (figure, result, bound)  # the records too: an id is theirs while they live
+        KEPT[key] = (figure, result, data)  # the records too: an id is theirs while they live
     return KEPT[key][0]
 
 
@@ -139,8 +133,8 @@ def test_nothing_in_a_figure_is_fetched(files: list[FigureFile]) -> None:
 @pytest.mark.parametrize("draw", ALL)
 @pytest.mark.parametrize("synthetic", [True, False])
 def test_the_synthetic_mark_stands_where_it_is_due(draw: Draw, synthetic: bool) -> None:
-    bound = records.campaign(synthetic=synthetic)
-    figure = draw(records.result_for(bound), bound).figure
+    data = records.campaign(synthetic=synthetic)
+    figure = draw(records.result_for(data), data).figure
     marks = [t for t in figure.findobj(Text) if t.get_text() == "SYNTHETIC DATA"]
     assert len(marks) == synthetic
 
@@ -150,12 +144,12 @@ def test_the_synthetic_mark_is_in_the_files(files: list[FigureFile]) -> None:
 
 
 def test_the_same_result_gives_the_same_bytes(
-    files: list[FigureFile], result: Result, bound: BoundCampaign, tmp_path: Path
+    files: list[FigureFile], result: Result, data: ShownCampaign, tmp_path: Path
 ) -> None:
     again = {}
     with style():
         for draw in (draw_over_frequency, draw_derived):
-            saved = save(draw(result, bound), tmp_path)
+            saved = save(draw(result, data), tmp_path)
             again[saved.name] = saved
     for file in (file for file in files if file.name in again):
         assert file.svg.read_bytes() == again[file.name].svg.read_bytes()
@@ -168,14 +162,14 @@ def test_no_unfinished_file_is_left(files: list[FigureFile]) -> None:
 
 
 def test_a_sweep_alone_gets_convergence_and_response(tmp_path: Path) -> None:
-    bound = records.campaign(experiments=[])
-    names = [f.name for f in write_figures(records.result_for(bound), bound, tmp_path)]
+    data = records.campaign(tones=[])
+    names = [f.name for f in write_figures(records.result_for(data), data, tmp_path)]
     assert names == ["5_convergence", "8_frequency_response"]
 
 
 def test_peaks_without_a_sweep_get_no_response() -> None:
-    bound = records.campaign(sweep=False)
-    assert draw_response not in figures_of(records.result_for(bound), bound)
+    data = records.campaign(sweep=False)
+    assert draw_response not in figures_of(records.result_for(data), data)
 
 
 def test_svg_holds_a_marker_per_peak_before_and_after(files: list[FigureFile]) -> None:
@@ -188,25 +182,25 @@ def test_svg_holds_a_marker_per_peak_before_and_after(files: list[FigureFile]) -
 
 @pytest.mark.parametrize("draw", DEVIATIONS)
 def test_markers_are_the_paper_s_in_every_figure(
-    draw: Draw, result: Result, bound: BoundCampaign
+    draw: Draw, result: Result, data: ShownCampaign
 ) -> None:
-    shapes = {line.get_marker() for line in points(drawn(draw, result, bound).axes[0])}
+    shapes = {line.get_marker() for line in points(drawn(draw, result, data).axes[0])}
     assert shapes == set(PAPER_MARKERS)
 
 
-def test_marker_shapes_follow_the_experiments(result: Result, bound: BoundCampaign) -> None:
-    over = drawn(draw_over_frequency, result, bound).axes[0]
+def test_marker_shapes_follow_the_experiments(result: Result, data: ShownCampaign) -> None:
+    over = drawn(draw_over_frequency, result, data).axes[0]
     by_tone = {round(xs(line)[0]): line.get_marker() for line in points(over)}
     offsets = [(-100, 100), (-80, 80), (-60, 60), (-20, 20), (-10, 10)]  # Hz from 6.94026 MHz
     assert [(by_tone[a], by_tone[b]) for a, b in offsets] == [(m, m) for m in PAPER_MARKERS]
-    derived = drawn(draw_derived, result, bound).axes[0]
+    derived = drawn(draw_derived, result, data).axes[0]
     assert [line.get_marker() for line in points(derived)] == PAPER_MARKERS
 
 
-def test_deviations_are_drawn_where_they_are(result: Result, bound: BoundCampaign) -> None:
-    axes = drawn(draw_over_frequency, result, bound).axes[0]
+def test_deviations_are_drawn_where_they_are(result: Result, data: ShownCampaign) -> None:
+    axes = drawn(draw_over_frequency, result, data).axes[0]
     for colour, values in (
-        (BEFORE, [0.3 + 0.01 * k for k in range(10)]),
+        (BLACK, [0.3 + 0.01 * k for k in range(10)]),
         (AFTER, [0.01] * 10),
     ):
         lines = [line for line in points(axes) if line.get_color() == colour]
@@ -220,26 +214,26 @@ def test_deviations_are_drawn_where_they_are(result: Result, bound: BoundCampaig
 
 
 def test_drift_among_the_tones_is_shaded_and_nothing_else(
-    result: Result, bound: BoundCampaign
+    result: Result, data: ShownCampaign
 ) -> None:
-    axes = drawn(draw_over_frequency, result, bound).axes[0]
+    axes = drawn(draw_over_frequency, result, data).axes[0]
     (shaded,) = axes.patches  # eta_plus; a drifting temperature is no frequency
     extent = shaded.get_extents().transformed(axes.transData.inverted())
     assert (extent.x0, extent.x1) == pytest.approx((-50.0, 50.0))
 
 
-def test_improvement_is_final_over_initial(result: Result, bound: BoundCampaign) -> None:
-    axes = drawn(draw_improvement, result, bound).axes[0]
+def test_improvement_is_final_over_initial(result: Result, data: ShownCampaign) -> None:
+    axes = drawn(draw_improvement, result, data).axes[0]
     shares = [ys(line)[0] for line in points(axes)]
     assert shares == pytest.approx([1.0 / (0.3 + 0.01 * k) for k in range(10)])
 
 
-def test_a_peak_moved_by_ten_sigma_stands_out(bound: BoundCampaign) -> None:
-    sigma = records.SIGMA_V / np.concatenate([e.peaks_v for e in bound.experiments])
+def test_a_peak_moved_by_ten_sigma_stands_out(data: ShownCampaign) -> None:
+    sigma = records.SIGMA_V / np.concatenate([e.peaks for e in data.tones])
     errors = 0.8 * sigma * (-1.0) ** np.arange(10)
     errors[5] = 10.0 * sigma[5]  # second tone of the third pair
-    bad = records.result_for(bound, final=list(errors))
-    drawing = draw_per_experiment(bad, bound)
+    bad = records.result_for(data, final=list(errors))
+    drawing = draw_per_experiment(bad, data)
     notes = [t.get_text() for t in drawing.figure.findobj(Annotation)]
     assert notes == ["+10.0"]
     assert "+10.0 σ, at 6.94032 MHz of pair3" in drawing.caption
@@ -250,20 +244,20 @@ def test_a_peak_moved_by_ten_sigma_stands_out(bound: BoundCampaign) -> None:
 
 def test_peaks_without_sigma_are_drawn_without_error_bars() -> None:
     bare = [
-        replace(records.experiment(f"p{m}", pair, spectrum=False), sigmas_v=np.full(2, np.nan))
+        replace(records.experiment(f"p{m}", pair, spectrum=False), sigmas=(np.nan, np.nan))
         for m, pair in enumerate(records.PAIRS_HZ)
     ]
-    bound = records.campaign(bare)
-    result = records.result_for(bound)
-    drawn(draw_per_experiment, result, bound)
-    drawn(draw_spectra, result, bound)
-    assert "not known" in draw_per_experiment(result, bound).caption
+    data = records.campaign(bare)
+    result = records.result_for(data)
+    drawn(draw_per_experiment, result, data)
+    drawn(draw_spectra, result, data)
+    assert "not known" in draw_per_experiment(result, data).caption
 
 
 def test_spectra_have_a_panel_per_pair_before_and_after(
-    result: Result, bound: BoundCampaign
+    result: Result, data: ShownCampaign
 ) -> None:
-    figure = drawn(draw_spectra, result, bound)
+    figure = drawn(draw_spectra, result, data)
     panels = [axes for axes in figure.axes if axes.get_visible()]
     assert len(panels) == 2 * 5
     assert [axes.get_title().splitlines()[0] for axes in panels[:5]] == [
@@ -278,9 +272,9 @@ def test_spectra_have_a_panel_per_pair_before_and_after(
 
 
 def test_the_drive_beats_with_the_difference_of_the_tones(
-    result: Result, bound: BoundCampaign
+    result: Result, data: ShownCampaign
 ) -> None:
-    drawing = draw_drive(result, bound)
+    drawing = draw_drive(result, data)
     titles = [axes.get_title(loc="left") for axes in drawing.figure.axes]
     assert titles[0] == "pair1: 6.94016 and 6.94036 MHz, beats every 5 ms (200 Hz)"
     assert titles[4] == "pair5: 6.94025 and 6.94027 MHz, beats every 50 ms (20 Hz)"
@@ -290,8 +284,8 @@ def test_the_drive_beats_with_the_difference_of_the_tones(
     assert np.max(np.abs(node[:, 1])) < 0.02  # half a beat after the crest, in ms
 
 
-def test_no_small_error_where_the_data_give_none(result: Result, bound: BoundCampaign) -> None:
-    titles = [axes.get_title(loc="left") for axes in drawn(draw_derived, result, bound).axes]
+def test_no_small_error_where_the_data_give_none(result: Result, data: ShownCampaign) -> None:
+    titles = [axes.get_title(loc="left") for axes in drawn(draw_derived, result, data).axes]
     coupling = next(title for title in titles if "λ" in title)
     assert "not determined" in coupling
     assert "±" not in coupling
@@ -299,9 +293,9 @@ def test_no_small_error_where_the_data_give_none(result: Result, bound: BoundCam
 
 
 def test_convergence_has_a_panel_per_quantity_and_the_objective(
-    result: Result, bound: BoundCampaign
+    result: Result, data: ShownCampaign
 ) -> None:
-    figure = drawn(draw_convergence, result, bound)
+    figure = drawn(draw_convergence, result, data)
     labels = [axes.get_ylabel() for axes in figure.axes if axes.get_visible()]
     assert len(labels) == 2 + 2 + 1  # theta, d1, lambda, D11, J
     assert [axes.get_xticklabels()[0].get_text() for axes in figure.axes[:5]] == ["start"] * 5
@@ -310,22 +304,22 @@ def test_convergence_has_a_panel_per_quantity_and_the_objective(
     assert any("start: 0 rad" in t.get_text() for t in figure.findobj(Annotation))
 
 
-def test_parameters_of_one_unit_share_a_panel_of_corrections(bound: BoundCampaign) -> None:
-    result = records.result_for(bound)
+def test_parameters_of_one_unit_share_a_panel_of_corrections(data: ShownCampaign) -> None:
+    result = records.result_for(data)
     second = replace(result.parameters["d1"], reference=100.0)
     rows = tuple(
         replace(row, parameters={**row.parameters, "d2": row.parameters["d1"] + 5.0})
         for row in result.history
     )
     both = replace(result, parameters={**result.parameters, "d2": second}, history=rows)
-    axes = drawn(draw_convergence, both, bound).axes[1]
+    axes = drawn(draw_convergence, both, data).axes[1]
     ends = {line.get_label(): ys(line)[-1] for line in axes.get_lines()}
     assert ends["$d_{\\mathrm{1}}$"] == pytest.approx(93.424576 - 94.0)
     assert ends["$d_{\\mathrm{2}}$"] == pytest.approx(98.424576 - 100.0)
 
 
-def test_the_fit_of_the_response_gives_the_line_back(result: Result, bound: BoundCampaign) -> None:
-    caption = draw_response(result, bound).caption
+def test_the_fit_of_the_response_gives_the_line_back(result: Result, data: ShownCampaign) -> None:
+    caption = draw_response(result, data).caption
     words = caption.split("full width = ")[1].replace("\u00a0", " ").split()
     assert abs(float(words[0]) - records.WIDTH_HZ) < 3.0 * float(words[2])
 
@@ -333,13 +327,13 @@ def test_the_fit_of_the_response_gives_the_line_back(result: Result, bound: Boun
 # --- every shape of campaign stays readable -------------------------------------------------
 
 
-def shapes() -> Iterator[tuple[str, BoundCampaign]]:
+def shapes() -> Iterator[tuple[str, ShownCampaign]]:
     """Campaigns of other shapes than the paper's."""
     yield "paper", records.campaign()
     one = [records.experiment("only", (6940250.0,))]
-    yield "one tone", records.campaign(one, drifting={})
+    yield "one tone", records.campaign(one, drift_hz={})
     three = [records.experiment(f"t{m}", (6940190.0 + m, 6940240.0, 6940350.0)) for m in range(3)]
-    yield "three tones", records.campaign(three, drifting={}, unit="m")
+    yield "three tones", records.campaign(three, drift_hz={}, unit="m")
     many = [
         records.experiment(f"experiment number {m}", (6940160.0 + 2 * m, 6940360.0 - 3 * m))
         for m in range(23)
@@ -347,19 +341,19 @@ def shapes() -> Iterator[tuple[str, BoundCampaign]]:
     yield "many, long names", records.campaign(many, title="A long title, " * 20)
     hostile = [records.experiment("a$b_{<&", pair) for pair in records.PAIRS_HZ[:1]]
     yield "hostile names", records.campaign(hostile, title="50 $ & <b> \\frac{ 漢字")
-    yield "sweep only", records.campaign(experiments=[])
+    yield "sweep only", records.campaign(tones=[])
 
 
 SHAPES = dict(shapes())
-RESULTS = {shape: records.result_for(bound) for shape, bound in SHAPES.items()}
+RESULTS = {shape: records.result_for(data) for shape, data in SHAPES.items()}
 
 
 @pytest.mark.parametrize("shape", list(SHAPES))
 def test_labels_keep_apart_and_inside(shape: str) -> None:
-    bound = SHAPES[shape]
+    data = SHAPES[shape]
     result = RESULTS[shape]
-    for draw in figures_of(result, bound):
-        figure = drawn(draw, result, bound)
+    for draw in figures_of(result, data):
+        figure = drawn(draw, result, data)
         boxes = label_boxes(figure)
         page = figure.bbox
         for words, box in boxes:
@@ -395,8 +389,8 @@ def label_boxes(figure: Figure) -> list[tuple[str, Bbox]]:
 
 
 @pytest.mark.parametrize("draw", ALL)
-def test_ticks_need_no_offset_to_be_read(draw: Draw, result: Result, bound: BoundCampaign) -> None:
-    for axes in drawn(draw, result, bound).axes:
+def test_ticks_need_no_offset_to_be_read(draw: Draw, result: Result, data: ShownCampaign) -> None:
+    for axes in drawn(draw, result, data).axes:
         for axis in (axes.xaxis, axes.yaxis):
             assert axis.get_offset_text().get_text() == ""
             assert all(len(label.get_text()) <= 8 for label in axis.get_ticklabels())
@@ -423,7 +417,7 @@ BLINDNESS = {
 
 
 @pytest.mark.parametrize("kind", list(BLINDNESS))
-@pytest.mark.parametrize("pair", [(MEASURED, SIMULATED), (BEFORE, AFTER), SIMULATED + AFTER])
+@pytest.mark.parametrize("pair", [(MEASURED, SIMULATED), (BLACK, AFTER), SIMULATED + AFTER])
 def test_colours_that_are_compared_differ_for_every_eye(
     kind: str, pair: tuple[str, str] | str
 ) -> None:
@@ -445,9 +439,9 @@ def seen_lab(colour: str, kind: str) -> np.ndarray:
     return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 
 
-def test_vanishing_deviations_get_a_logarithmic_axis(bound: BoundCampaign) -> None:
-    exact = records.result_for(bound, final=[1e-7] * 10)
-    axes = drawn(draw_over_frequency, exact, bound).axes[0]
+def test_vanishing_deviations_get_a_logarithmic_axis(data: ShownCampaign) -> None:
+    exact = records.result_for(data, final=[1e-7] * 10)
+    axes = drawn(draw_over_frequency, exact, data).axes[0]
     assert axes.get_yscale() == "log"
 
 
@@ -460,8 +454,8 @@ def test_style_does_not_leak() -> None:
     assert dict(mpl.rcParams) == before
 
 
-def test_a_run_stopped_at_once_and_values_that_do_not_exist_are_drawn(bound: BoundCampaign) -> None:
-    result = records.result_for(bound)
+def test_a_run_stopped_at_once_and_values_that_do_not_exist_are_drawn(data: ShownCampaign) -> None:
+    result = records.result_for(data)
     nothing = float("nan")
     absent = replace(
         result.derived["lambda"],
@@ -476,5 +470,5 @@ def test_a_run_stopped_at_once_and_values_that_do_not_exist_are_drawn(bound: Bou
     begun = replace(result.history[0], derived={"lambda": nothing})
     odd = replace(result, derived={"lambda": absent}, history=(begun,))
     for draw in (draw_convergence, draw_derived):
-        texts = [t.get_text() for t in drawn(draw, odd, bound).findobj(Text)]
+        texts = [t.get_text() for t in drawn(draw, odd, data).findobj(Text)]
         assert "the model has no value here" in texts

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from lxml import etree, html
 
-from fitting.campaign import BoundCampaign
 from fitting.fit.result import Result
 from fitting.report.figures.style import FigureFile
 from fitting.report.page import render, write_report
+from fitting.report.shown import ShownCampaign
 from fitting.text.errors import BadInput
 from tests.support import report_records as records
 
@@ -33,13 +33,13 @@ NAMES = (
 
 
 @pytest.fixture(scope="module")
-def bound() -> BoundCampaign:
+def data() -> ShownCampaign:
     return records.campaign()
 
 
 @pytest.fixture(scope="module")
-def result(bound: BoundCampaign) -> Result:
-    return records.result_for(bound)
+def result(data: ShownCampaign) -> Result:
+    return records.result_for(data)
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +57,8 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> list[FigureFile]:
 
 
 @pytest.fixture(scope="module")
-def page(result: Result, bound: BoundCampaign, figures: list[FigureFile]) -> Any:
-    return html.document_fromstring(render(result, bound, figures))
+def page(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> Any:
+    return html.document_fromstring(render(result, data, figures))
 
 
 def table(page: Any, caption: str) -> list[list[Any]]:
@@ -233,15 +233,15 @@ def test_warnings_plan_notes_and_provenance_are_told(page: Any, result: Result) 
 
 @pytest.mark.parametrize("synthetic", [True, False])
 def test_synthetic_data_are_called_so(synthetic: bool, figures: list[FigureFile]) -> None:
-    bound = records.campaign(synthetic=synthetic)
-    page = html.document_fromstring(render(records.result_for(bound), bound, figures))
+    data = records.campaign(synthetic=synthetic)
+    page = html.document_fromstring(render(records.result_for(data), data, figures))
     assert bool(page.find_class("synthetic")) is synthetic
     assert ("synthetic" in page.findtext(".//title")) is synthetic
 
 
-def test_a_bad_end_is_seen(result: Result, bound: BoundCampaign, figures: list[FigureFile]) -> None:
+def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> None:
     ended = replace(result, status="not converged", message="The last level stalled.", warnings=())
-    page = html.document_fromstring(render(ended, bound, figures))
+    page = html.document_fromstring(render(ended, data, figures))
     box = page.get_element_by_id("status")
     assert box.get("class") == "status bad"
     assert box.text_content() == "Not converged. The last level stalled."
@@ -250,10 +250,10 @@ def test_a_bad_end_is_seen(result: Result, bound: BoundCampaign, figures: list[F
 
 def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> None:
     evil = "<script>alert(1)</script>&\"'"
-    bound = records.campaign(
+    data = records.campaign(
         [records.experiment(evil, pair) for pair in records.PAIRS_HZ[:1]], title=evil
     )
-    result = records.result_for(bound)
+    result = records.result_for(data)
     named = {evil: replace(result.parameters["theta"], unit="<i>Hz</i>")}
     rows = tuple(replace(row, parameters={evil: 1.0}) for row in result.history)
     hostile = replace(
@@ -265,7 +265,7 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
         alternatives=(),
         correlation=((1.0,),),
     )
-    text = render(hostile, bound, [replace(f, alt=evil, caption=evil) for f in figures])
+    text = render(hostile, data, [replace(f, alt=evil, caption=evil) for f in figures])
     page = html.document_fromstring(text)
     assert not list(page.iter("script"))
     assert page.findtext(".//h1") == evil
@@ -274,9 +274,9 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
 
 
 def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None:
-    bound = records.campaign(experiments=[])
-    result = replace(records.result_for(bound), correlation=())
-    page = html.document_fromstring(render(result, bound, figures[4:5]))
+    data = records.campaign(tones=[])
+    result = replace(records.result_for(data), correlation=())
+    page = html.document_fromstring(render(result, data, figures[4:5]))
     captions = [t.findtext("caption") for t in page.iter("table")]
     assert "Fitted parameters" in captions
     assert not [c for c in captions if "Peaks" in c or "per experiment" in c]
@@ -284,22 +284,22 @@ def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None
 
 
 def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
-    bound = records.campaign(experiments=[])
-    result = records.result_for(bound)
-    path = write_report(result, bound, tmp_path)
+    data = records.campaign(tones=[])
+    result = records.result_for(data)
+    path = write_report(result, data, tmp_path)
     assert path == tmp_path / "report.html"
     first = path.read_bytes()
     assert len(list(html.fromstring(first).iter("img"))) == 2
     assert {p.name for p in tmp_path.iterdir()} == {"report.html", "figures"}
-    assert write_report(result, bound, tmp_path).read_bytes() == first
+    assert write_report(result, data, tmp_path).read_bytes() == first
 
 
 def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(
-    result: Result, bound: BoundCampaign, figures: list[FigureFile], tmp_path: Path
+    result: Result, data: ShownCampaign, figures: list[FigureFile], tmp_path: Path
 ) -> None:
     (tmp_path / "report.html").mkdir()
     with pytest.raises(BadInput, match=r"report\.html"):
-        write_report(result, bound, tmp_path, figures)
+        write_report(result, data, tmp_path, figures)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
 

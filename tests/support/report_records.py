@@ -4,21 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign import (
-    BoundCampaign,
-    ContinuationSettings,
-    Drift,
-    Drive,
-    Experiment,
-    Setup,
-    Spectrum,
-    SweepData,
-)
-from fitting.campaign.parameters import Parameter
 from fitting.fit.result import (
     AlternativeResult,
     Cost,
@@ -35,6 +24,8 @@ from fitting.fit.result import (
     SweepCurves,
     SweepLine,
 )
+from fitting.report.shown import ShownCampaign, ShownSweep, ShownTones, Trace
+from fitting.signal.peaks import fit_resonance
 
 #: Drive pairs of the paper's first series, Hz, and peak amplitudes of the size it reports.
 PAIRS_HZ = (
@@ -55,7 +46,7 @@ def lorentzian_v(f_hz: np.ndarray) -> np.ndarray:
     return result
 
 
-def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) -> Experiment:
+def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) -> ShownTones:
     """An experiment whose peaks lie on the Lorentzian, with a spectrum that shows them."""
     peaks = lorentzian_v(np.array(tones_hz))
     trace = None
@@ -64,68 +55,56 @@ def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) 
         a = 0.25e-6 * (1.0 + 0.5 * np.sin(0.7 * np.arange(f.size)))
         for tone, peak in zip(tones_hz, peaks, strict=True):
             a[int(np.argmin(np.abs(f - tone)))] = peak
-        trace = Spectrum(f, a, Path(f"{label}.csv"))
-    sigmas = np.full(len(peaks), SIGMA_V)
-    return Experiment(label, {}, tuple(tones_hz), peaks, sigmas, 0.25e-6, trace)
+        trace = Trace(f, a)
+    return ShownTones(
+        label=label,
+        tones_hz=tuple(tones_hz),
+        drive=(1.0,) * len(tones_hz),
+        read_hz=tuple(tones_hz),
+        peaks=tuple(map(float, peaks)),
+        sigmas=(SIGMA_V,) * len(peaks),
+        floor=0.25e-6,
+        trace=trace,
+    )
 
 
 def campaign(
-    experiments: Sequence[Experiment] | None = None,
+    tones: Sequence[ShownTones] | None = None,
     *,
     title: str = "A string",
     synthetic: bool = True,
-    drifting: dict[str, tuple[float, float]] | None = None,
+    drift_hz: dict[str, tuple[float, float]] | None = None,
     sweep: bool = True,
     unit: str = "V",
-) -> BoundCampaign:
-    """A bound campaign of two-tone experiments; the paper's pairs unless others are given."""
-    if experiments is None:
-        experiments = [experiment(f"pair{m + 1}", pair) for m, pair in enumerate(PAIRS_HZ)]
-    swept = SweepData(
-        SWEEP_HZ,
-        lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0))),
-        None,
-        {"eta_plus": ETA_HZ},
-        "scale" if experiments else "fit",
-        "maximum",
-        Path("sweep.csv"),
+) -> ShownCampaign:
+    """A campaign of two-tone experiments; the paper's pairs unless others are given."""
+    if tones is None:
+        tones = [experiment(f"pair{m + 1}", pair) for m, pair in enumerate(PAIRS_HZ)]
+    amplitude = lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0)))
+    swept = ShownSweep(
+        frequency_hz=tuple(map(float, SWEEP_HZ)),
+        amplitude=tuple(map(float, amplitude)),
         unit=unit,
+        fitted=not tones,
+        resonance=fit_resonance(SWEEP_HZ, amplitude),
     )
-    return BoundCampaign(
+    return ShownCampaign(
         title=title,
-        path=Path("campaign.toml"),
         synthetic=synthetic,
-        setup=Setup(
-            drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
-            output="q1_hybrid",
-            start_values={"periodic_start": True},
-            steady_start=True,
-            accuracy=1e-6,
-            source="campaign.toml",
-        ),
-        experiments=tuple(experiments),
+        unit=unit,
+        tones=tuple(replace(t, unit=unit) for t in tones),
         sweep=swept if sweep else None,
-        parameters=(
-            Parameter("theta", "rad", -6.3, 6.3, 0.0, 1.9635, 1.0, period=math.pi),
-            Parameter("d1", "Hz", 1.0, 1000.0, 94.0, 94.0, 100.0),
-        ),
-        derived=("lambda", "D11"),
-        alternatives=({"reflection": False}, {"reflection": True}),
-        continuation=ContinuationSettings(),
-        amplitude_unit=unit,
-        drift=Drift(
-            {"eta_plus": (6940210.0, 6940310.0), "temperature": (300.0, 301.0)}
-            if drifting is None
-            else drifting
-        ),
+        drift_hz={"eta_plus": (6940210.0, 6940310.0), "temperature": (300.0, 301.0)}
+        if drift_hz is None
+        else drift_hz,
+        settings={"observed output": "q1_hybrid", "drive": "tones set by the FMU's u1 and u2"},
         notes=("A note of the binding.",),
-        files=(Path("campaign.toml"),),
     )
 
 
-def deviation_set(bound: BoundCampaign, values: Sequence[float]) -> DeviationSet:
+def deviation_set(data: ShownCampaign, values: Sequence[float]) -> DeviationSet:
     """Deviations per peak with their means, as the paper defines them."""
-    counts = [len(e.tones_hz) for e in bound.experiments]
+    counts = [len(e.tones_hz) for e in data.tones]
     groups = np.split(np.array(values), np.cumsum(counts)[:-1]) if counts else [np.array(values)]
     return DeviationSet(
         tuple(values), tuple(float(np.mean(g)) for g in groups), float(np.mean(values))
@@ -133,7 +112,7 @@ def deviation_set(bound: BoundCampaign, values: Sequence[float]) -> DeviationSet
 
 
 def result_for(
-    bound: BoundCampaign,
+    data: ShownCampaign,
     *,
     initial: Sequence[float] | None = None,
     final: Sequence[float] | None = None,
@@ -141,8 +120,8 @@ def result_for(
     """A result for a campaign; ``initial``, ``final`` are signed relative errors per peak."""
     peaks = [
         (e.label, f, float(v), float(s))
-        for e in bound.experiments
-        for f, v, s in zip(e.tones_hz, e.peaks_v, e.sigmas_v, strict=True)
+        for e in data.tones
+        for f, v, s in zip(e.tones_hz, e.peaks, e.sigmas, strict=True)
     ]
     count = len(peaks) or 41
     first = [0.3 + 0.01 * k for k in range(count)] if initial is None else list(initial)
@@ -151,13 +130,13 @@ def result_for(
         Peak(label, f, v, s, v * (1.0 + a), v * (1.0 + b))
         for (label, f, v, s), a, b in zip(peaks, first, last, strict=False)
     )
-    before = deviation_set(bound, [abs(a) for a in first])
-    after = deviation_set(bound, [abs(b) for b in last])
-    n = max(1, len(bound.experiments))
+    before = deviation_set(data, [abs(a) for a in first])
+    after = deviation_set(data, [abs(b) for b in last])
+    n = max(1, len(data.tones))
     swept = tuple(map(float, lorentzian_v(SWEEP_HZ)))
     return Result(
-        title=bound.title,
-        synthetic=bound.synthetic,
+        title=data.title,
+        synthetic=data.synthetic,
         status="converged",
         message="All 3 levels were done.",
         parameters=parameters(),
@@ -170,7 +149,7 @@ def result_for(
         scale=Scale("maximum", 1.03e6, 1.04e6, 2e-8, TOP_V, 1e-3, 5e-4),
         peaks=rows,
         sweep=SweepCurves(tuple(map(float, SWEEP_HZ)), swept, tuple(0.9 * v for v in swept), swept)
-        if bound.sweep is not None
+        if data.sweep is not None
         else None,
         history=history(),
         alternatives=alternatives(),

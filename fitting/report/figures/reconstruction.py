@@ -6,25 +6,26 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.campaign import BoundCampaign
-from fitting.fit.joint_parts import parts_of
 from fitting.fit.result import Result
-from fitting.report.figures.campaign import draw_drive, draw_response, draw_spectra
-from fitting.report.figures.deviation import (
+from fitting.report.figures.fit import draw_convergence, draw_derived
+from fitting.report.figures.inference import knowledge_figures
+from fitting.report.figures.style import Drawing, FigureFile, save, style
+from fitting.report.figures.sweep import draw_response
+from fitting.report.figures.tones import (
+    draw_drive,
     draw_improvement,
     draw_over_frequency,
     draw_per_experiment,
+    draw_spectra,
 )
-from fitting.report.figures.history import draw_convergence, draw_derived
-from fitting.report.figures.knowledge import knowledge_figures
-from fitting.report.figures.style import Drawing, FigureFile, save, style
+from fitting.report.shown import ShownCampaign, shares_of
 
 FOLDER = "figures"
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
 ALONG_FREQUENCY = (draw_drive, draw_spectra, draw_over_frequency, draw_improvement)
 
 
-def write_figures(result: Result, bound: BoundCampaign, out_dir: Path) -> list[FigureFile]:
+def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[FigureFile]:
     """Draw every figure that the campaign has data for, as SVG and PNG below `out_dir`/figures.
 
     The same result gives the same bytes.
@@ -33,20 +34,20 @@ def write_figures(result: Result, bound: BoundCampaign, out_dir: Path) -> list[F
         BadInput: the folder cannot be written.
     """
     with style():
-        parts = parts_of(result, bound)
+        parts = shares_of(result, data)
         drawn = []
-        for draw in figures_of(result, bound):
+        for draw in figures_of(result, data):
             if parts and draw in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
                 drawn += [_named(draw(share, member), name) for name, share, member in parts]
             else:
-                drawn.append(draw(result, bound))
+                drawn.append(draw(result, data))
         drawn += [
             _named(draw_response(share, member), name)
             for name, share, member in parts
             if share.sweep is not None
         ]
         if result.knowledge is not None:
-            drawn += knowledge_figures(result.knowledge, bound.title, synthetic=bound.synthetic)
+            drawn += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
         return [save(drawing, out_dir / FOLDER) for drawing in drawn]
 
 
@@ -56,10 +57,10 @@ def _named(drawing: Drawing, series: str) -> Drawing:
 
 
 def figures_of(
-    result: Result, bound: BoundCampaign
-) -> list[Callable[[Result, BoundCampaign], Drawing]]:
+    result: Result, data: ShownCampaign
+) -> list[Callable[[Result, ShownCampaign], Drawing]]:
     """The figures to draw, in order: those of peaks need experiments, the last one a sweep."""
-    draws: list[Callable[[Result, BoundCampaign], Drawing]] = []
+    draws: list[Callable[[Result, ShownCampaign], Drawing]] = []
     if result.peaks:
         draws += [draw_drive, draw_spectra, draw_over_frequency, draw_improvement]
     if result.history:
@@ -68,6 +69,6 @@ def figures_of(
         draws.append(draw_derived)
     if result.peaks:
         draws.append(draw_per_experiment)
-    if result.sweep is not None and bound.sweep is not None:
+    if result.sweep is not None and data.sweep is not None:
         draws.append(draw_response)
     return draws

@@ -13,18 +13,20 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from fitting.lab.tradeoff.front import pareto
 from fitting.lab.tradeoff.records import COHERENT, QUANTITIES, Measurement, Study
 from fitting.report.figures.style import (
+    Drawing,
+    FigureFile,
+    legend_below,
+    new_figure,
+    save,
+    style,
+)
+from fitting.report.plot.axes import (
     BLACK,
     GREY,
     ORANGE,
     SERIES,
     SERIES_MARKERS,
-    Drawing,
-    FigureFile,
-    legend_below,
     log_axis,
-    new_figure,
-    save,
-    style,
 )
 from fitting.text.notation import number, on_log_axis
 

@@ -1,0 +1,109 @@
+"""Figures of the fitted values: their way over the regularisation, and per experiment."""
+
+from __future__ import annotations
+
+import math
+
+from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
+from fitting.report import plot
+from fitting.report.figures.style import Drawing, new_figure, panels
+from fitting.report.shown import ShownCampaign
+from fitting.report.words.values import box_words
+from fitting.text.notation import listed, number, plain, quantity, unit_text
+
+PER_ROW = 3
+#: Parameters of one unit that share a panel of corrections.
+MOST_IN_PANEL = 6
+
+
+def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
+    """Parameters, means of the derived outputs, J_fit and J_reg over the levels of nu.
+
+    A parameter alone in its unit is drawn as its value, several of one unit as corrections
+    p - p_ref, which makes them comparable.
+    """
+    title = "Convergence over the regularisation ν"
+    groups, outputs = _groups(result), list(result.derived)
+    count = len(groups) + len(outputs) + 1
+    rows = math.ceil(count / min(PER_ROW, count))
+    figure = new_figure(
+        title, data.title, synthetic=data.synthetic, height=0.95 + 2.15 * rows, width=9.4
+    )
+    axes = panels(figure, count, PER_ROW)
+    for panel, names in zip(axes, groups, strict=False):
+        plot.parameter_path(result, *names, ax=panel)
+        if len(names) > 1:
+            panel.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, handlelength=1.6)
+    for panel, name in zip(axes[len(groups) :], outputs, strict=False):
+        plot.output_path(result, name, ax=panel)
+    plot.objective_path(result, ax=axes[-1]).legend(loc="best", handlelength=2.2)
+    values = [
+        f"{plain(name)} = {number(p.value, 6)} {unit_text(p.unit)}".strip()
+        for name, p in result.parameters.items()
+    ]
+    every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
+    unsure = [plain(name) for name, p in every.items() if p.identifiable == IDENTIFIABLE[2]]
+    warning = ""
+    if unsure:
+        warning = (
+            f" A curve that settles is no sign that the data determine the value: {listed(unsure)} "
+            f"{'is' if len(unsure) == 1 else 'are'} not determined by these data."
+        )
+    caption = (
+        "Way of the reported chain over the levels of the regularisation ν, from its start point: "
+        "fitted parameters (those of one unit as corrections to their reference), means of the "
+        "derived outputs over the experiments, misfit and regularisation term. Dashed grey: value "
+        f"at the reference parameters; a start far outside is told in words.{warning}"
+    )
+    alt = f"Values over {len(result.history) - 1} levels of ν, ending at {listed(values)}."
+    return Drawing("5_convergence", title, caption, alt, figure)
+
+
+def _groups(result: Result) -> list[list[str]]:
+    """Parameter names, those of one unit together."""
+    groups: dict[str, list[str]] = {}
+    for name, parameter in result.parameters.items():
+        groups.setdefault(unit_text(parameter.unit), []).append(name)
+    return [
+        names[k : k + MOST_IN_PANEL]
+        for names in groups.values()
+        for k in range(0, len(names), MOST_IN_PANEL)
+    ]
+
+
+def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
+    """Derived outputs of every experiment with mean and spread, and whether the data give them."""
+    title = "Derived quantities per experiment"
+    columns = min(PER_ROW, len(result.derived))
+    rows = math.ceil(len(result.derived) / columns)
+    width = 3.15 * columns if columns > 1 else 5.0
+    figure = new_figure(
+        title,
+        data.title,
+        synthetic=data.synthetic,
+        height=0.85 + 2.75 * rows,
+        width=max(width, 6.4),
+    )
+    axes = panels(figure, len(result.derived), PER_ROW)
+    for panel, name in zip(axes, result.derived, strict=True):
+        plot.output_by_experiment(result, name, data.labels, ax=panel)
+    said = [f"{plain(name)}: {_in_words(d)}" for name, d in result.derived.items()]
+    caption = (
+        "Derived outputs of the FMU at the fitted parameters, for every experiment (marker shapes "
+        "as in the other figures), with mean (dashed) and spread over the experiments (band, one "
+        "standard deviation). The spread is the drift of the experiments, not the uncertainty of "
+        f"the value. {'. '.join(said)}."
+    )
+    alt = (
+        "Values per experiment. "
+        + ". ".join(f"{plain(name)}: {_in_words(d)}" for name, d in result.derived.items())
+        + "."
+    )
+    return Drawing("6_derived_per_experiment", title, caption, alt, figure)
+
+
+def _in_words(derived: DerivedResult) -> str:
+    if derived.identifiable == IDENTIFIABLE[2]:
+        words = f"{derived.identifiable} by these data (anything from {box_words(derived)} within"
+        return f"{words} the box of the parameters)"
+    return f"{derived.identifiable}, {quantity(derived.value, derived.std, derived.unit)}"

@@ -1,0 +1,148 @@
+"""Figures of what the data determine: profiles, values that go together, outputs, choice of nu."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+from matplotlib.lines import Line2D
+
+from fitting.inference.knowledge import Knowledge, NuChoice
+from fitting.report import plot
+from fitting.report.figures.style import Drawing, handles_of, legend_below, new_figure, panels
+from fitting.report.plot.axes import BLUE, GREY
+from fitting.report.plot.inference import VERDICT_COLOURS
+from fitting.text.notation import listed, plain
+
+PER_ROW = 3
+#: Profiles, parameters against each other, and outputs, at most in a figure.
+MOST_PROFILES, MOST_TOGETHER, MOST_OUTPUTS = 18, 4, 4
+
+
+def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> list[Drawing]:
+    """Every figure that there is something for, in order."""
+    drawn = [draw_profiles(knowledge, title, synthetic=synthetic)]
+    if len(_together(knowledge)) > 1:
+        drawn.append(draw_together(knowledge, title, synthetic=synthetic))
+    if _along(knowledge) is not None:
+        drawn.append(draw_outputs(knowledge, title, synthetic=synthetic))
+    if knowledge.nu is not None and len(knowledge.nu.rows) > 1:
+        drawn.append(draw_nu(knowledge.nu, title, synthetic=synthetic))
+    return drawn
+
+
+def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
+    """Profile likelihood of every value with the thresholds of its intervals."""
+    title = "Profile likelihood: how far each value can go"
+    shown = dict(list(knowledge.profiles.items())[:MOST_PROFILES])
+    rows = math.ceil(len(shown) / PER_ROW)
+    figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 1.75 * rows)
+    for k, (panel, (name, profile)) in enumerate(
+        zip(panels(figure, len(shown), PER_ROW), shown.items(), strict=True)
+    ):
+        plot.profile(profile, name, ax=panel)
+        if k % PER_ROW:
+            panel.set_ylabel("")
+    handles = [
+        Line2D([], [], color=BLUE, marker="o", markersize=3.5, label="profile"),
+        Line2D([], [], color=GREY, linestyle="--", label="thresholds 68 % (1) and 95 % (3.84)"),
+        *(
+            Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {word}")
+            for word, colour in VERDICT_COLOURS.items()
+        ),
+    ]
+    legend_below(figure, handles, ncols=3)
+    words = [f"{plain(name)} {profile.verdict}" for name, profile in shown.items()]
+    caption = (
+        "Least Δχ² that fits of all other parameters reach at each value. Where the curve stays "
+        "below 3.84 the value fits the data at 95 %; a curve that stays there from end to end says "
+        "that the data do not determine the value. The band is the 95 % interval, drawn over the "
+        "range that the box leaves where the data end it nowhere."
+    )
+    return Drawing("9_profiles", title, caption, f"Verdicts: {listed(words)}.", figure)
+
+
+def _together(knowledge: Knowledge) -> list[str]:
+    """Parameters that are drawn against each other: those least determined, few of them."""
+    names = [n for n, p in knowledge.parameters.items() if len(p.values) > 1]
+    ranked = sorted(names, key=lambda name: knowledge.parameters[name].shrinkage)
+    return [name for name in names if name in ranked[:MOST_TOGETHER]]
+
+
+def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
+    """Parameters against each other over all fits that the profiles went through."""
+    title = "Which parameter values go together"
+    pairs = list(itertools.combinations(_together(knowledge), 2))
+    rows = math.ceil(len(pairs) / PER_ROW)
+    figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
+    axes = panels(figure, len(pairs), PER_ROW)
+    for panel, (one, other) in zip(axes, pairs, strict=True):
+        plot.together(knowledge, one, other, ax=panel)
+    legend_below(figure, handles_of(axes[0]), ncols=3)
+    names = [plain(name) for name in _together(knowledge)]
+    caption = (
+        "Every point of every profile: filled where it fits the data at 95 % (Δχ² ≤ 3.84), pale "
+        "where it does not; frames are the box. Filled points along a line or curve are a "
+        "combination that the data hold while its parts are free; filled points everywhere are no "
+        "knowledge at all."
+    )
+    alt = f"Fits in the planes of {listed(names)}."
+    return Drawing("10_together", title, caption, alt, figure)
+
+
+def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
+    """The least determined parameter and the outputs that are drawn over it."""
+    outputs = [n for n, p in knowledge.derived.items() if len(p.values) > 1]
+    outputs.sort(key=lambda name: knowledge.derived[name].shrinkage)
+    names = [n for n, p in knowledge.parameters.items() if len(p.values) > 1]
+    if not outputs or not names:
+        return None
+    # one that goes round is an angle, and what hangs on an angle is best seen over it
+    names.sort(
+        key=lambda n: (
+            knowledge.parameters[n].ends[0] != "round",
+            knowledge.parameters[n].shrinkage,
+        )
+    )
+    kept = outputs[:MOST_OUTPUTS]
+    return names[0], [name for name in knowledge.derived if name in kept]
+
+
+def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
+    """Derived outputs over the least determined parameter, with their prior and data intervals."""
+    title = "What the least determined parameter leaves open"
+    chosen = _along(knowledge)
+    if chosen is None:
+        raise ValueError("no output to draw over a parameter")
+    parameter, outputs = chosen
+    rows = math.ceil(len(outputs) / 2)
+    figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 2.3 * rows)
+    axes = panels(figure, len(outputs), 2)
+    for panel, name in zip(axes, outputs, strict=True):
+        plot.output(knowledge, name, parameter, ax=panel)
+    legend_below(figure, handles_of(axes[0]), ncols=3)
+    words = [f"{plain(name)} {knowledge.derived[name].verdict}" for name in outputs]
+    caption = (
+        f"Outputs over {plain(parameter)} at every point of every profile. The bars at the right "
+        "edge are the range without data (grey) and the 95 % interval with them (blue): where both "
+        "are alike, the data say nothing of that output."
+    )
+    return Drawing("11_outputs", title, caption, f"{listed(words)}.", figure)
+
+
+def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
+    """L-curve, discrepancy, and the result at every nu against the prior."""
+    title = "The regularisation ν that the data would choose"
+    figure = new_figure(title, campaign, synthetic=synthetic, height=3.4)
+    curve, squares, ways = figure.subplots(1, 3)
+    plot.l_curve(nu, ax=curve)
+    plot.discrepancy(nu, ax=squares)
+    plot.against_prior(nu, ax=ways)
+    if handles_of(ways):
+        ways.legend(loc="best")
+    caption = (
+        "Left: misfit against distance from the prior, the square marks the corner where there is "
+        "one. Middle: χ² of the solution at every ν. Right: how far the data moved the "
+        "solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
+    )
+    return Drawing("12_nu", title, caption, " ".join(nu.sentences), figure)

@@ -1,0 +1,432 @@
+"""Plots of two-tone experiments: spectra, and how far simulated and measured peaks are apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from fitting.fit.result import Peak, Result
+from fitting.report.plot.axes import (
+    AFTER,
+    BAND,
+    GREY,
+    MEASURED,
+    PALE,
+    SIMULATED,
+    axes_of,
+    ink,
+    label_experiments,
+    log_axis,
+    marker_of,
+    plain_ticks,
+    say_empty,
+    short,
+)
+from fitting.report.shown import ShownTones
+from fitting.text.notation import Scaling, mathtext, number, percent, prefixed, scaling_for
+
+#: Means this far apart are drawn on a logarithmic axis, or the lesser could not be seen.
+FAR_APART = 30.0
+#: Residuals beyond this many standard deviations get their value written beside them.
+NOTABLE_SIGMA = 5.0
+MOST_NOTES = 10
+#: Shift of "before" and "after" of one peak within its experiment's column.
+ASIDE = 0.09
+#: Ratios of deviations are drawn on a logarithmic axis from this one on, in percent.
+FAR_WORSE = 300.0
+
+
+def spectrum(
+    experiment: ShownTones,
+    peaks: Sequence[Peak] = (),
+    *,
+    when: str = "after",
+    marker: str = "o",
+    scales: tuple[Scaling, Scaling] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw a measured spectrum, and the amplitudes simulated at its tones as dashed stems.
+
+    Black bars join measured and simulated peak; the title holds the differences relative to the
+    measured peaks. Grey vertical lines are the frequencies that were read.
+
+    Args:
+        experiment: what was measured; without a trace only its peaks are drawn.
+        peaks: measured and simulated amplitudes, of `Result.peaks` those of this experiment.
+        when: "before" draws the simulation with the start parameters, "after" with the fitted ones.
+        marker: shape of the simulated peaks.
+        scales: how frequencies (Hz) and amplitudes (V peak, or the experiment's unit) are written;
+            chosen from the data if not given. Panels side by side should share them.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    along, up = scales or spectrum_scales([experiment], peaks)
+    for tone in experiment.read_hz:
+        axes.axvline(along(tone), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
+    if experiment.trace is not None:
+        axes.plot(
+            (experiment.trace.frequency_hz - along.offset) / along.factor,
+            experiment.trace.amplitude / up.factor,
+            color=MEASURED,
+            linewidth=1.4,
+            label="measured spectrum",
+        )
+    raw = [p.initial_v if when == "before" else p.final_v for p in peaks]
+    _draw_peaks(axes, peaks, raw, (along, up), marker)
+    words = [percent((s - p.measured_v) / p.measured_v) for s, p in zip(raw, peaks, strict=True)]
+    rows = [", ".join(words[k : k + 2]) for k in range(0, len(words), 2)]
+    axes.set_title("\n".join([short(experiment.label, 22), *rows]), fontsize="small")
+    low, high = min(experiment.read_hz), max(experiment.read_hz)
+    margin = max(0.2 * (high - low), 1e-9 * high)
+    axes.set_xlim(along(low - margin), along(high + margin))
+    axes.set_ylim(0.0, up(1.12 * _highest([experiment], peaks)))
+    axes.set_xlabel(along.label("f"))
+    axes.set_ylabel(up.label("amplitude"))
+    plain_ticks(axes, x=4)
+    return axes
+
+
+def spectrum_scales(
+    experiments: Sequence[ShownTones], peaks: Sequence[Peak] = ()
+) -> tuple[Scaling, Scaling]:
+    """Scales of frequency and amplitude that suit several spectra."""
+    along = scaling_for([tone for e in experiments for tone in e.read_hz], "Hz")
+    factor, unit = prefixed(_highest(experiments, peaks), experiments[0].unit)
+    return along, Scaling(0.0, factor, unit)
+
+
+def _highest(experiments: Sequence[ShownTones], peaks: Sequence[Peak]) -> float:
+    heights = [v for p in peaks for v in (p.measured_v, p.initial_v, p.final_v)]
+    heights += [v for e in experiments for v in e.peaks]
+    heights += [float(e.trace.amplitude.max()) for e in experiments if e.trace is not None]
+    return max(h for h in heights if math.isfinite(h))
+
+
+def _draw_peaks(
+    axes: Axes,
+    peaks: Sequence[Peak],
+    raw: Sequence[float],
+    scales: tuple[Scaling, Scaling],
+    marker: str,
+) -> None:
+    """Simulated stems, measured peaks with their errors, the difference of both as a bar."""
+    along, up = scales
+    x = [along(p.frequency_hz) for p in peaks]
+    measured = [up(p.measured_v) for p in peaks]
+    sigma = [up(p.sigma_v) if math.isfinite(p.sigma_v) else 0.0 for p in peaks]
+    simulated = [up(value) for value in raw]
+    dashes = (0, (4, 2))
+    axes.vlines(x, 0.0, simulated, color=SIMULATED, linestyle=dashes, linewidth=1.3)
+    axes.vlines(x, measured, simulated, color=ink(), linewidth=1.8, zorder=7, label="difference")
+    axes.errorbar(
+        x,
+        measured,
+        yerr=sigma,
+        fmt="_",
+        color=ink(),
+        markersize=9,
+        elinewidth=0.9,
+        capsize=2.5,
+        zorder=5,
+        label="measured peak ± σ, floor removed",
+    )
+    look: dict[str, Any] = {
+        "marker": marker,
+        "markersize": 5.0,
+        "markerfacecolor": axes.get_facecolor(),
+        "markeredgecolor": SIMULATED,
+    }
+    axes.plot(x, simulated, linestyle="none", zorder=6, **look)
+    axes.plot([], [], linestyle=dashes, color=SIMULATED, label="simulated × χ", **look)
+
+
+def deviations(
+    result: Result,
+    *,
+    drift_hz: Mapping[str, tuple[float, float]] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the relative deviation |χz − z*|/z* of every peak over its frequency.
+
+    Before the fit open, after it filled, both joined; dashed lines are the means. The marker shape
+    tells the experiment.
+
+    Args:
+        result: a reconstruction with peaks.
+        drift_hz: frequencies (before, after the series) of drifting variables, Hz, by name; those
+            that lie among the tones are shaded.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes, places = axes_of(ax), _places(result)
+    tones = [p.frequency_hz for p in result.peaks]
+    along = scaling_for(tones, "Hz")
+    for peak, before, after in _pairs(result):
+        x, marker = along(peak.frequency_hz), marker_of(places[peak.experiment])
+        axes.plot([x, x], [before, after], color=PALE, linewidth=1.0, zorder=1)
+        axes.plot(x, before, **_before(axes, marker))
+        axes.plot(x, after, **_after(marker))
+    _draw_means(axes, result)
+    for name, ends in drift_among(tones, drift_hz or {}).items():
+        _shade_drift(axes, name, (along(ends[0]), along(ends[1])))
+    axes.set_xlabel(along.label("drive frequency f"))
+    axes.set_ylabel("relative deviation |χz − z*| / z*")
+    plain_ticks(axes, x=8)
+    _scale_deviations(axes, result)
+    return axes
+
+
+def improvement(result: Result, *, ax: Axes | None = None) -> Axes:
+    """Draw the deviation after the fit in percent of the one before, for every peak.
+
+    Args:
+        result: a reconstruction with peaks; a peak that was matched exactly before has no point.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes, places = axes_of(ax), _places(result)
+    along = scaling_for([p.frequency_hz for p in result.peaks], "Hz")
+    shares = improvement_percent(result)
+    for peak, share in zip(result.peaks, shares, strict=True):
+        if math.isfinite(share):
+            marker = marker_of(places[peak.experiment])
+            axes.plot(along(peak.frequency_hz), share, **_after(marker))
+    overall = mean_improvement_percent(result)
+    if math.isfinite(overall):
+        axes.axhline(
+            overall,
+            color=AFTER,
+            linestyle="--",
+            linewidth=1.1,
+            label=f"ratio of the means: {number(overall, 3)} %",
+        )
+    axes.axhline(100.0, color=GREY, linestyle=":", linewidth=1.3, label="no change: 100 %")
+    axes.set_xlabel(along.label("drive frequency f"))
+    axes.set_ylabel("final / initial deviation (%)")
+    plain_ticks(axes, x=8)
+    finite = [s for s in shares if math.isfinite(s) and s > 0.0]
+    if finite and max(finite) > FAR_WORSE:
+        log_axis(axes)
+    else:
+        axes.set_ylim(0.0, 1.08 * max([100.0, *finite]))
+    return axes
+
+
+def improvement_percent(result: Result) -> list[float]:
+    """100 final/initial deviation per peak; nan where a peak was matched exactly before."""
+    return [_share(before, after) for _, before, after in _pairs(result)]
+
+
+def mean_improvement_percent(result: Result) -> float:
+    """100 final/initial mean deviation; nan where all peaks were matched exactly before."""
+    return _share(result.deviations.initial.mean, result.deviations.final.mean)
+
+
+def _share(before: float, after: float) -> float:
+    return 100.0 * after / before if before > 0.0 else math.nan
+
+
+def deviations_by_experiment(result: Result, *, ax: Axes | None = None) -> Axes:
+    """Draw the relative deviation |χz − z*|/z* of every peak in the column of its experiment.
+
+    Before the fit open, after it filled, error bars σ/z*; dashed lines are the means.
+
+    Args:
+        result: a reconstruction with peaks.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes, places = axes_of(ax), _places(result)
+    for (peak, before, after), at in zip(_pairs(result), _columns(result), strict=True):
+        marker = marker_of(places[peak.experiment])
+        for value, aside, look in (
+            (before, -ASIDE, _before(axes, marker)),
+            (after, ASIDE, _after(marker)),
+        ):
+            sigma = _relative_sigma(peak)
+            bar = axes.errorbar(  # an absolute value has nothing below zero
+                at + aside,
+                value,
+                yerr=[[min(sigma, value)], [sigma]],
+                ecolor=look["color"],
+                capsize=2.5,
+                elinewidth=1.0,
+                **look,
+            )
+            for part in (*bar.lines[1], *bar.lines[2]):
+                part.set_clip_on(True)  # the marker may lie on the axis, the bar not beyond it
+    _draw_means(axes, result)
+    axes.set_ylabel("relative deviation\n|χz − z*| / z*")
+    plain_ticks(axes)
+    _scale_deviations(axes, result, with_errors=True)
+    label_experiments(axes, list(places))
+    return axes
+
+
+def residuals(result: Result, *, ax: Axes | None = None) -> Axes:
+    """Draw what the fit leaves of every peak, (χz − z*)/σ, in the column of its experiment.
+
+    The band is ±2; values beyond 5 are written beside their points.
+
+    Args:
+        result: a reconstruction with peaks; those without a standard deviation have no point.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes, places = axes_of(ax), _places(result)
+    x, left = _columns(result), residuals_in_sigmas(result)
+    axes.axhspan(
+        -2.0,
+        2.0,
+        color=GREY,
+        alpha=BAND,
+        linewidth=0.0,
+        zorder=0,
+        label="±2 σ of the measured peak",
+    )
+    axes.axhline(0.0, color=GREY, linewidth=0.8)
+    known = [r for r in left if math.isfinite(r)]
+    if not known:
+        say_empty(axes, "no standard deviations given for these peaks")
+    for peak, at, residual in zip(result.peaks, x, left, strict=True):
+        if math.isfinite(residual):
+            axes.vlines(at, 0.0, residual, color=AFTER, linewidth=1.0)
+            axes.plot(at, residual, **_after(marker_of(places[peak.experiment])))
+    limit = 1.3 * max([3.5, *(abs(r) for r in known)])
+    axes.set_ylim(-limit, limit)
+    axes.set_ylabel("residual after the fit\n(χz − z*) / σ")
+    plain_ticks(axes)
+    for k in notable(left)[:MOST_NOTES]:
+        above = left[k] > 0.0
+        axes.annotate(
+            f"{left[k]:+.1f}".replace("-", "−"),
+            (x[k], left[k]),
+            ha="center",
+            va="bottom" if above else "top",
+            xytext=(0.0, 6.0 if above else -6.0),
+            textcoords="offset points",
+            fontsize="small",
+        )
+    label_experiments(axes, list(places))
+    return axes
+
+
+def residuals_in_sigmas(result: Result) -> list[float]:
+    """(chi z - z*)/sigma per peak after the fit; nan where sigma is not known."""
+    return [
+        (p.final_v - p.measured_v) / p.sigma_v if p.sigma_v > 0.0 else math.nan
+        for p in result.peaks
+    ]
+
+
+def notable(residuals: Sequence[float]) -> list[int]:
+    """Places of residuals beyond the notable number of sigmas, worst first."""
+    found = [k for k, r in enumerate(residuals) if math.isfinite(r) and abs(r) > NOTABLE_SIGMA]
+    return sorted(found, key=lambda k: -abs(residuals[k]))
+
+
+def drift_among(
+    tones_hz: Sequence[float], drift_hz: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Drifting frequencies that lie among the tones or within their range of them."""
+    margin = max(max(tones_hz) - min(tones_hz), 1e-9 * max(tones_hz))
+    low, high = min(tones_hz) - margin, max(tones_hz) + margin
+    return {n: ends for n, ends in drift_hz.items() if low <= min(ends) and max(ends) <= high}
+
+
+def _pairs(result: Result) -> list[tuple[Peak, float, float]]:
+    """Every peak with its deviations before and after."""
+    before, after = result.deviations.initial.per_peak, result.deviations.final.per_peak
+    return list(zip(result.peaks, before, after, strict=True))
+
+
+def _places(result: Result) -> dict[str, int]:
+    """Number of every experiment, in the order of their peaks."""
+    names = dict.fromkeys(p.experiment for p in result.peaks)
+    return {name: i for i, name in enumerate(names)}
+
+
+def _columns(result: Result) -> list[float]:
+    """x of every peak: the experiment's column, its tones spread within."""
+    places = _places(result)
+    counts = dict.fromkeys(places, 0)
+    for peak in result.peaks:
+        counts[peak.experiment] += 1
+    seen, x = dict.fromkeys(places, 0), []
+    for peak in result.peaks:
+        count = counts[peak.experiment]
+        step = 0.5 / max(1, count - 1)
+        x.append(places[peak.experiment] + (seen[peak.experiment] - 0.5 * (count - 1)) * step)
+        seen[peak.experiment] += 1
+    return x
+
+
+def _relative_sigma(peak: Peak) -> float:
+    return peak.sigma_v / peak.measured_v if peak.sigma_v > 0.0 else 0.0
+
+
+def _before(axes: Axes, marker: str) -> dict[str, Any]:
+    look = _after(marker) | {"color": ink(), "markeredgecolor": ink(), "zorder": 3}
+    return look | {"markerfacecolor": axes.get_facecolor()}
+
+
+def _after(marker: str) -> dict[str, Any]:
+    return {
+        "linestyle": "none",
+        "marker": marker,
+        "color": AFTER,
+        "markerfacecolor": AFTER,
+        "markeredgecolor": AFTER,
+        "markersize": 6.5,
+        "zorder": 4,
+        "clip_on": False,
+    }
+
+
+def _draw_means(axes: Axes, result: Result) -> None:
+    """Dashed mean lines, their numbers in the legend beside the marker that they belong to."""
+    for colour, face, found, when in (
+        (ink(), axes.get_facecolor(), result.deviations.initial, "before"),
+        (AFTER, AFTER, result.deviations.final, "after"),
+    ):
+        axes.axhline(found.mean, color=colour, linestyle="--", linewidth=1.1, zorder=2)
+        axes.plot(
+            [],
+            [],
+            color=colour,
+            linestyle="--",
+            marker="o",
+            markersize=5.5,
+            markerfacecolor=face,
+            label=f"{when}, mean {number(found.mean, 3)}",
+        )
+
+
+def _scale_deviations(axes: Axes, result: Result, *, with_errors: bool = False) -> None:
+    """From zero, or logarithmic where the fit made the deviations vanish on that scale."""
+    before, after = result.deviations.initial, result.deviations.final
+    positive = [v for v in (*before.per_peak, *after.per_peak) if v > 0.0]
+    means = sorted((before.mean, after.mean))
+    if positive and 0.0 < FAR_APART * means[0] < means[1]:
+        log_axis(axes)
+        return
+    errors = max(map(_relative_sigma, result.peaks), default=0.0) if with_errors else 0.0
+    axes.set_ylim(0.0, 1.1 * (max(positive, default=1.0) + errors))
+
+
+def _shade_drift(axes: Axes, name: str, ends: tuple[float, float]) -> None:
+    """Shade the range of a drifting variable, an arrow in the direction of its drift."""
+    axes.axvspan(
+        *ends,
+        color=GREY,
+        alpha=BAND,
+        linewidth=0.0,
+        zorder=0,
+        label=f"drift of {mathtext(name)}",
+    )
+    axes.annotate(
+        "",
+        (ends[1], 0.97),
+        (ends[0], 0.97),
+        xycoords=("data", "axes fraction"),
+        arrowprops={"arrowstyle": "->", "color": GREY},
+    )

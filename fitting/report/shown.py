@@ -1,0 +1,252 @@
+"""What the report shows of a campaign: the one place that knows how a campaign is held.
+
+Figures, tables and sentences take these records and results, never a campaign itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
+from fitting.campaign.joint import series_names
+from fitting.fit.result import DeviationSet, Result, SweepCurves
+from fitting.report.words.values import settings_words
+from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import listed, number
+from fitting.text.units import convert
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A measured spectrum: ``frequency_hz`` (n,), ``amplitude`` (n,) peak, in the data's unit."""
+
+    frequency_hz: FloatArray
+    amplitude: FloatArray
+
+
+@dataclass(frozen=True)
+class ShownTones:
+    """One experiment: what drove it and what was measured.
+
+    ``tones_hz`` (t,) and ``drive`` (t,) are frequencies and amplitudes (in the FMU's unit) of the
+    drive; ``read_hz``, ``peaks`` and ``sigmas`` (n,) frequencies, amplitudes and standard
+    deviations (NaN: not known) of the peaks that were read, in ``unit``, peak; ``floor`` is the
+    mean magnitude of the noise (NaN: not known), ``trace`` the spectrum where there is one.
+    """
+
+    label: str
+    tones_hz: tuple[float, ...]
+    drive: tuple[float, ...]
+    read_hz: tuple[float, ...]
+    peaks: tuple[float, ...]
+    sigmas: tuple[float, ...]
+    floor: float = math.nan
+    trace: Trace | None = None
+    unit: str = "V"
+
+
+@dataclass(frozen=True)
+class ShownSweep:
+    """The frequency response as measured: ``frequency_hz``, ``amplitude`` (n,), in ``unit``.
+
+    ``fitted``: its points are fitted, else it sets the scale only. ``resonance`` is one damped mode
+    fitted to it without the FMU; where that failed ``message`` says why.
+    """
+
+    frequency_hz: tuple[float, ...]
+    amplitude: tuple[float, ...]
+    unit: str = "V"
+    fitted: bool = False
+    resonance: Resonance | None = None
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class ShownCampaign:
+    """A campaign as the report shows it.
+
+    ``unit`` is that of the amplitudes, ``drive`` the name of the drive; ``drift_hz`` the
+    frequencies (before, after) through which the sample drifted, by variable; ``settings`` are
+    names and words for the table of settings, ``notes`` sentences; ``series`` holds the campaigns
+    that were fitted together, by name.
+    """
+
+    title: str
+    synthetic: bool
+    unit: str = "V"
+    drive: str = "b"
+    tones: tuple[ShownTones, ...] = ()
+    sweep: ShownSweep | None = None
+    drift_hz: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    settings: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    series: Mapping[str, ShownCampaign] = field(default_factory=dict)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the experiments, in their order."""
+        return tuple(tone.label for tone in self.tones)
+
+
+def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
+    """All that the report shows of a campaign, or of several that were fitted together."""
+    tones = tuple(_shown_tones(e, bound) for e in bound.experiments)
+    names = series_names(bound.members) if bound.members else ()
+    series = {
+        name: replace(
+            shown_campaign(member),
+            tones=tuple(tone for tone in tones if tone.label.startswith(f"{name}/")),
+        )
+        for name, member in zip(names, bound.members, strict=True)
+    }
+    return ShownCampaign(
+        title=bound.title,
+        synthetic=bound.synthetic,
+        unit=bound.amplitude_unit,
+        drive=bound.setup.drive.input or "b",
+        tones=tones,
+        sweep=None if bound.sweep is None else _shown_sweep(bound.sweep),
+        drift_hz=_drift_hz(bound),
+        settings=_settings(bound),
+        notes=bound.notes,
+        series=series,
+    )
+
+
+def _shown_tones(experiment: Experiment, bound: BoundCampaign) -> ShownTones:
+    names = bound.setup.drive.amplitudes or ("",) * len(experiment.tones_hz)
+    spectrum = experiment.spectrum
+    return ShownTones(
+        label=experiment.label,
+        tones_hz=experiment.tones_hz,
+        drive=tuple(
+            float(experiment.settings.get(name, bound.setup.drive.level))
+            for name, _ in zip(names, experiment.tones_hz, strict=False)
+        ),
+        read_hz=experiment.read_hz,
+        peaks=tuple(map(float, experiment.peaks_v)),
+        sigmas=tuple(map(float, experiment.sigmas_v)),
+        floor=experiment.floor_v,
+        trace=None if spectrum is None else Trace(spectrum.frequency_hz, spectrum.amplitude_v),
+        unit=bound.amplitude_unit,
+    )
+
+
+def _shown_sweep(sweep: SweepData) -> ShownSweep:
+    try:
+        resonance, message = (
+            fit_resonance(
+                sweep.frequency_hz,
+                sweep.amplitude_v,
+                background=sweep.background,
+                source=sweep.source.name,
+            ),
+            "",
+        )
+    except BadInput as error:
+        resonance, message = None, str(error)
+    return ShownSweep(
+        frequency_hz=tuple(map(float, sweep.frequency_hz)),
+        amplitude=tuple(map(float, sweep.amplitude_v)),
+        unit=sweep.unit,
+        fitted=sweep.use == "fit",
+        resonance=resonance,
+        message=message,
+    )
+
+
+def _drift_hz(bound: BoundCampaign) -> dict[str, tuple[float, float]]:
+    """Drifting variables that are frequencies; where no unit is known, the drive's is theirs."""
+    found = {}
+    for name, (before, after) in bound.drift.ends.items():
+        unit = bound.drift.units.get(name, "1")
+        unit = bound.setup.drive.frequency_unit if unit == "1" else unit
+        try:
+            found[name] = (
+                convert(before, unit, "Hz", where=name),
+                convert(after, unit, "Hz", where=name),
+            )
+        except BadInput:  # a temperature is no frequency
+            continue
+    return found
+
+
+def _settings(bound: BoundCampaign) -> dict[str, str]:
+    settings = {
+        "campaign": bound.title,
+        "synthetic": "yes: simulated data, not measured" if bound.synthetic else "no",
+        "observed output": bound.setup.output,
+        "drive": _drive_words(bound.setup.drive),
+        "experiments": str(len(bound.experiments)),
+        "start values of the FMU": settings_words(bound.setup.start_values) or "its own",
+        "settling": "declared to start on its periodic orbit"
+        if bound.setup.steady_start
+        else "settles before it is sampled",
+        "wanted accuracy of amplitudes": number(bound.setup.accuracy),
+    }
+    for name, (before, after) in bound.drift.ends.items():
+        settings[f"drift of {name}"] = (
+            f"{number(before, 12)} to {number(after, 12)}, linear over the series (FMU's unit)"
+        )
+    if bound.sweep is not None:
+        settings["sweep"] = _sweep_words(bound.sweep)
+    return settings
+
+
+def _drive_words(drive: Drive) -> str:
+    how = {
+        "tones": f"tones set by the FMU's {listed(drive.frequencies)}, level {number(drive.level)}",
+        "input": f"signal on the FMU's input {drive.input}, level {number(drive.level)}, held "
+        f"{drive.samples_per_period} times per period",
+    }
+    return how.get(drive.kind, drive.kind)
+
+
+def _sweep_words(sweep: SweepData) -> str:
+    use = "fitted point by point" if sweep.use == "fit" else "sets the scale only"
+    at = f"; FMU at {settings_words(sweep.settings)}" if sweep.settings else ""
+    return f"{len(sweep.frequency_hz)} points, {use}{at}"
+
+
+def shares_of(result: Result, data: ShownCampaign) -> list[tuple[str, Result, ShownCampaign]]:
+    """Name, share of the result and data of every series; empty for a single campaign."""
+    if result.joint is None:
+        return []
+    shares = []
+    for (name, own), series in zip(data.series.items(), result.joint.series, strict=True):
+        labels = set(own.labels)
+        rows = [k for k, peak in enumerate(result.peaks) if peak.experiment in labels]
+        places = [k for k, label in enumerate(data.labels) if label in labels]
+        curves = None
+        if own.sweep is not None and series.swept_final_v:
+            curves = SweepCurves(
+                frequency_hz=own.sweep.frequency_hz,
+                measured_v=own.sweep.amplitude,
+                initial_v=series.swept_initial_v,
+                final_v=series.swept_final_v,
+            )
+        share = replace(
+            result,
+            title=own.title,
+            synthetic=own.synthetic,
+            peaks=tuple(result.peaks[k] for k in rows),
+            deviations=replace(
+                result.deviations,
+                initial=_share(result.deviations.initial, rows, places),
+                final=_share(result.deviations.final, rows, places),
+            ),
+            sweep=curves,
+            scale=replace(result.scale, kind=series.scale_kind, final=series.chi),
+        )
+        shares.append((name, share, own))
+    return shares
+
+
+def _share(whole: DeviationSet, rows: Sequence[int], places: Sequence[int]) -> DeviationSet:
+    peaks = tuple(whole.per_peak[k] for k in rows)
+    groups = tuple(whole.per_experiment[k] for k in places)
+    return DeviationSet(peaks, groups, math.fsum(peaks) / len(peaks) if peaks else math.nan)

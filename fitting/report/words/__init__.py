@@ -1,0 +1,1 @@
+"""Sentences of terminal and report, by subject: verdicts, settings, plans, agreement."""
