@@ -57,7 +57,7 @@ def minimise_squares(
     )
     return LeastSquaresFit(
         values=np.asarray(fit.x, dtype=float),
-        covariance=variance * _inverse_curvature(np.asarray(fit.jac, dtype=float)),
+        covariance=_covariance(np.asarray(fit.jac, dtype=float), variance),
         residuals=np.asarray(fit.fun, dtype=float),
         jacobian=np.asarray(fit.jac, dtype=float),
         converged=bool(fit.status > 0 and np.all(np.isfinite(fit.x))),
@@ -85,16 +85,19 @@ def bounded_step(
     return step
 
 
-def _inverse_curvature(jacobian: FloatArray) -> FloatArray:
-    """(J^T J)^-1 through the singular values, infinite along unseen directions."""
+def _covariance(jacobian: FloatArray, variance: float) -> FloatArray:
+    """variance (J^T J)^-1 through the singular values, infinite along unseen directions.
+
+    They stay infinite where the variance is zero: residuals that vanish say nothing about them.
+    """
     _, singular, rows = np.linalg.svd(jacobian, full_matrices=False)
     unseen = singular <= singular[0] * np.finfo(float).eps * max(jacobian.shape)
     if np.any(unseen):
         touched = np.any(np.abs(rows[unseen]) > 1e-8, axis=0)
-        covariance = _inverse_seen(singular[~unseen], rows[~unseen])
+        covariance = variance * _inverse_seen(singular[~unseen], rows[~unseen])
         covariance[touched, touched] = np.inf
         return covariance
-    return _inverse_seen(singular, rows)
+    return variance * _inverse_seen(singular, rows)
 
 
 def _inverse_seen(singular: FloatArray, rows: FloatArray) -> FloatArray:

@@ -23,6 +23,8 @@ COARSE_POINTS = 3
 CHANCE = 5.0
 #: Points above this share of the largest one count as the top of a measured resonance.
 TOP_SHARE = 0.7
+#: Curvature of 1/A^2 over the fitted points that is rounding: such a parabola has its top anywhere.
+FLAT = 1e-12
 #: Smallest double with all its digits.
 TINY = float(np.finfo(float).tiny)
 #: A bias of the largest point counts from this share on, and from two standard errors.
@@ -235,8 +237,8 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     relative = a[top] / a[k]
     polynomial = np.polynomial.Polynomial.fit(t, relative**-2.0, 2, w=relative**3)
     curve = np.asarray(polynomial(t))
-    c0, c1, c2 = map(float, polynomial.convert().coef)
-    lowest = c0 - c1 * c1 / (4 * c2) if c2 > 0 else 0.0
+    c0, c1, c2 = (float(c) for c in (*polynomial.convert().coef, 0.0, 0.0)[:3])  # zeros are trimmed
+    lowest = c0 - c1 * c1 / (4 * c2) if c2 > FLAT else 0.0
     if lowest <= 0.0 or np.any(curve <= 0.0):
         return plain
     residuals = relative - curve**-0.5

@@ -138,6 +138,21 @@ def test_the_laboratory_maximum_is_the_largest_point_and_its_bias_is_told() -> N
     assert missed < -0.01
 
 
+def test_the_maximum_of_a_flat_sweep_is_its_level() -> None:
+    """On some processors the fitted curve is then exactly flat, and numpy trims its zeros."""
+    for n in range(3, 60):
+        found = laboratory_maximum(np.arange(float(n)), np.full(n, 3.0))
+        assert found.value_v == 3.0
+        assert found.fall == 0.0
+        assert np.isnan(found.fitted_v) or found.fitted_v == pytest.approx(3.0, rel=1e-12)
+
+
+def test_the_maximum_of_an_exactly_flat_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    flat = np.polynomial.Polynomial([1.0, 0.0, 0.0])
+    monkeypatch.setattr(np.polynomial.Polynomial, "fit", lambda *_, **__: flat)
+    assert laboratory_maximum(np.arange(9.0), np.full(9, 3.0)).value_v == 3.0
+
+
 def test_the_scale_of_a_whole_sweep_is_the_least_squares_one() -> None:
     generator = np.random.default_rng(3)
     simulated = generator.uniform(0.1, 1.0, 50)
