@@ -8,10 +8,18 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import fmpy
+import hypothesis
 import pytest
 
 import build_fmu
 from tests.support.fmus import Instance, Unpacked, unpack
+from tests.support.processes import MOST_S
+
+# no claim about time: a busy machine is no fault of the code
+hypothesis.settings.register_profile(
+    "untimed", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("untimed")
 
 
 @pytest.fixture(scope="session")
@@ -40,7 +48,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         program = folder / name
         source = Path(__file__).parent / "support" / "hosts" / f"{name}.c"
         command = [compiler, *strict, str(source), "-o", str(program), *options, "-ldl"]
-        subprocess.run(command, check=True, timeout=60)
+        subprocess.run(command, check=True, timeout=MOST_S)
         return program
 
     return compile_source

@@ -24,6 +24,7 @@ from build_fmu import build, main
 from fmu_src.coupled_oscillator import CoupledOscillator
 from fmu_src.start_values import BuildError, checked_start_values
 from tests.support.fmus import Instance, unpack
+from tests.support.processes import MOST_S
 
 ROOT = Path(build_fmu.__file__).parent
 
@@ -52,7 +53,7 @@ def command(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         cwd=cwd,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=MOST_S,
         env={**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"},
     )
 

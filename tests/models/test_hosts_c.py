@@ -31,6 +31,7 @@ from tests.support.fmus import (
     steady_state,
     worst,
 )
+from tests.support.processes import MOST_S
 
 
 def libpythons() -> list[Path]:
@@ -116,7 +117,7 @@ class Host:
             input="".join(f"{line}\n" for line in script),
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=MOST_S,
             # else the library asks the python3 on the PATH, any python3, where its modules are
             env={"PATH": "/usr/bin:/bin", "PYTHONHOME": str(home(libpython)), **environment},
         )

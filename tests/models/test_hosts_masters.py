@@ -18,6 +18,7 @@ import pytest
 
 from tests.support import reference
 from tests.support.fmus import LIVELY, REFUSALS, Refusal, Unpacked, steady_state, worst
+from tests.support.processes import MOST_S
 
 HOSTS = Path(__file__).parents[1] / "support" / "hosts"
 ORBIT: Mapping[str, Any] = {"phase1": 0.4, "A2": 0.5}
@@ -36,7 +37,7 @@ class Row(NamedTuple):
 def why_not(module: str) -> str:
     """Return why a master cannot be imported: not installed, or a library that it needs is not."""
     done = subprocess.run(
-        [sys.executable, "-c", f"import {module}"], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", f"import {module}"], capture_output=True, text=True, timeout=MOST_S
     )
     return done.stderr.strip().splitlines()[-1] if done.returncode else ""
 
@@ -48,7 +49,7 @@ def rows(module: str, script: str, *arguments: object) -> tuple[list[Row], str]:
         pytest.skip(f"{module} cannot be loaded here: {obstacle}")
     command = [sys.executable, HOSTS / script, *arguments]
     done = subprocess.run(
-        [str(part) for part in command], capture_output=True, text=True, timeout=120
+        [str(part) for part in command], capture_output=True, text=True, timeout=MOST_S
     )
     assert done.returncode == 0, done.stdout[-500:] + done.stderr[-500:]
     found, last = [], ""

@@ -13,6 +13,7 @@ import pytest
 
 import build_fmu
 from tests.support.fmus import DISCARD, LIVELY, OK, TIMES, Instance, Unpacked, unpack
+from tests.support.processes import MOST_S
 
 HOSTS = Path(__file__).parents[1] / "support" / "hosts"
 SOLVERS = (0, 1, 2)
@@ -90,7 +91,11 @@ def test_a_run_restored_from_bytes_in_a_new_process_continues_bit_for_bit(
     wanted = continued(instance, names)
     command = [sys.executable, str(HOSTS / "continue_run.py"), str(oscillator.folder)]
     done = subprocess.run(
-        [*command, str(tmp_path / "state")], check=True, capture_output=True, text=True, timeout=60
+        [*command, str(tmp_path / "state")],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=MOST_S,
     )
     got = [[float.fromhex(x) for x in line.split()] for line in done.stdout.splitlines()]
     assert got == wanted
@@ -114,7 +119,7 @@ def test_two_thousand_resets_grow_the_process_by_less_than_a_megabyte(oscillator
         check=True,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=MOST_S,
     )
     assert float(done.stdout) < 1e6
 
@@ -130,7 +135,7 @@ def alone(fmu: Unpacked, **values: Any) -> list[list[float]]:
         check=True,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=MOST_S,
     )
     return [[float.fromhex(x) for x in line.split()] for line in done.stdout.splitlines()]
 
@@ -196,7 +201,7 @@ def test_two_processes_at_once_do_not_disturb_each_other(oscillator: Unpacked) -
         )
         for values in runs
     ]
-    outputs = [process.communicate(timeout=60)[0] for process in processes]
+    outputs = [process.communicate(timeout=MOST_S)[0] for process in processes]
     assert [process.returncode for process in processes] == [0, 0]
     got = [[[float.fromhex(x) for x in row.split()] for row in o.splitlines()] for o in outputs]
     assert got == [alone(oscillator, **values) for values in runs]
@@ -214,7 +219,7 @@ def test_no_freed_memory_is_touched_when_the_process_exits(
         [sys.executable, str(HOSTS / "run_alone.py"), str(oscillator.folder)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=MOST_S,
         env={**os.environ, "LD_PRELOAD": str(fence)},
     )
     assert len(done.stdout.splitlines()) == 10
