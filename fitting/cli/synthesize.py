@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from fitting.cli.options import whole_number
-from fitting.lab.duffing import DuffingBench, duffing_bench, measure_duffing, with_level
-from fitting.lab.duffing_synthesis import duffing_files, is_duffing, read_duffing_bench
-from fitting.lab.string import SERIES_THETA, Bench, measure, string_bench
-from fitting.lab.synthesis import CAMPAIGN_NAME, TRUTH_NAME, campaign_files, read_bench
-from fitting.lab.synthesis_cross import cross_files
-from fitting.lab.synthesis_plan import planned_files
+from fitting.lab.benches import BUILT_IN, DUFFING
+from fitting.lab.duffing import CubicModes
+from fitting.lab.instruments.lock_in import LockIns
+from fitting.lab.synthesis import bench_of, synthesize
+from fitting.lab.truth import TRUTH_NAME, read_bench
 from fitting.text.errors import BadInput
-from fitting.text.files import write_all
 
 NAME = "synthesize"
 SUMMARY = "a virtual laboratory: a campaign with known truth, noise and drift"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
-DUFFING = "duffing"
 
 #: option -> (field of the bench, or of its modes, what it is)
 BENCH_OPTIONS = {
@@ -43,11 +39,11 @@ CUBIC_OPTIONS = {
     "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m^2 s^2)"),
     "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m^2 s^2)"),
 }
-#: further options of the string driven hard -> what they are
 LEVEL_OPTIONS = {
-    "level": "duffing: strongest drive of each tone, the others in proportion, m/s^2",
-    "weak-level": "duffing: drive of the sweep that sets the scale, m/s^2",
+    "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s^2"),
+    "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s^2"),
 }
+OPTIONS = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS, **LEVEL_OPTIONS}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument(
         "--series",
-        choices=[*sorted(SERIES_THETA), DUFFING],
+        choices=BUILT_IN,
         help="one of the paper's two series, or the q1 string driven until it is nonlinear",
     )
     kind.add_argument(
@@ -91,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --cross-mode: relative noise of every amplitude (default 0.01)",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
-    for option, text in _numbers().items():
+    for option, (_, text) in OPTIONS.items():
         parser.add_argument(f"--{option}", type=float, metavar="X", help=text)
     parser.add_argument(
         "--reflection",
@@ -108,40 +104,31 @@ def run(args: argparse.Namespace) -> int:
         BadInput: no truth beside the campaign named, an impossible value, or a folder that holds
             a campaign which is not synthetic.
     """
-    folder: Path = args.out
-    _refuse_measured(folder)
-    if args.seed < 0:
-        raise BadInput(f"--seed: found {args.seed}, wanted zero or more")
     if (args.plan is None) != (args.truth is None):
         raise BadInput("synthesize: --plan and --truth are wanted together")
-    _check_cross(args)
-    if _is_duffing(args):
-        hard = _duffing_bench(args)
-        try:
-            files = duffing_files(measure_duffing(hard, args.seed), _command(args))
-        except ValueError as error:
-            raise BadInput(f"synthesize: {error}") from error
-        pairs = len(hard.levels)
-    else:
-        bench = _bench(args)
-        if args.plan is not None:
-            write_all(folder, planned_files(args.plan, bench, args.seed, _command(args)))
-            print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, the plan {args.plan}")
-            return 0
-        series = measure(bench, args.seed)
-        files = (
-            cross_files(series, 0.01 if args.noise is None else args.noise, _command(args))
-            if args.cross_mode
-            else campaign_files(series, _command(args))
-        )
-        pairs = len(bench.pairs_hz)
-    write_all(folder, files)
-    print(f"{folder / CAMPAIGN_NAME}: synthetic, seed {args.seed}, {pairs} drive pairs")
+    bench = read_bench(args.truth) if args.truth else bench_of(args.series or args.like)
+    cubic = isinstance(bench.sample, CubicModes)
+    _refuse_meaningless(args, cubic)
+    made = synthesize(
+        bench,
+        seed=args.seed,
+        instrument=_lock_ins(args),
+        plan=args.plan,
+        command=_command(args),
+        **_changes(args),
+    )
+    path = made.write(args.out)
+    what = f"the plan {args.plan}" if args.plan else f"{len(bench.pairs_hz)} drive pairs"
+    print(f"{path}: synthetic, seed {args.seed}, {what}")
     return 0
 
 
-def _check_cross(args: argparse.Namespace) -> None:
-    if args.cross_mode and (args.plan is not None or args.series == DUFFING):
+def _refuse_meaningless(args: argparse.Namespace, cubic: bool) -> None:
+    """Refuse options that this laboratory would not look at."""
+    for option in () if cubic else (*CUBIC_OPTIONS, *LEVEL_OPTIONS):
+        if _value(args, option) is not None:
+            raise BadInput(f"--{option}: has no meaning here, only with --series {DUFFING}")
+    if args.cross_mode and (args.plan is not None or cubic):
         raise BadInput("--cross-mode: has no meaning here, only with --series q1|q2 or --like")
     if args.noise is not None and not args.cross_mode:
         raise BadInput("--noise: has no meaning here, only with --cross-mode")
@@ -149,55 +136,21 @@ def _check_cross(args: argparse.Namespace) -> None:
         raise BadInput(f"--noise: found {args.noise}, wanted a share between 0 and 0.5")
 
 
-def _is_duffing(args: argparse.Namespace) -> bool:
-    """Whether the string is driven hard; options for that alone are refused otherwise."""
-    hard = args.series == DUFFING or (args.like and is_duffing(args.like.parent / TRUTH_NAME))
-    for option in () if hard else (*CUBIC_OPTIONS, *LEVEL_OPTIONS):
-        if getattr(args, option.replace("-", "_")) is not None:
-            raise BadInput(f"--{option}: has no meaning here, only with --series {DUFFING}")
-    return bool(hard)
+def _lock_ins(args: argparse.Namespace) -> LockIns | None:
+    if not args.cross_mode:
+        return None
+    return LockIns() if args.noise is None else LockIns(args.noise)
 
 
-def _duffing_bench(args: argparse.Namespace) -> DuffingBench:
-    base = read_duffing_bench(args.like.parent / TRUTH_NAME) if args.like else duffing_bench()
-    bench = _changed(base.bench, args)
-    try:
-        lab = replace(base, bench=bench, cubic=replace(base.cubic, **_given(args, CUBIC_OPTIONS)))
-        if args.level is not None:
-            lab = with_level(lab, args.level)
-        return lab if args.weak_level is None else replace(lab, weak_level=args.weak_level)
-    except ValueError as error:
-        raise BadInput(f"synthesize: {error}") from error
-
-
-def _bench(args: argparse.Namespace) -> Bench:
-    if args.series:
-        base = string_bench(args.series)
-    else:
-        base = read_bench(args.truth or args.like.parent / TRUTH_NAME)
-    return _changed(base, args)
-
-
-def _changed(base: Bench, args: argparse.Namespace) -> Bench:
-    """The bench with what the options change."""
-    try:
-        modes = replace(base.modes, **_given(args, MODE_OPTIONS))
-        if args.reflection is not None:
-            modes = replace(modes, reflection=args.reflection)
-        return replace(base, modes=modes, **_given(args, BENCH_OPTIONS))
-    except ValueError as error:
-        raise BadInput(f"synthesize: {error}") from error
-
-
-def _given(args: argparse.Namespace, options: dict[str, tuple[str, str]]) -> dict[str, Any]:
-    values = {field: getattr(args, name.replace("-", "_")) for name, (field, _) in options.items()}
+def _changes(args: argparse.Namespace) -> dict[str, Any]:
+    """What the options change of the bench, by the names of its fields."""
+    values = {field: _value(args, option) for option, (field, _) in OPTIONS.items()}
+    values["reflection"] = args.reflection
     return {field: value for field, value in values.items() if value is not None}
 
 
-def _numbers() -> dict[str, str]:
-    """Options with a number -> what they are."""
-    fields = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS}
-    return {option: text for option, (_, text) in fields.items()} | LEVEL_OPTIONS
+def _value(args: argparse.Namespace, option: str) -> Any:
+    return getattr(args, option.replace("-", "_"))
 
 
 def _command(args: argparse.Namespace) -> str:
@@ -208,20 +161,11 @@ def _command(args: argparse.Namespace) -> str:
         if value is not None:
             words += [f"--{option}", value.as_posix() if isinstance(value, Path) else value]
     words += ["--seed", str(args.seed)]
-    for option in _numbers():
-        value = getattr(args, option.replace("-", "_"))
-        if value is not None:
-            words += [f"--{option}", repr(value)]
+    for option in OPTIONS:
+        if _value(args, option) is not None:
+            words += [f"--{option}", repr(_value(args, option))]
     words += ["--cross-mode"] if args.cross_mode else []
     words += ["--noise", repr(args.noise)] if args.noise is not None else []
     if args.reflection is not None:
         words.append("--reflection" if args.reflection else "--no-reflection")
     return shlex.join(words)
-
-
-def _refuse_measured(folder: Path) -> None:
-    present = folder / CAMPAIGN_NAME
-    if present.is_file() and not present.read_bytes().startswith(b"# synthetic"):
-        raise BadInput(
-            f"{present}: is there and not synthetic; wanted another --out, nothing was written"
-        )

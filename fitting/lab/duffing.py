@@ -1,4 +1,4 @@
-"""The virtual laboratory's string driven hard: cubic terms by harmonic balance on a torus, no FMU.
+"""A sample of the virtual laboratory: two modes with cubic terms, by harmonic balance on a torus.
 
 The steady response to one or two tones is a sum of lines at whole combinations of them,
 
@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fitting.lab.string import TWO_PI, Bench, Series, Trace, TwoModes, noise, sweep_grid
+from fitting.lab.sample import Drive
+from fitting.lab.string import TWO_PI, TwoModes
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Orders that are tried one after the other, and the change of a line, relative to the largest, at
@@ -43,6 +43,10 @@ class Cubic:
     alpha1: float
     alpha2: float = 0.0
     kappa: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.alpha1, self.alpha2, self.kappa))):
+            raise ValueError(f"cubic coefficients {self} must be finite")
 
 
 @dataclass(frozen=True)
@@ -70,18 +74,6 @@ class NoSteadyState(ArithmeticError):
     """Newton's method found no response near the one it came from: a branch ends there."""
 
 
-@dataclass(frozen=True)
-class Drive:
-    """Tones in Hz and their amplitude on both modes in m/s^2, all with phase zero."""
-
-    tones_hz: tuple[float, ...]
-    level: float
-
-    def __post_init__(self) -> None:
-        if not 1 <= len(self.tones_hz) <= 2 or len(set(self.tones_hz)) < len(self.tones_hz):
-            raise ValueError(f"tones {self.tones_hz} Hz, wanted one or two that differ")
-
-
 def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | None = None) -> Lines:
     """The response that grows out of rest with the drive, or the one near ``start``.
 
@@ -90,7 +82,10 @@ def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | Non
     Raises:
         NoSteadyState: a branch ends before the whole drive is reached, or the lines do not fall
             off with their order.
+        ValueError: more than two tones.
     """
+    if len(drive.tones_hz) > 2:
+        raise ValueError(f"tones {drive.tones_hz} Hz, wanted one or two that differ")
     lines = lines_to_order(modes, cubic, drive, ORDERS[0], start)
     for order in ORDERS[1:]:
         balance = _Balance(modes, cubic, drive, order)
@@ -132,7 +127,9 @@ class _Balance:
         lines_hz = self.factors @ np.array(drive.tones_hz)
         self.linear = _matrices(modes, lines_hz)
         force = np.zeros((self.count, 2), dtype=complex)
-        force[np.abs(self.factors).sum(axis=1) == 1] = drive.level
+        for tone, amplitude in enumerate(drive.amplitudes):
+            alone = (self.factors == np.eye(len(drive.tones_hz), dtype=int)[tone]).all(axis=1)
+            force[alone] = amplitude * np.array(drive.gains)
         response = np.linalg.solve(self.linear, force[:, :, np.newaxis])[:, :, 0]
         self.unit = float(np.abs(response).max()) or 1.0
         self.force = force / self.unit
@@ -233,124 +230,28 @@ def _matrices(modes: TwoModes, lines_hz: FloatArray) -> ComplexArray:
     return np.asarray(matrix)
 
 
-# --- the bench -----------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
-class DuffingBench:
-    """A bench whose string is driven hard: a level of both tones for each of its drive pairs.
+class CubicModes:
+    """A sample of the virtual laboratory: two modes with cubic terms."""
 
-    ``levels`` (m/s^2) belong to ``bench.pairs_hz``, ``weak_level`` to the sweep. ``bench.crest_v``
-    is the height of that weak sweep. A line is measured with the relative error ``repeatability``
-    beside the noise floor.
-
-    Raises:
-        ValueError: levels that are not positive, or not one for each pair.
-    """
-
-    bench: Bench
+    modes: TwoModes
     cubic: Cubic
-    levels: tuple[float, ...]
-    weak_level: float
-    repeatability: float = 0.003
 
-    def __post_init__(self) -> None:
-        if len(self.levels) != len(self.bench.pairs_hz):
-            raise ValueError(f"{len(self.levels)} levels for {len(self.bench.pairs_hz)} pairs")
-        if not all(level > 0.0 for level in (*self.levels, self.weak_level)):
-            raise ValueError(f"drive levels {self.levels}, {self.weak_level} must be positive")
-        if not 0.0 <= self.repeatability < 0.1:
-            raise ValueError(f"repeatability {self.repeatability}, wanted 0 to 0.1")
-        if not all(map(math.isfinite, vars(self.cubic).values())):
-            raise ValueError(f"cubic coefficients {self.cubic} must be finite")
+    def shifted(self, shift_hz: float) -> CubicModes:
+        """The same sample, both eigenfrequencies higher by so much."""
+        return replace(self, modes=self.modes.shifted(shift_hz))
 
+    def amplitudes(self, drive: Drive) -> ComplexArray:
+        """Complex amplitudes (lines, 2) in m of both modes at the lines that the drive reads.
 
-#: Lines whose amplitudes are handed over: both tones and the first intermodulation lines.
-READ = ((1, 0), (0, 1), (2, -1), (-1, 2))
-
-
-@dataclass(frozen=True)
-class DuffingSeries:
-    """A measured series; ``peaks_v``, ``sigmas_v`` and its ``true_peaks_v`` (m, 4) of ``READ``.
-
-    It has no spectra: the lines are handed over as an analyser's markers, with their errors.
-    """
-
-    bench: DuffingBench
-    series: Series
-    peaks_v: FloatArray
-    sigmas_v: FloatArray
-
-
-def measure_duffing(lab: DuffingBench, seed: int) -> DuffingSeries:
-    """Run one series: a weak sweep, then the lines under every drive pair at its level.
-
-    The same ``lab`` and ``seed`` give the same numbers bit by bit.
-
-    Raises:
-        ValueError: a drive so strong that its response does not grow out of rest steadily.
-    """
-    bench, rng = lab.bench, np.random.default_rng(seed)
-    first, last = bench.at(0.0), bench.at(1.0)
-    sweep_hz = sweep_grid(bench)
-    crest_hz = (first.eta_plus_hz, first.eta_minus_hz)[bench.observed]
-    gain = bench.crest_v / float(np.abs(_swept(lab, first, [crest_hz])[0]))
-    wave = gain * _swept(lab, first, sweep_hz)
-    sweep = Trace(sweep_hz, np.abs(wave + noise(bench, rng, sweep_hz.size)))
-    states = [bench.at(m / max(1, len(lab.levels) - 1)) for m in range(len(lab.levels))]
-    true = []
-    for state, pair, level in zip(states, bench.pairs_hz, lab.levels, strict=True):
-        lines = _lines_of(state, lab.cubic, Drive(pair, level))
-        true.append([gain * lines.at(*k)[bench.observed] for k in READ])
-    waves = np.array(true)
-    floor = noise(bench, rng, waves.size).reshape(waves.shape)
-    jitter = 1.0 + bench.noise_scale * lab.repeatability * rng.standard_normal(waves.shape)
-    ends = [(m.eta_plus_hz, m.eta_minus_hz) for m in (first, last)]
-    series = Series(bench, seed, gain, sweep, (), ends[0], ends[1], tuple(states), np.abs(waves))
-    # a spectrum's mean floor, in one quadrature
-    quiet = bench.noise_scale * sum(bench.floor_v) / math.sqrt(2.0 * math.pi)
-    sigmas = np.hypot(quiet, bench.noise_scale * lab.repeatability * np.abs(waves))
-    return DuffingSeries(lab, series, np.abs(waves * jitter + floor), sigmas)
-
-
-def _lines_of(modes: TwoModes, cubic: Cubic, drive: Drive) -> Lines:
-    try:
-        return steady_lines(modes, cubic, drive)
-    except NoSteadyState as error:
-        raise ValueError(
-            f"tones {drive.tones_hz} Hz at {drive.level!r} m/s^2: {error}; wanted a weaker drive"
-        ) from error
-
-
-def _swept(
-    lab: DuffingBench, modes: TwoModes, frequency_hz: Sequence[float] | FloatArray
-) -> ComplexArray:
-    """The observed mode under one weak tone after the other, (n,)."""
-    found = [
-        _lines_of(modes, lab.cubic, Drive((float(f),), lab.weak_level)).at(1)[lab.bench.observed]
-        for f in frequency_hz
-    ]
-    return np.array(found)
-
-
-def duffing_bench() -> DuffingBench:
-    """The paper's string, q1 series, driven up to a shift of about a line width."""
-    eta, gaps = 6940260.0, (20.0, 30.0)
-    levels = (0.25, 0.35)
-    pairs = [(eta + 10.0 - gap, eta + 10.0 + gap) for gap in gaps for _ in levels]
-    bench = Bench(
-        series="duffing",
-        modes=TwoModes(1.9498, 120.0, 90.0, eta, 7027600.0),
-        observed=0,
-        pairs_hz=tuple(pairs),
-        crest_v=160e-6,
-        drift_hz=0.0,
-        curvature_hz=0.0,
-    )
-    return DuffingBench(bench, Cubic(1e32, 0.8e32, 0.5e32), levels * len(gaps), 0.04)
-
-
-def with_level(lab: DuffingBench, strongest: float) -> DuffingBench:
-    """The same bench with all levels in proportion, the strongest one as given, m/s^2."""
-    factor = strongest / max(lab.levels)
-    return replace(lab, levels=tuple(factor * level for level in lab.levels))
+        Raises:
+            ValueError: a drive so strong that its response does not grow out of rest steadily.
+        """
+        try:
+            lines = steady_lines(self.modes, self.cubic, drive)
+        except NoSteadyState as error:
+            raise ValueError(
+                f"tones {drive.tones_hz} Hz at {max(drive.amplitudes)!r} m/s^2: {error}; "
+                "wanted a weaker drive"
+            ) from error
+        return np.array([lines.at(*factors) for factors in drive.read])

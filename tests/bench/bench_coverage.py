@@ -33,8 +33,10 @@ from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
 from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
-from fitting.lab.string import Series, TwoModes, measure, steady_state, string_bench
-from fitting.lab.synthesis import campaign_files
+from fitting.lab.bench import Series, measure
+from fitting.lab.benches import string_bench
+from fitting.lab.string import TwoModes, steady_state
+from fitting.lab.writer import campaign_files
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
 from fitting.measurements.response import Response

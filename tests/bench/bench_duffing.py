@@ -21,7 +21,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import build_fmu
-from fitting.lab.duffing import READ, Cubic, Drive, duffing_bench, steady_lines
+from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
+from fitting.lab.duffing import Cubic, steady_lines
+from fitting.lab.instruments.markers import READ
+from fitting.lab.sample import Drive
 from fitting.lab.string import TwoModes
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.window import Window, plan_window, tone_amplitudes
@@ -49,8 +52,8 @@ class Scene(NamedTuple):
             "eta_minus": m.eta_minus_hz,
             "u1": self.drive.tones_hz[0],
             "u2": self.drive.tones_hz[1],
-            "A1": self.drive.level,
-            "A2": self.drive.level,
+            "A1": self.drive.amplitudes[0],
+            "A2": self.drive.amplitudes[0],
             "periodic_start": True,
             **vars(self.cubic),
         }
@@ -74,15 +77,15 @@ def scenes() -> Iterator[Scene]:
         "1 kHz, Q 200",
         TwoModes(0.0, width, width, eta, 1.0126 * eta),
         Cubic(alpha),
-        Drive((eta - 1.0, eta + 2.0), 0.3 * force),
+        Drive.equal((eta - 1.0, eta + 2.0), 0.3 * force),
     )
     lab = duffing_bench()
-    alone = TwoModes(0.0, lab.bench.modes.widths_hz()[0], 100.0, 6940260.0, 7027600.0)
+    alone = TwoModes(0.0, lab.modes.widths_hz()[0], 100.0, 6940260.0, 7027600.0)
     yield Scene(
         "string, 6.94 MHz, Q 73,700",
         alone,
-        Cubic(lab.cubic.alpha1),
-        Drive(lab.bench.pairs_hz[1], lab.levels[1]),
+        Cubic(DUFFING_CUBIC.alpha1),
+        Drive.equal(lab.pairs_hz[1], lab.levels[1]),
     )
 
 

@@ -12,8 +12,9 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.fmu import read_description
-from fitting.lab.string import measure, string_bench
-from fitting.lab.synthesis import campaign_files
+from fitting.lab.bench import measure
+from fitting.lab.benches import string_bench
+from fitting.lab.writer import campaign_files
 from fitting.text.errors import BadInput
 
 DATA = Path(__file__).parents[2] / "data"

@@ -22,8 +22,9 @@ from fitting.fit.job import Options, measured_of, options_of
 from fitting.fit.objective import Measured, Objective, weights
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers, read_description
-from fitting.lab.string import Series, measure, string_bench
-from fitting.lab.synthesis import campaign_files
+from fitting.lab.bench import Series, measure
+from fitting.lab.benches import string_bench
+from fitting.lab.writer import campaign_files
 from fitting.measurements.response import Evaluation
 from fitting.text.errors import BadInput
 

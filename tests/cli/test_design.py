@@ -14,9 +14,11 @@ from fitting.campaign import bind, read_campaign
 from fitting.cli.main import main
 from fitting.design.result import Design, read_design
 from fitting.fmu.description import read_description
-from fitting.lab.planned import Noise, Planned, measure_planned
+from fitting.lab.bench import Row, measure_rows
+from fitting.lab.instruments.averaged import Averaged
+from fitting.lab.sample import Drive
 from fitting.lab.string import steady_state
-from fitting.lab.synthesis import read_bench
+from fitting.lab.truth import read_bench
 from fitting.report.shown import shown_campaign
 from fitting.text.errors import BadInput
 from fitting.text.records import write_json
@@ -207,21 +209,23 @@ def test_further_settings_are_tried_and_written(
 def test_noise_of_planned_peaks() -> None:
     """Mean and scatter of many rows: |A X| and the law of the floor, averaging and what stays."""
     bench = replace(read_bench(Q1 / "truth.toml"), curvature_hz=0.0)
-    row = Planned("a", (6940300.0, 6940320.0), (1e3, 1e3), 1, averaged=25, gains=(1.0, 0.5))
-    noise = Noise(1e-6, 0.02)
-    series = measure_planned(bench, [row] * 4000, noise, seed=5)
-    first = bench.at(0.0)
+    drive = Drive((6940300.0, 6940320.0), (1e3, 1e3), gains=(1.0, 0.5))
+    row = Row(label="a", drive=drive, observed=1, averaged=25)
+    noise = Averaged(1e-6, 0.02)
+    series = measure_rows(bench, [row] * 4000, noise, seed=5)
+    first = bench.at(0.0).modes
     top = abs(steady_state(first, np.array([first.eta_plus_hz]))[0, 0])
-    end = bench.at(1.0)
+    end = bench.at(1.0).modes
     # one mode far off resonance, driven by its own gain, and by the other through the damping
-    wave = 1e3 * steady_state(end, np.array(row.tones_hz), (1.0, 0.5))[:, 1]
+    wave = 1e3 * steady_state(end, np.array(drive.tones_hz), (1.0, 0.5))[:, 1]
     expected = bench.crest_v / top * np.abs(wave)
     assert series.true_peaks_v[0] == pytest.approx(expected, rel=1e-12)
     sigma = np.hypot(1e-6 / 5.0, 0.02 * expected)
-    assert np.mean(series.peaks_v, axis=0) == pytest.approx(expected, abs=4 * max(sigma) / 63)
-    assert np.std(series.peaks_v, axis=0) == pytest.approx(sigma, rel=0.05)
-    silent = measure_planned(replace(bench, noise_scale=0.0), [row], noise, seed=5)
-    assert np.array_equal(silent.peaks_v, silent.true_peaks_v)
+    peaks = series.array("peaks_v")
+    assert np.mean(peaks, axis=0) == pytest.approx(expected, abs=4 * max(sigma) / 63)
+    assert np.std(peaks, axis=0) == pytest.approx(sigma, rel=0.05)
+    silent = measure_rows(replace(bench, noise_scale=0.0), [row], noise, seed=5)
+    assert np.array_equal(silent.array("peaks_v"), silent.true_peaks_v)
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,8 @@ import pytest
 from fitting.campaign import read_campaign
 from fitting.cli import synthesize
 from fitting.cli.main import main
-from fitting.lab.duffing import Cubic
-from fitting.lab.duffing_synthesis import read_duffing_bench
-from fitting.lab.synthesis import read_bench
+from fitting.lab.duffing import Cubic, CubicModes
+from fitting.lab.truth import read_bench
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 
@@ -103,10 +102,10 @@ def test_a_string_driven_hard_keeps_its_truth_too(tmp_path: Path) -> None:
         tmp_path / "a",
     )
     call("--like", tmp_path / "a" / "campaign.toml", "--alpha2", "1e31", "--out", tmp_path / "b")
-    first, second = (read_duffing_bench(tmp_path / n / "truth.toml") for n in "ab")
-    assert first.cubic == Cubic(2e31, 0.8e32, 0.0)
-    assert (max(first.levels), first.weak_level, first.bench.modes.d1_hz) == (0.3, 0.03, 150.0)
-    assert second == replace(first, cubic=Cubic(2e31, 1e31, 0.0))
+    first, second = (read_bench(tmp_path / n / "truth.toml") for n in "ab")
+    assert first.sample == CubicModes(first.modes, Cubic(2e31, 0.8e32, 0.0))
+    assert (max(first.levels), first.weak_level, first.modes.d1_hz) == (0.3, 0.03, 150.0)
+    assert second == replace(first, sample=CubicModes(first.modes, Cubic(2e31, 1e31, 0.0)))
     experiments = [read_campaign(tmp_path / n / "campaign.toml").experiments[0] for n in "ab"]
     assert len(experiments[0].peaks_v) == 4
     assert experiments[0].peaks_v[0] != experiments[1].peaks_v[0]

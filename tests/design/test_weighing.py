@@ -21,7 +21,7 @@ from fitting.design.limits import KEYS, limits_of
 from fitting.design.proposal import propose
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by, weigh
 from fitting.fmu import FmuWorkers
-from fitting.lab.synthesis import read_bench
+from fitting.lab.truth import read_bench
 from fitting.signal.peaks import fit_resonance
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all

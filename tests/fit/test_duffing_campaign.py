@@ -20,8 +20,11 @@ from fitting.fit.job import Identity, options_of
 from fitting.fit.reconstruction import reconstruct
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
-from fitting.lab.duffing import Drive, duffing_bench, measure_duffing, steady_lines
-from fitting.lab.duffing_synthesis import duffing_files
+from fitting.lab.bench import measure
+from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
+from fitting.lab.duffing import steady_lines
+from fitting.lab.sample import Drive
+from fitting.lab.writer import campaign_files
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import Plan, plan_campaign
@@ -45,14 +48,14 @@ def test_peaks_through_the_fmu_are_those_of_the_laboratory(workers: FmuWorkers) 
     """Averaging and harmonic balance share no code: tones to 2e-5, intermodulation to 2e-4."""
     bound = bound_at(SHIPPED, workers)
     lab = duffing_bench()
-    width = lab.bench.modes.widths_hz()[0]
+    width = lab.modes.widths_hz()[0]
     plan = measured_plan(bound, workers, workers.description.variables)
     assert plan.promised < 1e-3
     response = FmuResponse(bound, workers, plan, {})
-    found = response.peaks(np.array([width, lab.bench.modes.eta_plus_hz, lab.cubic.alpha1]))
+    found = response.peaks(np.array([width, lab.modes.eta_plus_hz, DUFFING_CUBIC.alpha1]))
     wanted = []
-    for pair, level in zip(lab.bench.pairs_hz, lab.levels, strict=True):
-        lines = steady_lines(lab.bench.modes, lab.cubic, Drive(pair, level))
+    for pair, level in zip(lab.pairs_hz, lab.levels, strict=True):
+        lines = steady_lines(lab.modes, DUFFING_CUBIC, Drive.equal(pair, level))
         wanted += [abs(lines.at(*k)[0]) for k in ((1, 0), (0, 1), (2, -1), (-1, 2))]
     deviation = np.abs(found.reshape(-1, 4) / np.reshape(wanted, (-1, 4)) - 1.0).max(axis=0)
     assert deviation[:2].max() < 2e-5
@@ -83,8 +86,8 @@ def test_the_shipped_campaign_fits_by_its_file_alone(tmp_path: Path) -> None:
 
 def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
     """A new series of that seed, fitted with the plan of another: its windows are the same."""
-    measured = measure_duffing(duffing_bench(), seed)
-    write_all(folder, duffing_files(measured, f"seed {seed}"))
+    measured = measure(duffing_bench(), seed)
+    write_all(folder, campaign_files(measured, f"seed {seed}"))
     bound = bound_at(folder, workers)
     return reconstruct(
         bound,
@@ -98,14 +101,14 @@ def test_the_cubic_coefficient_comes_back_within_its_noise(
     tmp_path: Path, workers: FmuWorkers
 ) -> None:
     """Pulls of several seeds: none beyond 3, together no larger than a standard deviation."""
-    lab, shipped = duffing_bench(), bound_at(SHIPPED, workers)
+    shipped = bound_at(SHIPPED, workers)
     plan = replace(plan_campaign(shipped), settings={"tolerance": 2e-4})
     pulls = []
     for seed in (11, 12, 13):
         result = fit(seed, tmp_path / str(seed), workers, plan)
         found = result.parameters["alpha1"]
         assert found.std is not None
-        pulls.append((found.value - lab.cubic.alpha1) / found.std)
+        pulls.append((found.value - DUFFING_CUBIC.alpha1) / found.std)
     assert np.abs(pulls).max() < 3.0
     assert np.sqrt(np.mean(np.square(pulls))) < 1.8
 
@@ -115,12 +118,12 @@ def test_simulate_lists_the_intermodulation_lines(
 ) -> None:
     """By name, in lines.csv and in words, with the amplitudes of harmonic balance."""
     lab = duffing_bench()
-    pair, level = lab.bench.pairs_hz[1], lab.levels[1]
-    width = lab.bench.modes.widths_hz()[0]
+    pair, level = lab.pairs_hz[1], lab.levels[1]
+    width = lab.modes.widths_hz()[0]
     values = {
         "theta": 0.0,
         "d1": width,
-        "alpha1": lab.cubic.alpha1,
+        "alpha1": DUFFING_CUBIC.alpha1,
         "A1": level,
         "A2": level,
         "u1": pair[0],
@@ -134,7 +137,7 @@ def test_simulate_lists_the_intermodulation_lines(
     assert main(["simulate", str(workers.description.path), *words]) == 0
     with (tmp_path / "lines.csv").open() as stream:
         rows = {row["combination"]: row for row in csv.DictReader(stream)}
-    lines = steady_lines(lab.bench.modes, lab.cubic, Drive(pair, level))
+    lines = steady_lines(lab.modes, DUFFING_CUBIC, Drive.equal(pair, level))
     for name, factors in (("2 u1 - u2", (2, -1)), ("2 u2 - u1", (-1, 2)), ("3 u2 - 2 u1", (-2, 3))):
         assert float(rows[name]["frequency (Hz)"]) == np.dot(factors, pair)
         wanted = abs(lines.at(*factors)[0])

@@ -27,8 +27,10 @@ from fitting.fit.result import Result, read_result, write_result
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.consistency import consistency
 from fitting.inference.external import check_external, with_external
-from fitting.lab.string import measure, string_bench
-from fitting.lab.synthesis_cross import cross_files
+from fitting.lab.bench import measure
+from fitting.lab.benches import changed, string_bench
+from fitting.lab.instruments.lock_in import LockIns
+from fitting.lab.writer import campaign_files
 from fitting.measurements.joint_response import JointResponse
 from fitting.text.errors import BadInput
 from tests.support import closed_form
@@ -248,8 +250,9 @@ def test_both_modes_at_both_resonances_hold_the_coupling(
     bounds = []
     for name in ("q1", "q2"):
         bench = string_bench(name)
-        bench = replace(bench, modes=replace(bench.modes, theta_rad=1.9498), curvature_hz=20.0)
-        for file, text in cross_files(measure(bench, 21), 0.01, "test").items():
+        bench = changed(bench, theta_rad=1.9498, curvature_hz=20.0)
+        bench = replace(bench, instrument=LockIns())
+        for file, text in campaign_files(measure(bench, 21), "test").items():
             path = tmp_path / name / file
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
@@ -270,8 +273,8 @@ def test_both_modes_at_both_resonances_hold_the_coupling(
 
 
 def test_cross_peaks_are_those_of_the_other_mode(oscillator_fmu: Path, tmp_path: Path) -> None:
-    made = measure(replace(string_bench("q1"), noise_scale=0.0), 1)
-    for file, text in cross_files(made, 0.01, "test").items():
+    made = measure(replace(string_bench("q1"), noise_scale=0.0, instrument=LockIns()), 1)
+    for file, text in campaign_files(made, "test").items():
         (tmp_path / file).write_text(text)
     variables = read_description(oscillator_fmu).variables
     bound = bind(read_campaign(tmp_path / "campaign.toml"), variables)

@@ -22,8 +22,9 @@ from fitting.fit.job import measured_of, options_of
 from fitting.fit.noise import chi_sigmas
 from fitting.fit.objective import Objective, scale_factor, weights
 from fitting.fmu import FmuWorkers, read_description
-from fitting.lab.string import Series, measure, string_bench
-from fitting.lab.synthesis import campaign_files
+from fitting.lab.bench import Series, measure
+from fitting.lab.benches import string_bench
+from fitting.lab.writer import campaign_files
 from fitting.measurements.measured import Measured
 from fitting.measurements.response import Evaluation
 from fitting.signal.scale import Maximum, chi_robust, laboratory_maximum
@@ -41,7 +42,7 @@ def series(step_hz: float = 5.0) -> tuple[Series, ...]:
 
 def model_of(one: Series) -> Evaluation:
     """The model's sweep and peaks at the truth, in its own unit."""
-    first, state = one.bench.at(0.0), one.true_modes[0]
+    first, state = one.bench.at(0.0).modes, one.true_modes[0]
     d = closed_form.damping(one.bench.modes.theta_rad, 120.0, 90.0, False)
     eta = (first.eta_plus_hz, first.eta_minus_hz)
     swept = closed_form.amplitude(one.sweep.frequency_hz, eta, d, 0)

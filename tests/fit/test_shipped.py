@@ -18,8 +18,9 @@ from fitting.fit.job import Identity, options_of
 from fitting.fit.result import Result, read_result
 from fitting.fit.sweep_line import line_of_sweep, line_sentences
 from fitting.fmu import FmuWorkers
-from fitting.lab.string import Bench, measure, string_bench
-from fitting.lab.synthesis import campaign_files
+from fitting.lab.bench import Bench, measure
+from fitting.lab.benches import string_bench
+from fitting.lab.writer import campaign_files
 from fitting.text.files import write_all
 
 DATA = Path(__file__).parents[2] / "data"

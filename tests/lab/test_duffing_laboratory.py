@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from fitting.lab.duffing import (
-    READ,
-    Cubic,
-    Drive,
-    DuffingBench,
-    NoSteadyState,
-    duffing_bench,
-    lines_to_order,
-    measure_duffing,
-    steady_lines,
-    with_level,
-)
-from fitting.lab.string import Bench, TwoModes, steady_state
+from fitting.lab.bench import measure
+from fitting.lab.benches import duffing_bench, with_level
+from fitting.lab.duffing import Cubic, NoSteadyState, lines_to_order, steady_lines
+from fitting.lab.instruments.markers import READ
+from fitting.lab.sample import Drive
+from fitting.lab.string import TwoModes, steady_state
 from tests.support import duffing_reference
 
 ETA, QUALITY = 1000.0, 25.0
@@ -51,7 +45,7 @@ def test_lines_are_those_of_the_full_equations() -> None:
     modes = TwoModes(1.9498, WIDTH, 0.8 * WIDTH, ETA, ETA + 2.6 * WIDTH)
     cubic = Cubic(alpha_of(0.6), -0.5 * alpha_of(0.6), 0.4 * alpha_of(0.6))
     u, level = (990.0, 1010.0), 0.7 * FORCE
-    lines = steady_lines(modes, cubic, Drive(u, level))
+    lines = steady_lines(modes, cubic, Drive.equal(u, level))
     settle, window, count = 0.25, 0.1, 1024
     times = settle + window * np.arange(count) / count
     scene = SimpleNamespace(
@@ -87,7 +81,9 @@ def test_lines_are_those_of_the_full_equations() -> None:
 def test_one_line_alone_is_the_averaged_closed_form() -> None:
     """Harmonic balance with a single line is the first-order averaged equation itself."""
     for strength, u in ((0.5, 1.0), (-0.4, 0.99), (3.0, 1.0)):
-        lines = lines_to_order(alone(), Cubic(alpha_of(strength)), Drive((u * ETA,), FORCE), 1)
+        lines = lines_to_order(
+            alone(), Cubic(alpha_of(strength)), Drive.equal((u * ETA,), FORCE), 1
+        )
         wanted = roots(alpha_of(strength), u * ETA, FORCE)
         assert len(wanted) == 1
         assert abs(lines.at(1)[0]) == pytest.approx(wanted[0], rel=1e-9)
@@ -100,7 +96,7 @@ def test_what_averaging_leaves_out_falls_with_the_shift() -> None:
         part = QUALITY / quality
         alpha, force, width = part * alpha_of(2.0), part * FORCE, part * WIDTH
         u = ETA + 0.5 * width
-        found = abs(steady_lines(alone(width), Cubic(alpha), Drive((u,), force)).at(1)[0])
+        found = abs(steady_lines(alone(width), Cubic(alpha), Drive.equal((u,), force)).at(1)[0])
         difference.append(abs(found / roots(alpha, u, force, width)[0] - 1.0))
     assert 1e-6 < difference[0] < 2.0 / QUALITY
     slope = np.polyfit(np.log(qualities), np.log(difference), 1)[0]
@@ -114,19 +110,19 @@ def test_both_branches_are_reached_by_continuation_in_the_frequency() -> None:
     assert len(wanted) == 3
     ends = []
     for begin in (ETA, ETA + 5.0 * WIDTH):
-        lines = steady_lines(alone(), cubic, Drive((begin,), FORCE))
+        lines = steady_lines(alone(), cubic, Drive.equal((begin,), FORCE))
         for u in np.linspace(begin, inside, 40)[1:]:
-            lines = steady_lines(alone(), cubic, Drive((float(u),), FORCE), start=lines)
+            lines = steady_lines(alone(), cubic, Drive.equal((float(u),), FORCE), start=lines)
         ends.append(abs(lines.at(1)[0]))
     assert ends == pytest.approx([wanted[2], wanted[0]], rel=0.1)
 
 
 def follow(cubic: Cubic, begin: float, end: float) -> None:
     """Step the tone from one frequency to another, until the branch ends or is left."""
-    lines = steady_lines(alone(), cubic, Drive((begin,), FORCE))
+    lines = steady_lines(alone(), cubic, Drive.equal((begin,), FORCE))
     for u in np.linspace(begin, end, 60):
         before = abs(lines.at(1)[0])
-        lines = steady_lines(alone(), cubic, Drive((float(u),), FORCE), start=lines)
+        lines = steady_lines(alone(), cubic, Drive.equal((float(u),), FORCE), start=lines)
         if abs(lines.at(1)[0]) > 1.5 * before:  # Newton's method leapt to the other branch
             raise NoSteadyState
 
@@ -138,8 +134,8 @@ def test_a_branch_that_ends_is_no_number() -> None:
 
 
 def test_linear_limit_is_the_linear_laboratory() -> None:
-    modes = duffing_bench().bench.modes
-    lines = steady_lines(modes, Cubic(0.0), Drive((6940250.0, 6940290.0), 0.3))
+    modes = duffing_bench().modes
+    lines = steady_lines(modes, Cubic(0.0), Drive.equal((6940250.0, 6940290.0), 0.3))
     wanted = 0.3 * steady_state(modes, np.array([6940250.0, 6940290.0]))
     assert np.abs(lines.at(1, 0) / wanted[0] - 1.0).max() < 1e-12
     assert np.abs(lines.at(0, 1) / wanted[1] - 1.0).max() < 1e-12
@@ -148,15 +144,15 @@ def test_linear_limit_is_the_linear_laboratory() -> None:
 
 def test_only_alpha_times_the_squared_drive_shows() -> None:
     """Twice the drive and a quarter of the coefficients: the same shape, twice as large."""
-    modes = duffing_bench().bench.modes
+    modes = duffing_bench().modes
     u = (6940250.0, 6940290.0)
-    one = steady_lines(modes, Cubic(1e32, 2e31, 3e31), Drive(u, 0.2))
-    two = steady_lines(modes, Cubic(0.25e32, 0.5e31, 0.75e31), Drive(u, 0.4))
+    one = steady_lines(modes, Cubic(1e32, 2e31, 3e31), Drive.equal(u, 0.2))
+    two = steady_lines(modes, Cubic(0.25e32, 0.5e31, 0.75e31), Drive.equal(u, 0.4))
     assert np.abs(two.amplitudes - 2.0 * one.amplitudes).max() < 1e-9 * np.abs(one.amplitudes).max()
 
 
 def test_conjugate_lines_and_lines_that_are_not_there() -> None:
-    lines = steady_lines(alone(), Cubic(alpha_of(0.3)), Drive((990.0, 1010.0), 0.3 * FORCE))
+    lines = steady_lines(alone(), Cubic(alpha_of(0.3)), Drive.equal((990.0, 1010.0), 0.3 * FORCE))
     assert lines.at(-2, 1) == pytest.approx(lines.at(2, -1).conj())
     with pytest.raises(ValueError, match="no line"):
         lines.at(1, 1)
@@ -164,11 +160,11 @@ def test_conjugate_lines_and_lines_that_are_not_there() -> None:
 
 def test_the_same_seed_gives_the_same_series_and_its_errors_are_as_stated() -> None:
     lab = duffing_bench()
-    one, same, other = measure_duffing(lab, 5), measure_duffing(lab, 5), measure_duffing(lab, 6)
-    assert one.peaks_v.tolist() == same.peaks_v.tolist()
-    assert one.series.sweep.amplitude_v.tolist() == same.series.sweep.amplitude_v.tolist()
-    assert one.peaks_v.tolist() != other.peaks_v.tolist()
-    pulls = [(m.peaks_v - m.series.true_peaks_v) / m.sigmas_v for m in (one, other)]
+    one, same, other = measure(lab, 5), measure(lab, 5), measure(lab, 6)
+    assert one.array("peaks_v").tolist() == same.array("peaks_v").tolist()
+    assert one.sweep.amplitude_v.tolist() == same.sweep.amplitude_v.tolist()
+    assert one.array("peaks_v").tolist() != other.array("peaks_v").tolist()
+    pulls = [(m.array("peaks_v") - m.true_peaks_v) / m.array("sigmas_v") for m in (one, other)]
     assert 0.5 < np.std(pulls) < 1.5  # 32 numbers
 
 
@@ -176,13 +172,12 @@ def test_what_is_no_laboratory_is_refused() -> None:
     lab = duffing_bench()
     assert max(with_level(lab, 0.1).levels) == 0.1
     with pytest.raises(ValueError, match="levels for"):
-        DuffingBench(lab.bench, lab.cubic, (0.1,), 0.1)
+        replace(lab, levels=(0.1,))
     with pytest.raises(ValueError, match="must be positive"):
         with_level(lab, -1.0)
     with pytest.raises(ValueError, match="must be finite"):
-        DuffingBench(lab.bench, Cubic(math.inf), lab.levels, 0.1)
+        Cubic(math.inf)
     with pytest.raises(ValueError, match="one or two that differ"):
-        Drive((1.0, 1.0), 1.0)
+        Drive.equal((1.0, 1.0), 1.0)
     with pytest.raises(ValueError, match="wanted a weaker drive"):
-        measure_duffing(with_level(lab, 3.0), 1)
-    assert isinstance(lab.bench, Bench)
+        measure(with_level(lab, 3.0), 1)

@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 
 from fitting.campaign import read_campaign
-from fitting.lab.string import Bench, TwoModes, measure, steady_state, string_bench
-from fitting.lab.synthesis import campaign_files, read_bench
+from fitting.lab.bench import Bench, measure
+from fitting.lab.benches import string_bench
+from fitting.lab.string import TwoModes, steady_state
+from fitting.lab.truth import read_bench
+from fitting.lab.writer import campaign_files
 from fitting.signal.peaks import fit_resonance
 
 
@@ -46,8 +49,8 @@ def test_widths_follow_the_papers_formula() -> None:
 @pytest.mark.parametrize("series", ["q1", "q2"])
 def test_series_has_the_shape_of_the_papers(series: str) -> None:
     measured = measure(string_bench(series), 3)
-    floors = [np.mean(np.sort(t.amplitude_v)[:400]) for t in measured.spectra]
-    assert len(measured.spectra) == 5
+    floors = [np.mean(np.sort(t)[:400]) for t in measured.array("amplitude_v")]
+    assert len(measured.readings) == 5
     assert measured.true_peaks_v.min() > 5e-6
     assert measured.true_peaks_v.max() < 50e-6
     assert all(0.14e-6 < floor < 0.3e-6 for floor in floors)
@@ -57,7 +60,7 @@ def test_series_has_the_shape_of_the_papers(series: str) -> None:
 
 def test_noise_averages_to_the_stated_floor() -> None:
     bench = replace(string_bench("q1"), floor_v=(0.25e-6, 0.25e-6), crest_v=1e-12)
-    traces = [t.amplitude_v for k in range(10) for t in measure(bench, k).spectra]
+    traces = [t for k in range(10) for t in measure(bench, k).array("amplitude_v")]
     assert np.mean(traces) == pytest.approx(0.25e-6, rel=0.02)
 
 
@@ -70,7 +73,7 @@ def test_same_seed_same_bytes_and_another_seed_other_noise() -> None:
 
 def test_drift_is_linear_plus_a_bow() -> None:
     bench = replace(string_bench("q1"), drift_hz=100.0, curvature_hz=5.0)
-    shifts = [bench.at(p).eta_plus_hz - bench.modes.eta_plus_hz for p in (0.0, 0.5, 1.0)]
+    shifts = [bench.at(p).modes.eta_plus_hz - bench.modes.eta_plus_hz for p in (0.0, 0.5, 1.0)]
     assert shifts == [-50.0, 5.0, 50.0]
 
 

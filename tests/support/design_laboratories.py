@@ -25,9 +25,9 @@ from fitting.design.information import (
 from fitting.fit.job import measured_of
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
 from fitting.fmu import FmuWorkers
-from fitting.lab.string import Bench, measure
-from fitting.lab.synthesis import campaign_files
-from fitting.lab.synthesis_plan import planned_files
+from fitting.lab.bench import Bench, measure
+from fitting.lab.synthesis import synthesize
+from fitting.lab.writer import campaign_files
 from fitting.text.arrays import FloatArray
 from fitting.text.files import write_all
 
@@ -53,7 +53,7 @@ class Laboratory:
     ) -> None:
         first, second = folder / f"first{seed}", folder / f"second{seed}"
         write_all(first, campaign_files(measure(bench, seed), "a benchmark"))
-        write_all(second, planned_files(plan, bench, 10_000 + seed, "a benchmark"))
+        synthesize(bench, seed=10_000 + seed, plan=plan, out=second)
         sweep = (first / "sweep.csv").read_bytes()  # the gain is that laboratory's
         (second / "sweep.csv").write_bytes(sweep)
         variables = workers.description.variables

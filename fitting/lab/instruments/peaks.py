@@ -1,0 +1,27 @@
+"""What instruments that hand over ready peaks have in common: columns, and how they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from fitting.lab.bench import Cell, Reading
+
+
+def peak_columns(reading: Reading, peaks: Sequence[str], sigmas: Sequence[str]) -> dict[str, Cell]:
+    """Cells by header, of peaks and then of their standard deviations, in microvolts."""
+    pairs = [
+        *zip(peaks, reading.arrays["peaks_v"], strict=True),
+        *zip(sigmas, reading.arrays["sigmas_v"], strict=True),
+    ]
+    return {f"{name} (uV)": float(value) * 1e6 for name, value in pairs}
+
+
+def peak_table(file: str, peaks: Sequence[str], sigmas: Sequence[str]) -> dict[str, Any]:
+    """The table [experiments] of a campaign with these columns."""
+    return {
+        "file": file,
+        "peaks": list(peaks),
+        "peak_sigmas": list(sigmas),
+        "amplitude": "V peak",
+    }

@@ -1,0 +1,156 @@
+"""A planned campaign -> the same campaign measured by the virtual laboratory, as texts by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fitting.campaign.section import Section
+from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
+from fitting.lab.instruments.averaged import Averaged
+from fitting.lab.sample import Drive
+from fitting.lab.truth import TRUTH_NAME, truth_toml
+from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_of, written_mhz
+from fitting.text.errors import BadInput
+from fitting.text.tables import Column, Table, read_table, read_text
+from fitting.text.toml import Tables, inline, read_toml, rewritten
+from fitting.text.units import convert
+
+#: Columns of a plan that the bench can set beside drive frequencies and amplitudes.
+GAINS = ("g1", "g2")
+
+
+class Plan:
+    """A campaign that waits for its peaks, as the virtual laboratory understands it.
+
+    Drives, outputs, settings and averaged spectra are the rows of its experiments file, the noise
+    of a peak is its table [design].
+
+    Raises:
+        BadInput: no plan of this kind, or one that asks of the bench what it cannot do.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._top = path, Section(path, "", read_toml(path))
+        design = self._top.sub("design")
+        if "averaged" not in design:
+            raise BadInput(
+                f"{design.where('averaged')}: is missing, wanted a campaign that fmu-fit design "
+                "made"
+            )
+        drive, experiments = self._top.sub("drive"), self._top.sub("experiments")
+        self._table: Table = read_table(path.parent / experiments.text("file"))
+        self._frequencies = drive.texts("frequencies")
+        self._amplitudes = drive.texts("amplitudes")
+        self._filled = (*experiments.texts("peaks"), *experiments.texts("peak_sigmas"))
+        self._refuse_unknown()
+        self.rows = self._rows(design.required("averaged"))
+        floor_v = design.quantity("noise_floor", "V") if "noise_floor" in design else 0.0
+        self.instrument = Averaged(floor_v, design.number("relative_noise", 0.0))
+
+    def measure(self, bench: Bench, seed: int) -> Measured:
+        """Measure its rows on a bench."""
+        return measure_rows(bench, self.rows, self.instrument, seed)
+
+    def files(self, measured: Measured, command: str) -> dict[str, str | bytes]:
+        """Contents by relative file name."""
+        head = head_of(measured, command)
+        files: dict[str, str | bytes] = {
+            CAMPAIGN_NAME: self._campaign(measured, head),
+            self._table.path.name: self._experiments(measured, head),
+            TRUTH_NAME: truth_toml(measured, head),
+        }
+        sweep = self._top.sub("sweep")
+        if "file" in sweep:
+            source = self.path.parent / sweep.text("file")
+            if not source.is_file():
+                raise BadInput(f"{sweep.where('file')}: {source}: no such file")
+            files[source.name] = source.read_bytes()
+        return files
+
+    def _refuse_unknown(self) -> None:
+        settable = (*self._frequencies, *self._amplitudes, *GAINS)
+        for column in self._table.columns:
+            if column.name not in {"experiment", "output", *settable, *self._filled}:
+                raise BadInput(
+                    f"{self._table.path}: column '{column.name}': the virtual laboratory cannot "
+                    f"set it, wanted {', '.join(settable)}"
+                )
+
+    def _rows(self, averaged: Any) -> tuple[Row, ...]:
+        """The rows as measurements; ``averaged`` as the file has it, a number per row."""
+        labels = self._table.texts(self._table.column("experiment"))
+        good = isinstance(averaged, list) and len(averaged) == len(labels)
+        if not good or not all(type(n) is int and n >= 1 for n in averaged):
+            raise BadInput(
+                f"[design] averaged: found {averaged!r}, wanted {len(labels)} whole numbers, a "
+                f"number of spectra for every row of {self._table.path}"
+            )
+        return tuple(
+            Row(
+                label=label,
+                drive=Drive(
+                    tuple(self._number(name, i, "Hz") for name in self._frequencies),
+                    tuple(self._number(name, i) for name in self._amplitudes),
+                    (self._number(GAINS[0], i), self._number(GAINS[1], i)),
+                ),
+                observed=self._observed(i),
+                averaged=averaged[i],
+            )
+            for i, label in enumerate(labels)
+        )
+
+    def _number(self, name: str, row: int, unit: str | None = None) -> float:
+        """A cell as a number, in ``unit`` if its header has one; 1 without such a column."""
+        column = self._table.find(name)
+        if column is None and unit is None:
+            return 1.0
+        column = column or self._table.column(name)
+        value = float(self._table.numbers(column)[row])
+        where = f"{self._table.path}: column '{name}'"
+        return convert(value, column.unit, unit, where=where) if unit and column.unit else value
+
+    def _observed(self, row: int) -> int:
+        column = self._table.column("output")
+        output = self._table.texts(column)[row]
+        if output not in OUTPUTS:
+            raise BadInput(
+                f"{self._table.path}: row {self._table.lines[row]}, column 'output': the virtual "
+                f"laboratory does not observe '{output}', wanted {' or '.join(OUTPUTS)}"
+            )
+        return OUTPUTS.index(output)
+
+    def _experiments(self, measured: Measured, head: Sequence[str]) -> str:
+        """The file's text with peaks and their standard deviations."""
+        columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
+        for row, reading in enumerate(measured.readings):
+            volts = (*reading.arrays["peaks_v"], *reading.arrays["sigmas_v"])
+            for name, value in zip(self._filled, volts, strict=True):
+                column = self._table.column(name)
+                where = f"{self._table.path}: column '{name}'"
+                number = convert(float(value), "V", column.unit or "V", where=where)
+                columns[_head(column)][row] = repr(number)
+        return csv_text(columns, head)
+
+    def _campaign(self, measured: Measured, head: Sequence[str]) -> str:
+        """The plan's text, with what drifts as it was measured, and marked as synthetic."""
+        ends = zip(DRIFTING, measured.eta_before_hz, measured.eta_after_hz, strict=True)
+        drift = {
+            name: {"before": written_mhz(before), "after": written_mhz(after)}
+            for name, before, after in ends
+        }
+
+        def edit(tables: Tables) -> None:
+            for name in DRIFTING:
+                if name in tables.get("drift", {}):
+                    tables["drift"][name] = inline(drift[name])
+            tables["synthetic"] = True
+            if "synthetic" not in tables.get("title", "synthetic"):
+                tables["title"] = f"{tables['title']} (synthetic)"
+
+        return rewritten(read_text(self.path), edit, head)
+
+
+def _head(column: Column) -> str:
+    return column.name if column.unit is None else f"{column.name} ({column.unit})"

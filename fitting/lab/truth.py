@@ -1,0 +1,114 @@
+"""The truth behind a synthetic campaign: the file beside it, written and read.
+
+No reader of a fit opens it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fitting.campaign.section import Section
+from fitting.lab.bench import Bench, Measured
+from fitting.lab.duffing import Cubic, CubicModes
+from fitting.lab.instruments.analyser import Analyser
+from fitting.lab.instruments.markers import Markers
+from fitting.lab.string import TwoModes
+from fitting.text.errors import BadInput
+from fitting.text.toml import read_toml, toml_text
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+TRUTH_NAME = "truth.toml"
+REMARK = "The truth behind this campaign. No reader of a fit opens this file."
+#: Fields of a bench with a table of their own.
+ELSEWHERE = ("sample", "instrument", "levels", "weak_level")
+
+
+def truth_tables(measured: Measured) -> dict[str, Any]:
+    """Everything that was put in; [bench], [modes], [cubic] and [drive] make the bench again."""
+    bench = measured.bench
+    widths = bench.modes.widths_hz()
+    tables: dict[str, Any] = {"bench": _plain(bench, ELSEWHERE), "modes": _plain(bench.modes)}
+    if isinstance(bench.sample, CubicModes):
+        tables["cubic"] = _plain(bench.sample.cubic)
+    if bench.levels:
+        tables["drive"] = {"weak_level": bench.weak_level}
+        if isinstance(bench.instrument, Markers):
+            tables["drive"]["repeatability"] = bench.instrument.repeatability
+        tables["drive"] |= {"levels": list(bench.levels), "lines": _lists(bench.instrument.lines)}
+    tables["outcome"] = {
+        "seed": measured.seed,
+        "gain_v": measured.gain,
+        "width_plus_hz": widths[0],
+        "width_minus_hz": widths[1],
+    }
+    rows = zip(measured.answers, measured.true_modes, measured.true_peaks_v, strict=True)
+    tables["experiment"] = [
+        {
+            "label": answer.label,
+            "eta_plus_hz": modes.eta_plus_hz,
+            "eta_minus_hz": modes.eta_minus_hz,
+            "peaks_v": peaks.tolist(),
+        }
+        for answer, modes, peaks in rows
+    ]
+    return tables
+
+
+def truth_toml(measured: Measured, head: Sequence[str]) -> str:
+    """`truth_tables` as text."""
+    return toml_text(truth_tables(measured), [*head, REMARK])
+
+
+def read_bench(truth: Path) -> Bench:
+    """The bench that a synthetic campaign was made on, from its truth file.
+
+    Raises:
+        BadInput: no such file, or one that does not describe a bench.
+    """
+    top = Section(truth, "", read_toml(truth))
+    names = [name for name in _names(Bench) if name not in ELSEWHERE]
+    bench = _required(top.sub("bench", names), names)
+    modes = _required(top.sub("modes", _names(TwoModes)), _names(TwoModes))
+    cubic, drive = None, {}
+    if "cubic" in top:
+        cubic = _required(top.sub("cubic", _names(Cubic)), _names(Cubic))
+        drive = _required(top.sub("drive"), ("weak_level", "repeatability", "levels"))
+    try:
+        bench["pairs_hz"] = tuple((float(low), float(high)) for low, high in bench["pairs_hz"])
+        low, high = bench["floor_v"]
+        bench["floor_v"] = (float(low), float(high))
+        linear = TwoModes(**modes)
+        if cubic is None:
+            return Bench(sample=linear, instrument=Analyser(), **bench)
+        return Bench(
+            sample=CubicModes(linear, Cubic(**{n: float(v) for n, v in cubic.items()})),
+            instrument=Markers(float(drive["repeatability"])),
+            levels=tuple(float(level) for level in drive["levels"]),
+            weak_level=float(drive["weak_level"]),
+            **bench,
+        )
+    except (TypeError, ValueError) as error:
+        raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
+
+
+def _required(section: Section, names: Sequence[str]) -> dict[str, Any]:
+    return {name: section.required(name) for name in names}
+
+
+def _plain(record: DataclassInstance, skip: Sequence[str] = ()) -> dict[str, Any]:
+    """A record's fields as TOML has them."""
+    values = {name: getattr(record, name) for name in _names(type(record)) if name not in skip}
+    return {name: _lists(value) for name, value in values.items()}
+
+
+def _lists(value: Any) -> Any:
+    return [_lists(item) for item in value] if isinstance(value, tuple) else value
+
+
+def _names(record: type[DataclassInstance]) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(record))
