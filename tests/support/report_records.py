@@ -46,6 +46,10 @@ def lorentzian_v(f_hz: np.ndarray) -> np.ndarray:
     return result
 
 
+SWEPT_V = lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0)))
+RESONANCE = fit_resonance(SWEEP_HZ, SWEPT_V)
+
+
 def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) -> ShownTones:
     """An experiment whose peaks lie on the Lorentzian, with a spectrum that shows them."""
     peaks = lorentzian_v(np.array(tones_hz))
@@ -80,13 +84,12 @@ def campaign(
     """A campaign of two-tone experiments; the paper's pairs unless others are given."""
     if tones is None:
         tones = [experiment(f"pair{m + 1}", pair) for m, pair in enumerate(PAIRS_HZ)]
-    amplitude = lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0)))
     swept = ShownSweep(
         frequency_hz=tuple(map(float, SWEEP_HZ)),
-        amplitude=tuple(map(float, amplitude)),
+        amplitude=tuple(map(float, SWEPT_V)),
         unit=unit,
         fitted=not tones,
-        resonance=fit_resonance(SWEEP_HZ, amplitude),
+        resonance=RESONANCE,
     )
     return ShownCampaign(
         title=title,

@@ -1,0 +1,139 @@
+"""Small records of inference, simulation and design with hand-picked numbers, for plots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
+from fitting.inference.knowledge import Effort, Knowledge, NuChoice, NuRow, Profile
+from fitting.simulate.drive import Drive, DriveResult, Trace
+from fitting.simulate.frf import Curve, FrfResult, Jump, Sweep
+
+TONES_HZ = (6940160.0, 6940360.0)
+
+
+def profile(best: float = 94.0, sigma: float = 2.5, unit: str = "Hz") -> Profile:
+    """A parabola Dchi^2 = ((v - best)/sigma)^2, known over 7 points within 3 sigma."""
+    steps = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+    values = tuple(best + sigma * s for s in steps)
+    return Profile(
+        kind="parameter",
+        unit=unit,
+        best=best,
+        sigma=sigma,
+        interval68=(best - sigma, best + sigma),
+        interval95=(best - 1.96 * sigma, best + 1.96 * sigma),
+        box=(1.0, 1000.0),
+        ends=("crossed", "crossed"),
+        shrinkage=0.99,
+        verdict="determined",
+        reason="",
+        values=values,
+        delta=tuple(s**2 for s in steps),
+        path={"d1": values, "lambda": tuple(7e5 + 1e4 * s for s in steps)},
+    )
+
+
+def knowledge() -> Knowledge:
+    """One parameter beside another that goes as its negative, and an output."""
+    one, output = profile(), profile(7e5, 1e4)
+    path = {"d1": one.values, "d2": tuple(200.0 - v for v in one.values)}
+    return Knowledge(
+        data=True,
+        chi_square=9.0,
+        freedom=8.0,
+        inflation=1.0,
+        parameters={"d1": _along(one, path), "d2": _along(profile(106.0), path)},
+        derived={"lambda": _along(output, path)},
+        directions=(),
+        without_effect=(),
+        equivalents=(),
+        sentences=(),
+        effort=Effort(10, 10, 100),
+        nu=nu_choice(),
+    )
+
+
+def _along(found: Profile, path: dict[str, tuple[float, ...]]) -> Profile:
+    return Profile(**{**vars(found), "path": {**found.path, **path}})
+
+
+def nu_choice() -> NuChoice:
+    """Three levels; the corner is the second."""
+    rows = tuple(
+        NuRow(
+            nu=10.0**-k,
+            j_fit=1.0 / k,
+            distance=0.1 * k,
+            chi_square=20.0 / k,
+            curvature=0.0,
+            parameters={"d1": 94.0 + k},
+            derived={},
+        )
+        for k in (1, 2, 3)
+    )
+    return NuChoice(rows, 1e-2, 1e-2, 12.0, 1e-3, (), {"d1": 94.0}, {"d1": 1000.0})
+
+
+def drive_result() -> DriveResult:
+    """Two tones with peaks of 3 and 2 µV on one output."""
+    times = np.linspace(0.0, 1e-2, 41 * 3)
+    wave = 5e-6 * np.cos(2 * np.pi * 100.0 * times)[:, None]
+    f = np.arange(6940100.0, 6940420.0, 20.0)
+    amplitudes = np.full((len(f), 1), 1e-12)
+    amplitudes[[3, 13], 0] = 3e-6, 2e-6
+    return DriveResult(
+        drive=Drive({}, TONES_HZ, ("q1",)),
+        beating=Trace(times, wave),
+        carrier=Trace(times[:41] * 1e-4, wave[:41]),
+        frequencies_hz=f,
+        amplitudes=amplitudes,
+        peaks=np.array([[3e-6], [2e-6]]),
+        constants={},
+        coherent=True,
+        rounding=1e-13,
+        settled=True,
+        explained=True,
+        reasons=("chosen",),
+    )
+
+
+def frf_result() -> FrfResult:
+    """Up and down over five frequencies with a jump upward."""
+    f = (6940100.0, 6940200.0, 6940300.0, 6940400.0, 6940500.0)
+    up, down = np.array([1.0, 2.0, 4.0, 1.0, 0.5]), np.array([1.0, 1.5, 1.5, 1.0, 0.5])
+    return FrfResult(
+        sweep=Sweep({}, "u1", "Hz", f, "q1", ("up", "down")),
+        curves=(Curve("up", 1e-6 * up), Curve("down", 1e-6 * down)),
+        jumps=(Jump("up", f[2], f[3]),),
+        settle_s=0.1,
+        settled=True,
+        reasons=("chosen",),
+    )
+
+
+def design() -> Design:
+    """One proposal that makes the error of the target ten times smaller."""
+    after = Expected(100.0, 110.0, 200.0)
+    return Design(
+        title="A string",
+        synthetic=True,
+        campaign="campaign.toml",
+        target="lambda",
+        unit="Hz",
+        amplitude_unit="V",
+        criterion="c",
+        before=Expected(1000.0, 1100.0, 2000.0),
+        spread=5000.0,
+        span=(6e5, 7e5),
+        proposals=(
+            Proposal(1, TONES_HZ, 6940260.0, "q1", 1.0, {}, 4, (3e-6, 2e-6), (1e-8, 1e-8), after),
+        ),
+        kinds=(Kind("q1", 6940260.0, 1.0, 120.0, 900.0, 110.0, 12),),
+        places=(PlacePoint({}, {"d1": 94.0}, 6.5e5, (1000.0, 100.0)),),
+        equal_fits=1,
+        valueless=0,
+        setups=1,
+        candidates=12,
+        sentences=(),
+    )
