@@ -6,8 +6,9 @@ The front door of the ``campaign_*`` modules: read a campaign, then bind it to a
 from __future__ import annotations
 
 from fitting.campaign.binding import BoundCampaign, Drift, Drive, Experiment, Setup, SweepData, bind
-from fitting.campaign.data import Campaign, Spectrum, read_campaign
-from fitting.campaign.schema import ContinuationSettings, FmuChoice
+from fitting.campaign.data import Campaign, read_campaign
+from fitting.campaign.file import ContinuationSettings, WrittenFmu
+from fitting.campaign.measured import Spectrum
 from fitting.fmu.variables import VariableLike
 
 __all__ = [
@@ -17,11 +18,11 @@ __all__ = [
     "Drift",
     "Drive",
     "Experiment",
-    "FmuChoice",
     "Setup",
     "Spectrum",
     "SweepData",
     "VariableLike",
+    "WrittenFmu",
     "bind",
     "read_campaign",
 ]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fitting.campaign.accuracy import AccuracyChoice
-from fitting.campaign.section import Written, in_unit
+from fitting.campaign.data import Campaign
 from fitting.fmu.accuracy import Hints, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.tables import did_you_mean
+from fitting.text.written import Written, in_unit
 
 
 class Binder:
@@ -90,20 +90,26 @@ class Binder:
         return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
 
 
-def bind_hints(choice: AccuracyChoice, binder: Binder) -> Hints:
+def bind_hints(campaign: Campaign, binder: Binder) -> Hints:
     """The [accuracy] table in the FMU's names and units.
 
     Raises:
         BadInput: a variable that is not there, or cannot be set or read; force or forbid of what
             is no reduction.
     """
+    choice, where = campaign.file.accuracy, f"{campaign.path}: [accuracy]"
     for name in (choice.tolerance, choice.substep):
         if name is not None:
-            binder.real(name, choice.where, SETTABLE, "set")
+            binder.real(name, where, SETTABLE, "set")
     reductions = []
     for entry in choice.reductions:
         if entry.bound is not None and "{output}" not in entry.bound:
-            binder.real(entry.bound, f"{entry.where} bound", READABLE, "read")
+            binder.real(
+                entry.bound,
+                f"{campaign.path}: [accuracy.reductions '{entry.name}'] bound",
+                READABLE,
+                "read",
+            )
         settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
         reductions.append(Reduction(entry.name, settings, entry.bound))
     full = {name: binder.setting(name, w) for name, w in choice.full.items()}
@@ -112,7 +118,7 @@ def bind_hints(choice: AccuracyChoice, binder: Binder) -> Hints:
             choice.tolerance, choice.substep, full, tuple(reductions), choice.force, choice.forbid
         )
     except BadInput as error:
-        raise BadInput(f"{choice.where} {error}") from error
+        raise BadInput(f"{where} {error}") from error
 
 
 def is_real(variable: VariableLike) -> bool:

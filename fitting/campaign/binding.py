@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from fitting.campaign.binder import Binder, bind_hints
-from fitting.campaign.data import Campaign, MeasuredExperiment, Spectrum, in_other_unit
+from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
+from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings, WrittenParameter
+from fitting.campaign.measured import MeasuredExperiment, Spectrum
 from fitting.campaign.noise import (
     Noise,
     bind_noise,
@@ -20,13 +22,12 @@ from fitting.campaign.noise import (
     sweep_sigmas,
 )
 from fitting.campaign.parameters import Parameter
-from fitting.campaign.schema import ContinuationSettings, ParameterChoice
-from fitting.campaign.section import Written, in_unit
 from fitting.fmu.accuracy import Hints
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import base_unit, convert
+from fitting.text.written import Written, in_unit
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ class Experiment:
     """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
 
     ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
-    :class:`fitting.campaign.data.MeasuredExperiment`; ``lines_hz`` are those of the peaks, empty
-    where they are the tones. ``output`` is the FMU output that is observed (the campaign's, where
-    empty).
+    :class:`fitting.campaign.measured.MeasuredExperiment`; ``lines_hz`` are those of the peaks,
+    empty where they are the tones. ``output`` is the FMU output that is observed (the campaign's,
+    where empty).
     """
 
     label: str
@@ -165,16 +166,16 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     drive = _bind_drive(campaign, binder)
     drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
-    for name in file.derived:
+    for name in file.derived.outputs:
         binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
     setup = Setup(
         drive=drive,
         output=output.name,
         start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
         steady_start=file.observe.steady_start,
-        line_width_hz=file.observe.line_width_hz,
+        line_width_hz=file.observe.line_width,
         accuracy=file.accuracy.amplitude,
-        hints=bind_hints(file.accuracy, binder),
+        hints=bind_hints(campaign, binder),
         source=top,
     )
     bound = BoundCampaign(
@@ -189,7 +190,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             *drift.parameters,
             *_free_scale(campaign, noise),
         ),
-        derived=file.derived,
+        derived=file.derived.outputs,
         alternatives=_bind_alternatives(campaign, binder),
         continuation=file.continuation,
         amplitude_unit=campaign.amplitude_unit,
@@ -258,7 +259,9 @@ def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     else:
         drives = ("parameter", "input")
         tones = [binder.real(n, f"{where} frequencies", drives, "set") for n in choice.frequencies]
-        targets = [binder.real(n, f"{where} amplitudes", drives, "set") for n in choice.amplitudes]
+        targets = [
+            binder.real(n, f"{where} amplitudes", drives, "set") for n in choice.amplitudes or ()
+        ]
         target, units = targets[0], [tone.unit or "Hz" for tone in tones]
         if len(set(units)) > 1:
             raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
@@ -268,12 +271,12 @@ def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     return Drive(
         choice.kind,
         choice.frequencies,
-        choice.amplitudes,
+        choice.amplitudes or (),
         choice.input,
         level,
-        choice.samples_per_period,
+        choice.samples_per_period or SAMPLES_PER_PERIOD,
         units[0],
-        choice.order,
+        choice.highest_order,
     )
 
 
@@ -342,7 +345,7 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
         frequency_hz=measured.frequency_hz,
         amplitude_v=measured.amplitude_v,
         phase_rad=measured.phase_rad,
-        settings={name: binder.setting(name, w) for name, w in choice.settings.items()},
+        settings={name: binder.setting(name, w) for name, w in choice.set.items()},
         use=choice.use,
         scale=choice.scale,
         source=measured.source,
@@ -356,7 +359,9 @@ def _bind_parameters(campaign: Campaign, binder: Binder) -> list[Parameter]:
     """The file's parameters; one of the scope "experiment" is as many as there are experiments."""
     made = []
     for choice in campaign.file.parameters:
-        parameter = _bind_parameter(choice, binder)
+        parameter = _bind_parameter(
+            choice, binder, f"{campaign.path}: [parameters '{choice.name}']"
+        )
         if choice.scope == "campaign":
             made.append(parameter)
             continue
@@ -372,8 +377,8 @@ def _bind_parameters(campaign: Campaign, binder: Binder) -> list[Parameter]:
     return made
 
 
-def _bind_parameter(choice: ParameterChoice, binder: Binder) -> Parameter:
-    variable = binder.real(choice.name, choice.where, ("parameter",), "fitted")
+def _bind_parameter(choice: WrittenParameter, binder: Binder, where: str) -> Parameter:
+    variable = binder.real(choice.name, where, ("parameter",), "fitted")
     numbers = {}
     for key, written in choice.numbers.items():
         bare = not isinstance(written.value, str)
@@ -395,7 +400,7 @@ def _bind_parameter(choice: ParameterChoice, binder: Binder) -> Parameter:
             prior_sigma=numbers.get("prior"),
         )
     except BadInput as error:
-        raise BadInput(f"{choice.where}: {error}") from error
+        raise BadInput(f"{where}: {error}") from error
 
 
 def _bind_alternatives(campaign: Campaign, binder: Binder) -> tuple[Mapping[str, Scalar], ...]:

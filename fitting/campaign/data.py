@@ -2,99 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import RawTrace, read_trace, unit_of
-from fitting.campaign.schema import (
-    CampaignFile,
-    ExperimentsChoice,
-    SweepChoice,
+from fitting.campaign.file import (
     TraceFormat,
+    WrittenCampaign,
+    WrittenExperiments,
+    WrittenSweep,
     read_campaign_file,
 )
-from fitting.campaign.section import Written
+from fitting.campaign.instruments import RawTrace, read_trace, unit_of
+from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Spectrum
 from fitting.signal.amplitudes import to_peak
-from fitting.signal.peaks import MIN_SWEEP_POINTS, NoiseFloor, read_peaks
+from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, gathered
 from fitting.text.notation import hertz
 from fitting.text.tables import Column, Table, did_you_mean, parse_number, read_table
 from fitting.text.units import convert
+from fitting.text.written import Written
 
 #: Column of the experiments file that names the FMU output an experiment observes.
 OUTPUT_COLUMN = "output"
 
 
-@dataclass(frozen=True)
-class Spectrum:
-    """A measured spectrum: ``frequency_hz`` (n,), ``amplitude_v`` (n,) peak, in ``unit``."""
-
-    frequency_hz: FloatArray
-    amplitude_v: FloatArray
-    source: Path
-    unit: str = "V"
-
-
-@dataclass(frozen=True)
-class MeasuredExperiment:
-    """One experiment as measured.
-
-    ``settings`` are the file's columns as written, ``tones_hz`` the drive frequencies;
-    ``lines_hz``, ``peaks_v``, ``sigmas_v`` (n,) per line read: frequency, peak amplitude with the
-    noise floor removed, its standard deviation (nan where ready peaks come without one);
-    ``floor_v`` mean noise magnitude; ``output`` the FMU output that this experiment observes, as
-    written in that column of the file, None for the campaign's; ``stamp`` its time, if drift asks.
-    """
-
-    label: str
-    settings: Mapping[str, Written]
-    tones_hz: tuple[float, ...]
-    lines_hz: tuple[float, ...]
-    peaks_v: FloatArray
-    sigmas_v: FloatArray
-    floor_v: float
-    spectrum: Spectrum | None
-    output: Written | None = None
-    stamp: Written | None = None
-
-
-@dataclass(frozen=True)
-class MeasuredSweep:
-    """The FRF sweep: ``frequency_hz``, ``amplitude_v`` peak, ``phase_rad`` or None, (n,) each.
-
-    ``unit`` is the detector's; ``notes`` are header entries of the instrument.
-    """
-
-    frequency_hz: FloatArray
-    amplitude_v: FloatArray
-    phase_rad: FloatArray | None
-    source: Path
-    unit: str
-    notes: Mapping[str, str]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Campaign:
     """The campaign with its data; what depends on the FMU's variables is still as written.
 
-    ``files`` are all files read, the campaign file first; ``unit`` is that of the amplitudes, empty
-    for the declared one.
+    ``path`` is the campaign file, ``file`` what it says; ``files`` are all files read, the campaign
+    file first; ``unit`` is that of the amplitudes, empty for the declared one.
     """
 
-    file: CampaignFile
+    path: Path
+    file: WrittenCampaign
     experiments: tuple[MeasuredExperiment, ...]
     sweep: MeasuredSweep | None
     files: tuple[Path, ...]
     unit: str = ""
-
-    @property
-    def path(self) -> Path:
-        """The campaign file."""
-        return self.file.path
 
     @property
     def is_scaled(self) -> bool:
@@ -107,7 +56,7 @@ class Campaign:
         return self.unit or _declared_unit(self.file)
 
 
-def _declared_unit(file: CampaignFile) -> str:
+def _declared_unit(file: WrittenCampaign) -> str:
     declared = file.sweep or file.experiments
     return declared.format.amplitude.unit if declared is not None else "V"
 
@@ -137,48 +86,56 @@ def read_campaign(path: str | Path) -> Campaign:
     Raises:
         BadInput: one line with file, row, column or key, what was found, what is wanted.
     """
-    file = read_campaign_file(Path(path))
+    path = Path(path)
+    file = read_campaign_file(path)
     experiments: tuple[MeasuredExperiment, ...] = ()
-    files = [file.path]
-    if file.experiments is not None:
-        experiments = _read_experiments(file, file.experiments)
-        files.append(file.experiments.file)
-        files += [e.spectrum.source for e in experiments if e.spectrum is not None]
     sweep = None
-    if file.sweep is not None:
-        sweep = _read_sweep(file.sweep)
-        files.append(sweep.source)
-    _check_one_unit(file, sweep)
-    return Campaign(file, experiments, sweep, tuple(files))
+    complaints: list[str] = []
+    try:
+        if file.experiments is not None:
+            experiments = _read_experiments(file, file.experiments, path.parent)
+    except BadInput as error:
+        complaints += error.args
+    try:
+        sweep = _read_sweep(file.sweep) if file.sweep is not None else None
+    except BadInput as error:
+        complaints += error.args
+    if complaints:
+        raise BadInput(*complaints)
+    _check_one_unit(path, file)
+    files = [path, *([] if file.experiments is None else [file.experiments.file])]
+    files += [e.spectrum.source for e in experiments if e.spectrum is not None]
+    files += [] if sweep is None else [sweep.source]
+    return Campaign(path=path, file=file, experiments=experiments, sweep=sweep, files=tuple(files))
 
 
-def _check_one_unit(file: CampaignFile, sweep: MeasuredSweep | None) -> None:
+def _check_one_unit(path: Path, file: WrittenCampaign) -> None:
     """Peaks and sweep are compared with each other, so they must share the detector's unit."""
-    if file.experiments is None or sweep is None:
+    if file.experiments is None or file.sweep is None:
         return
-    unit = file.experiments.format.amplitude.unit
-    if unit != sweep.unit:
+    unit, other = (t.format.amplitude.unit for t in (file.experiments, file.sweep))
+    if unit != other:
         raise BadInput(
-            f"{file.path}: [sweep] amplitude is declared in {sweep.unit}, [experiments] in {unit}; "
+            f"{path}: [sweep] amplitude is declared in {other}, [experiments] in {unit}; "
             "wanted the same unit, because they are compared"
         )
 
 
-def _read_sweep(choice: SweepChoice) -> MeasuredSweep:
-    raw = read_trace(choice.file, choice.format.layout, choice.format.selection)
-    if raw.frequency.size < MIN_SWEEP_POINTS:
-        raise BadInput(
-            f"{choice.file}: {raw.frequency.size} points are too few for a sweep; "
-            f"wanted at least {MIN_SWEEP_POINTS}"
-        )
-    frequency_hz, amplitude_v = _calibrated(raw, choice.format)
-    if not np.any(amplitude_v > 0.0):
-        raise BadInput(f"{choice.file}: every amplitude is zero; wanted a resonance")
+def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
+    how = written.format
+    raw = read_trace(written.file, how.layout, how.selection)
+    frequency_hz, amplitude_v = _calibrated(raw, how)
     phase_rad = None
     if raw.phase is not None:
         phase_rad = raw.phase * convert(1.0, raw.phase_unit, "rad", where=f"{raw.path}: phase")
-    unit = choice.format.amplitude.unit
-    return MeasuredSweep(frequency_hz, amplitude_v, phase_rad, choice.file, unit, dict(raw.notes))
+    return MeasuredSweep(
+        frequency_hz=frequency_hz,
+        amplitude_v=amplitude_v,
+        phase_rad=phase_rad,
+        source=written.file,
+        unit=how.amplitude.unit,
+        notes=dict(raw.notes),
+    )
 
 
 def _calibrated(raw: RawTrace, how: TraceFormat) -> tuple[FloatArray, FloatArray]:
@@ -203,15 +160,24 @@ def _hertz(values: FloatArray, unit: str, where: str) -> FloatArray:
 
 
 def _read_experiments(
-    file: CampaignFile, choice: ExperimentsChoice
+    file: WrittenCampaign, written: WrittenExperiments, folder: Path
 ) -> tuple[MeasuredExperiment, ...]:
-    table = read_table(choice.file)
+    """All experiments, or complaints of every row and spectrum that has one."""
+    table = read_table(written.file)
     labels = _labels(table)
     tones = _tones(table, file.drive.frequencies)
-    return tuple(
-        _experiment(file, choice, table, i, label, tuple(float(f) for f in tones[i]))
+    rows = [
+        _Row(
+            file=file,
+            written=written,
+            table=table,
+            index=i,
+            label=label,
+            tones_hz=tuple(map(float, tones[i])),
+        )
         for i, label in enumerate(labels)
-    )
+    ]
+    return tuple(gathered(partial(row.experiment, folder) for row in rows))
 
 
 def _labels(table: Table) -> tuple[str, ...]:
@@ -245,124 +211,127 @@ def _tones(table: Table, names: tuple[str, ...]) -> FloatArray:
     return tones
 
 
-def _experiment(
-    file: CampaignFile,
-    choice: ExperimentsChoice,
-    table: Table,
-    index: int,
-    label: str,
-    tones_hz: tuple[float, ...],
-) -> MeasuredExperiment:
-    settings = _settings(file, choice, table, index)
-    stamp = _stamp(file, table, index)
-    lines_hz = _lines(file, tones_hz, f"{table.path}: row {table.lines[index]}")
-    output = settings.pop(OUTPUT_COLUMN, None)
-    if choice.spectra is None:
-        peaks, sigmas = _ready_peaks(choice, table, index)
-        return MeasuredExperiment(
-            label, settings, tones_hz, lines_hz, peaks, sigmas, 0.0, None, output, stamp
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """One row of the experiments file, beside what the campaign says of it."""
+
+    file: WrittenCampaign
+    written: WrittenExperiments
+    table: Table
+    index: int
+    label: str
+    tones_hz: tuple[float, ...]
+
+    def experiment(self, folder: Path) -> MeasuredExperiment:
+        """The experiment; its spectrum is in a file relative to ``folder``."""
+        settings = self.settings()
+        read = partial(
+            MeasuredExperiment,
+            label=self.label,
+            tones_hz=self.tones_hz,
+            lines_hz=self.lines_hz(),
+            output=settings.pop(OUTPUT_COLUMN, None),
+            settings=settings,
+            stamp=self.stamp(),
         )
-    path = file.path.parent / choice.spectra.replace("{experiment}", label)
-    raw = read_trace(path, choice.format.layout, choice.format.selection)
-    frequency_hz, amplitude_v = _calibrated(raw, choice.format)
-    reading = read_peaks(frequency_hz, amplitude_v, lines_hz, choice.noise_floor, source=str(path))
-    floor = NoiseFloor(0.0, 0.0) if choice.noise_floor == "none" else reading.floor
-    spectrum = Spectrum(frequency_hz, amplitude_v, path, choice.format.amplitude.unit)
-    return MeasuredExperiment(
-        label,
-        settings,
-        tones_hz,
-        lines_hz,
-        reading.peaks_v,
-        reading.sigmas_v,
-        floor.level_v,
-        spectrum,
-        output,
-        stamp,
-    )
+        if self.written.spectra is None:
+            peaks_v, sigmas_v = self.ready_peaks()
+            return read(peaks_v=peaks_v, sigmas_v=sigmas_v)
+        path = folder / self.written.spectra.replace("{experiment}", self.label)
+        how, floor_kind = self.written.format, self.written.noise_floor
+        raw = read_trace(path, how.layout, how.selection)
+        spectrum = Spectrum(*_calibrated(raw, how), path, how.amplitude.unit)
+        reading = read_peaks(
+            spectrum.frequency_hz,
+            spectrum.amplitude_v,
+            self.lines_hz(),
+            floor_kind,
+            source=str(path),
+        )
+        return read(
+            peaks_v=reading.peaks_v,
+            sigmas_v=reading.sigmas_v,
+            floor_v=0.0 if floor_kind == "none" else reading.floor.level_v,
+            spectrum=spectrum,
+        )
 
+    def place(self, column: str) -> str:
+        """Words for a cell of the row."""
+        return f"{self.table.path}: row {self.table.lines[self.index]}, column '{column}'"
 
-def _stamp(file: CampaignFile, table: Table, index: int) -> Written | None:
-    """The time stamp of one row: a number in the column's unit, or an ISO date."""
-    if not file.drift.time:
-        return None
-    column = table.column(file.drift.time)
-    where = f"{table.path}: row {table.lines[index]}, column '{column.name}'"
-    text = table.cells[index][column.index]
-    if column.unit is None and any(mark in text for mark in "-:T"):
-        return Written(text, None, where)
-    return Written(parse_number(text, where, decimal_comma=table.decimal_comma), column.unit, where)
+    def text(self, column: Column) -> str:
+        """A cell of the row."""
+        return self.table.cells[self.index][column.index]
 
+    def number(self, column: Column, where: str) -> float:
+        """A cell of the row that is to be a number."""
+        return parse_number(self.text(column), where, decimal_comma=self.table.decimal_comma)
 
-def _lines(file: CampaignFile, tones_hz: tuple[float, ...], where: str) -> tuple[float, ...]:
-    """Frequencies of the lines that are read."""
-    lines_hz = tuple(line.frequency_hz(tones_hz) for line in file.drive.read)
-    for line, f in zip(file.drive.read, lines_hz, strict=True):
-        if f <= 0.0:
-            raise BadInput(f"{where}: {line.text} is at {hertz(f)}, wanted a positive frequency")
-    return lines_hz
+    def stamp(self) -> Written | None:
+        """The time stamp: a number in the column's unit, or an ISO date."""
+        if not self.file.drift.time:
+            return None
+        column = self.table.column(self.file.drift.time)
+        where = self.place(column.name)
+        if column.unit is None and any(mark in self.text(column) for mark in "-:T"):
+            return Written(self.text(column), None, where)
+        return Written(self.number(column, where), column.unit, where)
 
+    def lines_hz(self) -> tuple[float, ...]:
+        """Frequencies of the lines that are read."""
+        lines = self.file.drive.lines
+        lines_hz = tuple(line.frequency_hz(self.tones_hz) for line in lines)
+        for line, f in zip(lines, lines_hz, strict=True):
+            if f <= 0.0:
+                raise BadInput(
+                    f"{self.table.path}: row {self.table.lines[self.index]}: {line.text} is at "
+                    f"{hertz(f)}, wanted a positive frequency"
+                )
+        return lines_hz
 
-def _settings(
-    file: CampaignFile, choice: ExperimentsChoice, table: Table, index: int
-) -> dict[str, Written]:
-    """Columns of the experiments file that set an FMU variable, one row of them."""
-    data = {"experiment", *choice.peaks, *choice.peak_sigmas, file.drift.time}
-    if file.drive.kind == "input":
-        data |= set(file.drive.frequencies)
-    settings = {}
-    for column in table.columns:
-        if column.name in data or column.name.lower() == "experiment":
-            continue
-        where = f"{table.path}: row {table.lines[index]}, column '{column.name}'"
-        settings[column.name] = _cell(table, column, index, where)
-    return settings
+    def settings(self) -> dict[str, Written]:
+        """What the columns that are no data set of the FMU's variables."""
+        data = {*self.written.peaks, *self.written.peak_sigmas, self.file.drift.time}
+        if self.file.drive.kind == "input":
+            data |= set(self.file.drive.frequencies)
+        return {
+            column.name: self.setting(column)
+            for column in self.table.columns
+            if column.name not in data and column.name.lower() != "experiment"
+        }
 
+    def setting(self, column: Column) -> Written:
+        """A cell as a Boolean, a text, a whole number or a number."""
+        text, where = self.text(column), self.place(column.name)
+        if text.lower() in ("true", "false"):
+            return Written(text.lower() == "true", column.unit, where)
+        if column.unit is None and not _numeric(text):
+            return Written(text, None, where)  # a String variable's value, or a quantity
+        number = self.number(column, where)
+        whole = column.unit is None and number.is_integer() and not set(text.lower()) & set(".,e")
+        return Written(int(number) if whole else number, column.unit, where)
 
-def _cell(table: Table, column: Column, index: int, where: str) -> Written:
-    text = table.cells[index][column.index]
-    if text.lower() in ("true", "false"):
-        return Written(text.lower() == "true", column.unit, where)
-    if column.unit is None and not _numeric(text):
-        return Written(text, None, where)  # a String variable's value, or a quantity
-    number = parse_number(text, where, decimal_comma=table.decimal_comma)
-    whole = column.unit is None and number.is_integer() and not set(text.lower()) & set(".,e")
-    return Written(int(number) if whole else number, column.unit, where)
+    def ready_peaks(self) -> tuple[FloatArray, FloatArray]:
+        """Peaks and their standard deviations (lines,), nan where no column tells them."""
+        peaks = np.array([self.amplitude(name) for name in self.written.peaks])
+        for name, value in zip(self.written.peaks, peaks, strict=True):
+            if value <= 0.0:
+                raise BadInput(f"{self.place(name)}: the peak is zero; wanted a positive amplitude")
+        sigmas = [self.amplitude(name) for name in self.written.peak_sigmas]
+        return peaks, np.array(sigmas or np.full(peaks.shape, np.nan))
+
+    def amplitude(self, name: str) -> float:
+        """A cell as peak amplitude in the declared unit."""
+        column = self.table.find(name)
+        if column is None:
+            hint = did_you_mean(name, [c.name for c in self.table.columns])
+            raise BadInput(f"{self.table.path}: no column '{name}' of ready peaks{hint}")
+        unit = unit_of(self.table, column, f"{name} (uV)")
+        number = np.array([self.number(column, self.place(name))])
+        row = f"row {self.table.lines[self.index]}"
+        declared, source = self.written.format.amplitude, str(self.table.path)
+        return float(to_peak(number, unit, declared, source, [row], name)[0])
 
 
 def _numeric(text: str) -> bool:
     return not text or text[0] in "+-.0123456789" or text.lower() in ("nan", "inf")
-
-
-def _ready_peaks(
-    choice: ExperimentsChoice, table: Table, index: int
-) -> tuple[FloatArray, FloatArray]:
-    peaks = np.array([_amplitude_cell(choice, table, name, index) for name in choice.peaks])
-    for name, value in zip(choice.peaks, peaks, strict=True):
-        if value <= 0.0:
-            raise BadInput(
-                f"{table.path}: row {table.lines[index]}, column '{name}': "
-                "the peak is zero; wanted a positive amplitude"
-            )
-    if not choice.peak_sigmas:
-        return peaks, np.full(peaks.shape, np.nan)
-    return peaks, np.array(
-        [_amplitude_cell(choice, table, name, index) for name in choice.peak_sigmas]
-    )
-
-
-def _amplitude_cell(choice: ExperimentsChoice, table: Table, name: str, index: int) -> float:
-    column = table.find(name)
-    if column is None:
-        hint = did_you_mean(name, [c.name for c in table.columns])
-        raise BadInput(f"{table.path}: no column '{name}' of ready peaks{hint}")
-    unit = unit_of(table, column, f"{name} (uV)")
-    place = f"row {table.lines[index]}"
-    where = f"{table.path}: {place}, column '{name}'"
-    number = parse_number(
-        table.cells[index][column.index], where, decimal_comma=table.decimal_comma
-    )
-    value = to_peak(
-        np.array([number]), unit, choice.format.amplitude, str(table.path), [place], name
-    )
-    return float(value[0])

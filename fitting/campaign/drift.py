@@ -10,20 +10,19 @@ Experiments of one time stamp are one state of the sample: they share their delt
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
 
 from fitting.campaign.binder import Binder
-from fitting.campaign.data import Campaign, MeasuredExperiment
-from fitting.campaign.drift_table import DriftChoice
+from fitting.campaign.data import Campaign
 from fitting.campaign.parameters import Parameter
-from fitting.campaign.section import Written, in_unit
 from fitting.fmu.variables import SETTABLE
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
+from fitting.text.written import Written, in_unit
 
 #: An offset may leave the interpolated drift by this many standard deviations of its prior.
 REACH = 6.0
@@ -48,34 +47,35 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
         BadInput: a variable that cannot be set, time stamps that do not span the series, variables
             of different units that are to share an offset.
     """
-    choice, experiments = campaign.file.drift, campaign.experiments
+    choice = campaign.file.drift
     ends = {}
-    for name, (before, after) in choice.ends.items():
-        variable = binder.real(name, before.where, SETTABLE, "set")
-        ends[name] = (binder.number(variable, before), binder.number(variable, after))
-    positions = _positions(choice, experiments)
+    for name, both in choice.ends.items():
+        variable = binder.real(name, both.before.where, SETTABLE, "set")
+        ends[name] = (binder.number(variable, both.before), binder.number(variable, both.after))
+    positions = _positions(campaign)
     if choice.model == "linear" or not ends:
         return Drifting(ends, positions, ())
-    shared = [tuple(ends)] if choice.share else [(name,) for name in ends]
-    parameters: list[Parameter] = []
-    for group in shared:
-        unit, prior = _prior(choice, binder, group)
-        kind = "" if choice.share else f" {group[0]}"
-        parameters += _corrections(choice, experiments, positions, group, unit, prior, kind)
-    return Drifting(ends, positions, tuple(parameters))
+    alone = choice.share is False
+    groups = [(name,) for name in ends] if alone else [tuple(ends)]
+    made = [_prior(campaign, binder, group, f" {group[0]}" if alone else "") for group in groups]
+    return Drifting(
+        ends,
+        positions,
+        tuple(p for prior in made for p in _corrections(campaign, positions, prior)),
+    )
 
 
-def _positions(choice: DriftChoice, experiments: Sequence[MeasuredExperiment]) -> tuple[float, ...]:
+def _positions(campaign: Campaign) -> tuple[float, ...]:
+    choice, experiments = campaign.file.drift, campaign.experiments
     count = len(experiments)
     if not choice.time or not choice.ends:
         return tuple(0.5 if count == 1 else m / (count - 1) for m in range(count))
     stamps = np.array([stamp_of(e.stamp) for e in experiments])
-    first, last = (None if w is None else stamp_of(w) for w in choice.span)
-    begin = float(np.min(stamps)) if first is None else first
-    end = float(np.max(stamps)) if last is None else last
+    begin = float(np.min(stamps)) if choice.before_time is None else stamp_of(choice.before_time)
+    end = float(np.max(stamps)) if choice.after_time is None else stamp_of(choice.after_time)
     if not end > begin:
         raise BadInput(
-            f"{choice.where} time: the series begins and ends at the same time in column "
+            f"{campaign.path}: [drift] time: the series begins and ends at the same time in column "
             f"'{choice.time}'; wanted before_time and after_time that differ"
         )
     places = (stamps - begin) / (end - begin)
@@ -111,57 +111,59 @@ def stamp_of(written: Written | None) -> float:
     return in_unit(written, None)
 
 
-def _prior(choice: DriftChoice, binder: Binder, group: Sequence[str]) -> tuple[str, float]:
-    """Unit of the offset of these variables, and its standard deviation there."""
+@dataclass(frozen=True, kw_only=True)
+class _Prior:
+    """Corrections that some variables share: ``sigma`` in ``unit``, ``suffix`` of their names."""
+
+    variables: tuple[str, ...]
+    unit: str
+    sigma: float
+    suffix: str
+
+
+def _prior(campaign: Campaign, binder: Binder, group: tuple[str, ...], suffix: str) -> _Prior:
+    """Unit of the correction of these variables, and its standard deviation there."""
     units = {binder.variables[name].unit or "1" for name in group}
     if len(units) > 1:
         raise BadInput(
-            f"{choice.where} share: {', '.join(group)} are in different units; wanted share = false"
+            f"{campaign.path}: [drift] share: {', '.join(group)} are in different units; wanted "
+            "share = false"
         )
-    unit = units.pop()
-    assert choice.prior is not None  # noqa: S101 - the schema asked for it
-    prior = in_unit(choice.prior, None if unit == "1" else unit)
-    if prior <= 0.0:
-        raise BadInput(f"{choice.prior.where}: found {choice.prior.value!r}, wanted more than zero")
-    return unit, prior
+    unit, written = units.pop(), campaign.file.drift.prior
+    assert written is not None  # noqa: S101 - the file's own check asked for it
+    sigma = in_unit(written, None if unit == "1" else unit)
+    if sigma <= 0.0:
+        raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
+    return _Prior(variables=group, unit=unit, sigma=sigma, suffix=suffix)
 
 
 def _corrections(
-    choice: DriftChoice,
-    experiments: Sequence[MeasuredExperiment],
-    positions: Sequence[float],
-    group: tuple[str, ...],
-    unit: str,
-    prior: float,
-    kind: str,
-) -> list[Parameter]:
+    campaign: Campaign, positions: Sequence[float], prior: _Prior
+) -> Iterator[Parameter]:
     """One parameter per state of the sample: its offset, or the step of the walk to it."""
+    choice = campaign.file.drift
     states: dict[float, list[str]] = {}
-    for m, (e, position) in enumerate(zip(experiments, positions, strict=True)):
+    for m, (e, position) in enumerate(zip(campaign.experiments, positions, strict=True)):
         states.setdefault(position if choice.time else float(m), []).append(e.label)
     order = sorted(states)
     walk = choice.model == "walk"
     mean = (order[-1] - order[0]) / max(len(order) - 1, 1)
-    made = []
     for k, place in enumerate(order):
         labels = states[place]
-        sigma = prior
+        sigma = prior.sigma
         if walk:
             labels = [label for later in order[k:] for label in states[later]]
             sigma *= np.sqrt((place - order[k - 1]) / mean) if k and mean else 1.0
-        made.append(
-            Parameter(
-                name=f"{'step' if walk else 'offset'}{kind}[{labels[0]}]",
-                unit=unit,
-                lower=-REACH * sigma,
-                upper=REACH * sigma,
-                start=0.0,
-                reference=0.0,
-                scale=float(sigma),
-                experiment=labels[0],
-                further=tuple(labels[1:]),
-                adds_to=group,
-                prior_sigma=float(sigma),
-            )
+        yield Parameter(
+            name=f"{'step' if walk else 'offset'}{prior.suffix}[{labels[0]}]",
+            unit=prior.unit,
+            lower=-REACH * sigma,
+            upper=REACH * sigma,
+            start=0.0,
+            reference=0.0,
+            scale=float(sigma),
+            experiment=labels[0],
+            further=tuple(labels[1:]),
+            adds_to=prior.variables,
+            prior_sigma=float(sigma),
         )
-    return made

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.noise_table import NoiseChoice
+from fitting.campaign.file import WrittenNoise
 from fitting.campaign.parameters import Parameter
-from fitting.campaign.section import in_unit
 from fitting.signal.amplitudes import Amplitude
 from fitting.signal.scale import laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.written import in_unit
 
 #: Repeats tell the scatter from this many degrees of freedom on (to a third of it).
 ENOUGH_REPEATS = 4
@@ -32,7 +32,7 @@ SCALE_NAME = "ln_scale"
 
 @dataclass(frozen=True)
 class Noise:
-    """Declared noise in the campaign's unit, peak amplitudes; see `NoiseChoice`."""
+    """Declared noise in the campaign's unit, peak amplitudes; see `WrittenNoise`."""
 
     relative: float = 0.0
     absolute_v: float = 0.0
@@ -53,7 +53,7 @@ class Noise:
         return np.asarray(np.sqrt(known**2 + own))
 
 
-def bind_noise(choice: NoiseChoice, amplitude: Amplitude, unit: str) -> Noise:
+def bind_noise(choice: WrittenNoise, amplitude: Amplitude, unit: str) -> Noise:
     """Declared noise as peak amplitude in ``unit``, in the same meaning as the amplitudes.
 
     Raises:

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.campaign.section import Section
+from fitting.campaign.file import WrittenDesign
 from fitting.cli.options import default_workers, whole_number
 from fitting.cli.progress import status_line
 from fitting.design.campaign import EXPERIMENTS_NAME, PEAK, campaign_files
 from fitting.design.candidates import Limits
 from fitting.design.choice import CRITERIA
-from fitting.design.limits import design_section, limits_of
+from fitting.design.limits import limits_of, read_design_table
 from fitting.design.proposal import propose
 from fitting.design.result import Design, design_csv, write_design
 from fitting.design.weighing import DesignGoal, weigh
@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         ):
             raise BadInput(f"{other.path}: [fmu]: wanted the FMU of {campaign.path}")
     out: Path = args.out or Path("out") / f"next_{args.campaign.resolve().parent.name}"
-    section = design_section(args.candidates or args.campaign)
+    design_table = read_design_table(args.candidates or args.campaign)
     fitted = read_result(args.at) if args.at is not None else None
     _refuse_filled(out / CAMPAIGN_FOLDER / EXPERIMENTS_NAME)
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
@@ -100,11 +100,11 @@ def run(args: argparse.Namespace) -> int:
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
         description = workers.description
         bound = bind(campaign, description.variables)
-        read = campaign.file.drive.read
-        limits = limits_of(bound, description.variables, section, read)
+        read = campaign.file.drive.lines
+        limits = limits_of(bound, description.variables, design_table, read)
         if args.number is not None:
             limits = replace(limits, number=args.number)
-        goal = _question(args, bound, section, fitted)
+        goal = _question(args, bound, design_table.keys, fitted)
         also = [bind(other, description.variables) for other in others]
         with status_line(NAME) as told:
             weighed = weigh(bound, workers, limits, goal, told, also)
@@ -139,11 +139,11 @@ def _write(
 
 
 def _question(
-    args: argparse.Namespace, bound: BoundCampaign, section: Section, fitted: Result | None
+    args: argparse.Namespace, bound: BoundCampaign, said: WrittenDesign, fitted: Result | None
 ) -> DesignGoal:
     names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]
-    target = args.target or section.text("target", "") or names[0]
-    criterion = args.criterion or section.choice("criterion", CRITERIA, CRITERIA[0])
+    target = args.target or said.target or names[0]
+    criterion = args.criterion or said.criterion or CRITERIA[0]
     start = _start(args.at, fitted, bound) if fitted is not None else None
     return DesignGoal(target, criterion, start, args.seed)
 

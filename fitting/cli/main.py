@@ -29,6 +29,8 @@ COMMANDS = (
 )
 
 BAD_INPUT, FMU_FAILED, INTERRUPTED = 2, 3, 130
+#: More complaints about one input are counted, not printed.
+MOST_COMPLAINTS = 20
 
 
 class _Parser(argparse.ArgumentParser):
@@ -59,8 +61,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _complain(error: object, code: int) -> int:
-    line = " ".join(str(error).split())
-    print(f"fmu-fit: {line}", file=sys.stderr)
+    """A line on stderr for each complaint."""
+    told = error.args if isinstance(error, BadInput) else (error,)
+    for complaint in told[:MOST_COMPLAINTS]:
+        print(f"fmu-fit: {' '.join(str(complaint).split())}", file=sys.stderr)
+    if len(told) > MOST_COMPLAINTS:
+        print(f"fmu-fit: and {len(told) - MOST_COMPLAINTS} more complaints", file=sys.stderr)
     return code
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
@@ -13,36 +14,18 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.binder import Binder
-from fitting.campaign.section import Section, Written, as_written, in_unit
+from fitting.campaign.file import WrittenDesign
 from fitting.design.candidates import Limits
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import convert, same_kind
+from fitting.text.written import Written, in_unit, positive_in
 
-KEYS = (
-    "outputs",
-    "centres",
-    "frequency_step",
-    "least_spacing",
-    "farthest",
-    "both_sides",
-    "levels",
-    "repeats",
-    "noise_floor",
-    "relative_noise",
-    "largest",
-    "settings",
-    "setting_sigma",
-    "number",
-    "target",
-    "criterion",
-    "averaged",
-    "tones",
-)
 #: Drive levels and numbers of averaged spectra that are tried where nothing is said.
 LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
 #: Noise of a peak in proportion to it, and detector range in units of the largest amplitude seen.
@@ -52,20 +35,32 @@ OFF_THE_LINE = 0.05
 MOST_NUMBER = 50
 
 
-def design_section(path: Path) -> Section:
+@dataclass(frozen=True)
+class DesignTable:
+    """A table [design]: what it says, and the file that it is in, for complaints."""
+
+    path: Path
+    keys: WrittenDesign
+
+    def where(self, key: str) -> str:
+        """The place of a key."""
+        return f"{self.path}: [design] {key}"
+
+
+def read_design_table(path: Path) -> DesignTable:
     """The table [design] of a TOML file, empty where there is none.
 
     Raises:
-        BadInput: no such file, not TOML, or an unknown key in the table.
+        BadInput: no such file, not TOML, or something wrong with the table.
     """
-    top = Section(path, "", read_toml(path))
-    return top.sub("design", KEYS)
+    table = read_toml(path).get("design", {})
+    return DesignTable(path, read_record(WrittenDesign, table, path, "design"))
 
 
 def limits_of(
     bound: BoundCampaign,
     variables: Mapping[str, VariableLike],
-    section: Section,
+    table: DesignTable,
     read: tuple[Combination, ...] = (),
 ) -> Limits:
     """Limits of a bound campaign's instrument from a table [design]; `read` are its lines.
@@ -77,70 +72,85 @@ def limits_of(
     Raises:
         BadInput: a value of the wrong kind or unit, an unknown variable, nothing to place tones by.
     """
-    spread = _Frequencies(section)
-    centres = _centres(bound, variables, section)
+    said = table.keys
+    centres = _centres(bound, variables, table)
     own = _own_grid(bound, centres)
-    repeats = _whole_numbers(section, "repeats", REPEATS)
-    levels = _numbers(section, "levels", LEVELS if bound.setup.drive.kind == "tones" else (1.0,))
-    if bound.setup.drive.kind != "tones" and levels != (1.0,):
-        raise BadInput(f"{section.where('levels')}: has no meaning with a drive through the input")
-    number = section.integer("number", Limits.number, least=1)
-    if number > MOST_NUMBER:
-        raise BadInput(f"{section.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
-    relative = section.number("relative_noise", bound.noise.relative or RELATIVE_NOISE)
-    if relative < 0.0:
-        raise BadInput(f"{section.where('relative_noise')}: found {relative}, wanted zero or more")
     return Limits(
-        outputs=_outputs(bound, variables, section),
+        outputs=_outputs(bound, variables, table),
         centres_hz=centres,
-        frequency_step_hz=spread.get("frequency_step", own[0]),
-        least_spacing_hz=spread.get("least_spacing", own[1]),
-        farthest_hz=spread.get("farthest", own[2]),
-        both_sides=section.boolean("both_sides", True),
-        levels=levels,
-        repeats=repeats,
-        noise_floor_v=_amplitude(bound, section, "noise_floor", _own_noise(bound)),
-        relative_noise=relative,
-        largest_v=_amplitude(bound, section, "largest", HEADROOM * _largest(bound)),
-        settings=_settings(variables, section),
-        setting_sigmas=_setting_sigmas(bound, variables, section),
-        number=number,
-        tones=_tones(bound, section),
+        frequency_step_hz=said.frequency_step or own[0],
+        least_spacing_hz=said.least_spacing or own[1],
+        farthest_hz=said.farthest or own[2],
+        both_sides=said.both_sides,
+        levels=_levels(bound, table),
+        repeats=_repeats(table),
+        noise_floor_v=_amplitude(bound, said.noise_floor, _own_noise(bound)),
+        relative_noise=_relative_noise(bound, table),
+        largest_v=_amplitude(bound, said.largest, HEADROOM * _largest(bound)),
+        settings=_settings(variables, said),
+        setting_sigmas=_setting_sigmas(bound, variables, said),
+        number=_number(table),
+        tones=_tones(bound, table),
         lines=() if all(line.order == 1 for line in read) else read,
     )
 
 
-def _tones(bound: BoundCampaign, section: Section) -> int:
+def _levels(bound: BoundCampaign, table: DesignTable) -> tuple[float, ...]:
+    tones = bound.setup.drive.kind == "tones"
+    levels = _ascending(table.keys.levels or (LEVELS if tones else (1.0,)))
+    if not tones and levels != (1.0,):
+        raise BadInput(f"{table.where('levels')}: has no meaning with a drive through the input")
+    return levels
+
+
+def _repeats(table: DesignTable) -> tuple[int, ...]:
+    values = _ascending(table.keys.repeats or REPEATS)
+    if any(v != int(v) for v in values):
+        raise BadInput(f"{table.where('repeats')}: found {values!r}, wanted whole numbers")
+    return tuple(int(v) for v in values)
+
+
+def _ascending(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple(sorted({float(v) for v in values}))
+
+
+def _relative_noise(bound: BoundCampaign, table: DesignTable) -> float:
+    relative = table.keys.relative_noise
+    if relative is None:
+        return bound.noise.relative or RELATIVE_NOISE
+    if relative < 0.0:
+        raise BadInput(f"{table.where('relative_noise')}: found {relative}, wanted zero or more")
+    return relative
+
+
+def _number(table: DesignTable) -> int:
+    number = table.keys.number or Limits.number
+    if number > MOST_NUMBER:
+        raise BadInput(f"{table.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
+    return number
+
+
+def _tones(bound: BoundCampaign, table: DesignTable) -> int:
     """Tones that are driven at once: the campaign's, one where it has a sweep only."""
-    usual = len(bound.setup.drive.frequencies) if bound.experiments else 1
-    tones = section.integer("tones", usual, least=1)
-    if tones > min(2, len(bound.setup.drive.frequencies)):
+    driven = len(bound.setup.drive.frequencies)
+    tones = table.keys.tones or (driven if bound.experiments else 1)
+    if tones > min(2, driven):
         raise BadInput(
-            f"{section.where('tones')}: {tones} tones; a design places one or two, as many as "
+            f"{table.where('tones')}: {tones} tones; a design places one or two, as many as "
             "[drive] has at most"
         )
     return tones
 
 
-class _Frequencies:
-    def __init__(self, section: Section) -> None:
-        self.section = section
-
-    def get(self, key: str, default: float) -> float:
-        """A frequency in Hz, the default where nothing is written."""
-        return self.section.quantity(key, "Hz", positive=True) if key in self.section else default
-
-
 def _outputs(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], section: Section
+    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
 ) -> tuple[str, ...]:
-    binder = Binder(variables)
-    if "outputs" in section:
-        names = section.texts("outputs")
+    names = table.keys.outputs
+    if names is not None:
         if not names:
-            raise BadInput(f"{section.where('outputs')}: is empty, wanted at least one name")
+            raise BadInput(f"{table.where('outputs')}: is empty, wanted at least one name")
         for name in names:
-            binder.real(name, section.where("outputs"), READABLE, "observed")
+            Binder(variables).real(name, table.where("outputs"), READABLE, "observed")
         return names
     unit, shape = variables[bound.setup.output].unit, _without_digits(bound.setup.output)
     alike = [
@@ -157,15 +167,11 @@ def _without_digits(name: str) -> str:
 
 
 def _centres(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], section: Section
+    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
 ) -> tuple[float, ...]:
     """Resonances in Hz: as written, or where the campaign knows some."""
-    if "centres" in section:
-        values = section.required("centres")
-        if not isinstance(values, list) or not values:
-            raise BadInput(f"{section.where('centres')}: found {values!r}, wanted frequencies")
-        where = section.where("centres")
-        return tuple(sorted(in_unit(as_written(v, where), "Hz") for v in values))
+    if table.keys.centres is not None:
+        return tuple(sorted(in_unit(written, "Hz") for written in table.keys.centres))
     found = [
         convert(after, variables[name].unit or "Hz", "Hz", where="[drift]")
         for name, (_, after) in bound.drift.ends.items()
@@ -181,7 +187,7 @@ def _centres(
     if not found and bound.experiments:
         found.append(float(np.mean([f for e in bound.experiments for f in e.tones_hz])))
     if not found:
-        raise BadInput(f"{section.where('centres')}: wanted frequencies to place the tones around")
+        raise BadInput(f"{table.where('centres')}: wanted frequencies to place the tones around")
     return tuple(sorted(found))
 
 
@@ -242,46 +248,23 @@ def _largest(bound: BoundCampaign) -> float:
     return max(peaks)
 
 
-def _amplitude(bound: BoundCampaign, section: Section, key: str, default: float) -> float:
-    if key not in section:
-        return default
-    return section.quantity(key, bound.amplitude_unit, positive=True)
-
-
-def _numbers(section: Section, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """A list of different positive numbers, ascending."""
-    values = section.data.get(key, list(default))
-    good = isinstance(values, list) and values
-    if not good or not all(
-        isinstance(v, int | float) and not isinstance(v, bool) and 0.0 < v < np.inf for v in values
-    ):
-        raise BadInput(f"{section.where(key)}: found {values!r}, wanted a list of positive numbers")
-    return tuple(sorted({float(v) for v in values}))
-
-
-def _whole_numbers(section: Section, key: str, default: tuple[int, ...]) -> tuple[int, ...]:
-    values = _numbers(section, key, tuple(map(float, default)))
-    if any(v != int(v) for v in values):
-        raise BadInput(f"{section.where(key)}: found {values!r}, wanted whole numbers")
-    return tuple(int(v) for v in values)
+def _amplitude(bound: BoundCampaign, written: Written | None, default: float) -> float:
+    return default if written is None else positive_in(written, bound.amplitude_unit)
 
 
 def _settings(
-    variables: Mapping[str, VariableLike], section: Section
+    variables: Mapping[str, VariableLike], said: WrittenDesign
 ) -> dict[str, tuple[Scalar, ...]]:
     """Lists of values of further FMU parameters, in their units."""
-    table, binder = section.sub("settings"), Binder(variables)
-    found = {}
-    for name, values in table.data.items():
-        where = table.where(name)
-        if not isinstance(values, list) or not values:
-            raise BadInput(f"{where}: found {values!r}, wanted a list of values to try")
-        found[name] = tuple(binder.setting(name, as_written(v, where)) for v in values)
-    return found
+    binder = Binder(variables)
+    return {
+        name: tuple(binder.setting(name, written) for written in values)
+        for name, values in said.settings.items()
+    }
 
 
 def _setting_sigmas(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], section: Section
+    bound: BoundCampaign, variables: Mapping[str, VariableLike], said: WrittenDesign
 ) -> dict[str, float]:
     """Errors of what is set to the value that the laboratory believes, by FMU variable."""
     found = {
@@ -292,10 +275,9 @@ def _setting_sigmas(
     for parameter in bound.parameters:  # offsets that the campaign fits: their own prior
         if parameter.prior_sigma is not None:
             found.update(dict.fromkeys(parameter.adds_to, parameter.prior_sigma))
-    table, binder = section.sub("setting_sigma"), Binder(variables)
-    for name in table.data:
-        variable = binder.real(name, table.where(name), SETTABLE, "set")
-        written: Written = table.written(name)
+    binder = Binder(variables)
+    for name, written in said.setting_sigma.items():
+        variable = binder.real(name, written.where, SETTABLE, "set")
         value = in_unit(written, variable.unit)
         if value < 0.0:
             raise BadInput(f"{written.where}: found {written.value!r}, wanted zero or more")

@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 from fitting.text.arrays import Scalar
 
+Made = TypeVar("Made")
+
 
 class BadInput(Exception):
-    """One line that names the file, row, column or key, what was found and what is wanted."""
+    """One line that names the file, row, column or key, what was found and what is wanted.
+
+    Where several things are wrong at once, ``args`` are that many lines.
+    """
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.args))
+
+
+def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
+    """What all the readers make.
+
+    Raises:
+        BadInput: what any of them complains of, every line once.
+    """
+    made: list[Made] = []
+    complaints: list[str] = []
+    for read in readers:
+        try:
+            made.append(read())
+        except BadInput as error:
+            complaints += error.args
+    if complaints:
+        raise BadInput(*dict.fromkeys(complaints))
+    return made
 
 
 class NoScale(BadInput, ValueError):

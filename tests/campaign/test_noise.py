@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.file import WrittenNoise
 from fitting.campaign.noise import Noise, repeat_scatter, sweep_scale_sigma, sweep_sigmas
-from fitting.campaign.noise_table import noise_choice
-from fitting.campaign.section import Section
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.interior_point import SolveSettings, solve
 from fitting.fit.job import measured_of
@@ -20,6 +19,7 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fmu import read_description
 from fitting.measurements.measured import Measured, join_measured
 from fitting.text.errors import BadInput
+from fitting.text.schema import read_record
 from tests.support.closed_form import (
     measured_by,
     string_campaign,
@@ -80,8 +80,8 @@ def test_noise_that_makes_no_sense_is_refused(
 
 
 def test_rms_noise_is_a_peak_noise_of_root_two() -> None:
-    section = Section(Path("c.toml"), "", {"noise": {"relative": 0.02}})
-    assert noise_choice(section).relative == 0.02
+    table = read_record(WrittenNoise, {"relative": 0.02}, Path("c.toml"), "noise")
+    assert table.relative == 0.02
     assert Noise(0.0, 3.0).beside(np.ones(2), np.full(2, 4.0)) == pytest.approx([5.0, 5.0])
 
 

@@ -197,11 +197,57 @@ def test_wrong_input_is_one_line_and_exit_code_2(
         assert word in said
 
 
+def test_everything_that_is_wrong_is_told_at_once(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line for each key of the campaign; once that is right, for each of its data files."""
+    for old, new in (
+        ("timeout_s = 1.5", 'timeout_s = "long"'),
+        ("[observe]\n", "[observe]\nsteady = true\n"),
+        ('"3 kHz"', '"3 s"'),
+        ("upper = 0.6\n", ""),
+        ("iterations = 1", "iterations = 0"),
+    ):
+        broken(folder, TOML, old, new)
+    words = ["reconstruct", str(folder / TOML), "--out", str(folder / "out")]
+    assert main(words) == 2
+    path = folder / TOML
+    assert set(capsys.readouterr().err.splitlines()) == {
+        f"fmu-fit: {path}: [fmu] timeout_s: found 'long', wanted a positive number",
+        f"fmu-fit: {path}: [observe]: unknown key 'steady'; did you mean 'steady_start'?",
+        f"fmu-fit: {path}: [observe] line_width: found unit 's', wanted 'Hz' or one convertible "
+        "to it",
+        f"fmu-fit: {path}: [parameters 'damping']: key 'upper' is missing",
+        f"fmu-fit: {path}: [continuation] iterations: found 0, wanted a whole number of at least 1",
+    }
+    path.write_text(CAMPAIGN)
+    broken(folder, EXPERIMENTS, "one,", "on,")
+    broken(folder, TWO, "\n", "\nx,1\n")
+    broken(folder, SWEEP, FIRST, FIRST + "291,NaN\n")
+    assert main(words) == 2
+    told = capsys.readouterr().err.splitlines()
+    places = ["on.csv: no such file", "two.csv: row 2, column 'frequency'", "sweep.csv: row 2"]
+    assert len(told) == len(places)
+    assert all(place in line for place, line in zip(places, told, strict=True))
+    assert left_in(folder / "out") == []
+
+
+def test_a_flood_of_complaints_is_counted(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "".join(f"{name},{300 + name}\n" for name in range(30))
+    (folder / EXPERIMENTS).write_text(f"experiment,f (Hz)\n{rows}")
+    assert main(["reconstruct", str(folder / TOML), "--out", str(folder / "out")]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 21
+    assert told[-1] == "fmu-fit: and 10 more complaints"
+
+
 def test_a_missing_campaign_and_too_few_points(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    sweep = (folder / SWEEP).read_text()
     (folder / SWEEP).write_text(FIRST + "300,1\n310,2\n320,1\n330,0.5\n")
     assert "sweep.csv: 4 points are too few for a sweep; wanted at least" in refused(folder, capsys)
+    (folder / SWEEP).write_text(sweep)
     (folder / TWO).write_text(FIRST + "329,0.1\n330,9\n")
     assert "two.csv: 2 points; wanted at least 3" in refused(folder, capsys)
     (folder / TOML).rename(folder / "campaing.toml")

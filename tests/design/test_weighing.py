@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.file import WrittenDesign
 from fitting.campaign.parameters import Parameter, to_model, to_search
-from fitting.campaign.section import Section
 from fitting.design.campaign import campaign_files
 from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import exhaustive, greedy, losses
 from fitting.design.information import Place, Series, prior_sigmas, unmeasured
-from fitting.design.limits import KEYS, limits_of
+from fitting.design.limits import DesignTable, limits_of
 from fitting.design.proposal import propose
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by, weigh
 from fitting.fmu import FmuWorkers
@@ -25,6 +25,7 @@ from fitting.lab.truth import read_bench
 from fitting.signal.peaks import fit_resonance
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
+from fitting.text.schema import read_record
 from tests.support import closed_form
 from tests.support.design_laboratories import Laboratory
 
@@ -44,9 +45,13 @@ def bound(workers: FmuWorkers) -> BoundCampaign:
     return bind(read_campaign(Q1), workers.description.variables)
 
 
+def design_table(path: Path, table: dict[str, object]) -> DesignTable:
+    return DesignTable(path, read_record(WrittenDesign, table, path, "design"))
+
+
 def limits_from(bound: BoundCampaign, workers: FmuWorkers, **table: object) -> Limits:
-    section = Section(Path("x.toml"), "design", table, KEYS)
-    return limits_of(bound, workers.description.variables, section)
+    read = design_table(Path("x.toml"), table)
+    return limits_of(bound, workers.description.variables, read)
 
 
 @pytest.fixture(scope="module")
@@ -236,7 +241,7 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
     path = Q1.parents[1] / "afm_sensor" / "campaign.toml"
     variables = workers.description.variables
     bound = bind(read_campaign(path), variables)
-    limits = limits_of(bound, variables, Section(path, "design", {"levels": [1]}, KEYS))
+    limits = limits_of(bound, variables, design_table(path, {"levels": [1]}))
     assert limits.tones == 1
     assert limits.frequency_step_hz == 2.0
     goal = DesignGoal("width_plus")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, FmuChoice, VariableLike
+from fitting.campaign import BoundCampaign, VariableLike, WrittenFmu
 from fitting.fmu.accuracy import Hints
 from fitting.lab.tradeoff.scenes import Drive, Scene, Solver, single_tone
 from fitting.signal.scale import half_power_width
@@ -20,7 +20,7 @@ SUBSTEPS, QUICK_SUBSTEPS = (20.0, 40.0, 80.0, 160.0), (20.0, 80.0)
 
 
 def scene_of_campaign(
-    bound: BoundCampaign, fmu: FmuChoice, variables: Mapping[str, VariableLike]
+    bound: BoundCampaign, fmu: WrittenFmu, variables: Mapping[str, VariableLike]
 ) -> Scene:
     """A campaign as a scene, at the reference values of its parameters.
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from fitting.campaign import FmuChoice
+from fitting.campaign import WrittenFmu
 from fitting.fmu.accuracy import Hints
 from fitting.lab.exact import line_width_hz
 from fitting.lab.string import TwoModes
@@ -64,7 +64,7 @@ class Scene:
     name: str
     title: str
     description: str
-    fmu: FmuChoice
+    fmu: WrittenFmu
     values: Mapping[str, Scalar]
     drives: tuple[Drive, ...]
     output: str
@@ -195,11 +195,9 @@ def _scene(
             f"{kind}, {hertz(modes.eta_plus_hz, digits=4)}, Q {modes.eta_plus_hz / width:,.0f}, "
             f"tones {abs(tones_hz[0] - tones_hz[1]):g} Hz apart"
         ),
-        fmu=FmuChoice(
+        fmu=WrittenFmu(
             model="CoupledOscillator" if cubic is None else "DuffingOscillator",
-            file=None,
             timeout_s=TIMEOUT_S,
-            start={},
         ),
         values=values,
         drives=(Drive(tones_hz, dict(zip(("u1", "u2"), tones_hz, strict=True))),),

@@ -1,0 +1,264 @@
+"""What a key of a table can be: a text, a quantity, one of a few words, a value as written.
+
+Each is an annotated type of a record's field (see `fitting.text.schema`) that says at once what
+is accepted, the words of the complaint about anything else, and the JSON Schema for editors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    PlainValidator,
+    Strict,
+    ValidationError,
+    ValidationInfo,
+    WithJsonSchema,
+    WrapValidator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, core_schema
+
+from fitting.text.errors import BadInput
+from fitting.text.written import Written, as_written, positive_in
+
+
+class Keys:
+    """What every record of a table is: a key that is no field of it is refused."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+
+class Refused(ValueError):
+    """A value is refused, or a ``key`` of a table (of a table in it: several keys)."""
+
+    def __init__(self, sentence: str, *key: str) -> None:
+        super().__init__(sentence)
+        self.sentence = sentence
+        self.key = key
+
+
+@contextmanager
+def refusing(*key: str) -> Iterator[None]:
+    """Turn the complaint of a function that was given an empty place into one of this key."""
+    try:
+        yield
+    except BadInput as error:
+        raise Refused(str(error).removeprefix(":").strip(), *key) from error
+
+
+@dataclass(frozen=True)
+class About:
+    """What a key means: words for editors and documentation, its unit, its usual value.
+
+    ``default`` where the record itself cannot tell it; ``missing`` is added to the complaint about
+    a key that is not there.
+    """
+
+    words: str
+    unit: str = ""
+    default: Any = None
+    missing: str = ""
+
+    def __get_pydantic_json_schema__(
+        self, core: CoreSchema, handler: Callable[[CoreSchema], JsonSchemaValue]
+    ) -> JsonSchemaValue:
+        """The value's schema with these words."""
+        told: JsonSchemaValue = {"description": self.words}
+        if self.unit:
+            told["description"] += f" (in {self.unit})"
+        if self.default is not None:
+            told["default"] = self.default
+        return handler(core) | told
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its unit as a text, "100 Hz": above zero, converted to ``unit``."""
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
+        """How pydantic reads it."""
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, core: object, handler: object) -> JsonSchemaValue:
+        """A text that begins with a number."""
+        return {
+            "type": "string",
+            "pattern": r"^\s*[+]?(\d|\.\d)",
+            "examples": [f"100 {self.unit}"],
+        }
+
+    def read(self, value: Any) -> float:
+        """The number in the unit."""
+        with refusing():
+            return positive_in(as_written(value, ""), self.unit)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Behind a record: tables in it, and keys that it does not have, are its mapping ``field``."""
+
+    field: str
+
+    def __get_pydantic_core_schema__(
+        self, source: type[Any], handler: Callable[[Any], CoreSchema]
+    ) -> CoreSchema:
+        """How pydantic reads it."""
+        names = {f.name for f in fields(source)} - {self.field}
+
+        def apart(table: Any) -> Any:
+            if not isinstance(table, Mapping):
+                return table
+            rest = {k: v for k, v in table.items() if isinstance(v, Mapping) or k not in names}
+            return {k: v for k, v in table.items() if k not in rest} | {self.field: rest}
+
+        return core_schema.no_info_before_validator_function(apart, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, core: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """The record, its mapping's entries as further keys."""
+        made = handler.resolve_ref_schema(handler(core))
+        made["additionalProperties"] = made["properties"].pop(self.field)["additionalProperties"]
+        return made
+
+
+def wanted(words: str) -> WrapValidator:
+    """Whatever a value is refused for, the complaint is that these words are wanted."""
+
+    def check(value: Any, inner: Callable[[Any], Any]) -> Any:
+        try:
+            return inner(value)
+        except ValidationError:
+            raise Refused(f"found {value!r}, wanted {words}") from None
+
+    return WrapValidator(check)
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of a few words, to be written behind ``Text``."""
+
+    words: tuple[str, ...]
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: Callable[[Any], CoreSchema]
+    ) -> CoreSchema:
+        """How pydantic reads it."""
+        return core_schema.no_info_after_validator_function(self.read, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: object, handler: object) -> JsonSchemaValue:
+        """The words."""
+        return {"type": "string", "enum": list(self.words)}
+
+    def read(self, value: str) -> str:
+        """The word, if it is one of them."""
+        if value not in self.words:
+            words = ", ".join(f'"{word}"' for word in self.words)
+            raise Refused(f"found '{value}', wanted one of {words}")
+        return value
+
+
+def _different(values: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(values)) < len(values):
+        raise Refused(f"{list(values)!r} names something twice")
+    return values
+
+
+def _value(value: Any) -> Written:
+    with refusing():
+        return value if isinstance(value, Written) else as_written(value, "")
+
+
+def _beside_the_file(value: Any, info: ValidationInfo) -> Path:
+    if not isinstance(value, str) or not value.strip():
+        raise Refused(f"found {value!r}, wanted a text")
+    return Path((info.context or {}).get("folder", "")) / value
+
+
+def _share(value: Any) -> float:
+    """A share as 0.01 or "1 %"."""
+    number = value
+    if isinstance(value, str) and value.strip().endswith("%"):
+        try:
+            number = 0.01 * float(value.strip()[:-1])
+        except ValueError:
+            number = math.nan
+    if isinstance(number, bool) or not isinstance(number, int | float) or not 0.0 <= number < 1.0:
+        raise Refused(f'found {value!r}, wanted a share as "1 %" or 0.01')
+    return float(number)
+
+
+def tables_wanted(words: str, *, found: bool = False, least: int = 0) -> BeforeValidator:
+    """An array of tables, ``least`` of them at least; else the complaint wants the ``words``."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, list | tuple) and len(value) >= least:
+            return value
+        raise Refused(f"wanted {words}" + (f", found {value!r}" if found else ""))
+
+    return BeforeValidator(check)
+
+
+def listed(words: str) -> BeforeValidator:
+    """A list that is not empty; else the complaint wants the ``words``."""
+
+    def check(values: Any) -> Any:
+        if not isinstance(values, list | tuple) or not values:
+            raise Refused(f"found {values!r}, wanted {words}")
+        return values
+
+    return BeforeValidator(check)
+
+
+_SCALAR = {"type": ["number", "string", "boolean"]}
+Text = Annotated[str, Strict(), Field(pattern=r"\S"), wanted("a text")]
+Texts = Annotated[
+    tuple[Annotated[str, Strict(), Field(min_length=1)], ...],
+    Field(json_schema_extra={"uniqueItems": True}),
+    wanted("a list of texts"),
+    AfterValidator(_different),
+]
+Switch = Annotated[bool, Strict(), wanted("true or false")]
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False), wanted("a finite number")]
+Positive = Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False), wanted("a positive number")]
+Positives = Annotated[
+    tuple[Annotated[float, Strict(), Field(gt=0, allow_inf_nan=False)], ...],
+    Field(min_length=1),
+    wanted("a list of positive numbers"),
+]
+Counts = Annotated[
+    tuple[Annotated[int, Strict(), Field(ge=1)], ...], wanted("a list of whole numbers")
+]
+WholeNumber = Annotated[int, Strict(), Field(ge=0), wanted("a whole number of at least 0")]
+Count = Annotated[int, Strict(), Field(ge=1), wanted("a whole number of at least 1")]
+#: A share as 0.01 or "1 %".
+Share = Annotated[
+    float,
+    PlainValidator(_share),
+    WithJsonSchema({"type": ["number", "string"], "minimum": 0, "examples": ["1 %", 0.01]}),
+]
+#: A number, Boolean or text as written; which unit or kind it must have, the FMU knows.
+Value = Annotated[
+    Written,
+    PlainValidator(_value),
+    PlainSerializer(lambda written: written.value),
+    WithJsonSchema(_SCALAR),
+]
+Values = Annotated[tuple[Value, ...], Field(min_length=1), listed("a list of values to try")]
+Frequencies = Annotated[tuple[Value, ...], Field(min_length=1), listed("frequencies")]
+#: A file named relative to the one that names it.
+FileName = Annotated[Path, PlainValidator(_beside_the_file), WithJsonSchema({"type": "string"})]

@@ -1,0 +1,241 @@
+"""Plain tables, as read from TOML, to frozen dataclasses, by pydantic; and their JSON Schema.
+
+A table of a file is described once, as a frozen dataclass whose fields are the table's keys:
+
+    @dataclass(frozen=True, kw_only=True)
+    class WrittenObserve(Keys):
+        output: Annotated[Text, About("the FMU output that is observed")]
+        line_width: Annotated[float | None, Quantity("Hz"), About("rough width")] = None
+
+        def __post_init__(self) -> None:  # what no key can tell by itself
+            if ...: raise Refused("wanted ...", key="line_width")
+
+`read_record` makes the record of plain tables, or complains of everything that is wrong with them,
+one line each with file, table and key; `json_schema` tells editors the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
+from fitting.text.errors import BadInput
+from fitting.text.keys import About, Refused
+from fitting.text.tables import did_you_mean
+from fitting.text.written import Written
+
+Record = TypeVar("Record")
+Place = tuple[str | int, ...]
+
+
+#: One reader per kind of record: to make it takes milliseconds.
+_ADAPTERS: dict[Any, TypeAdapter[Any]] = {}
+
+
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    if kind not in _ADAPTERS:
+        _ADAPTERS[kind] = TypeAdapter(kind)
+    return _ADAPTERS[kind]
+
+
+def read_record(
+    kind: type[Record], data: Any, path: Path, table: str = "", *, folder: Path | None = None
+) -> Record:
+    """The record of a ``table`` (of the whole file, where empty) from plain tables.
+
+    ``path`` is the file in complaints; file names are relative to its ``folder``, by default its
+    own. Every value as written gets its place in the file.
+
+    Raises:
+        BadInput: a key that is unknown or missing, a value that is not what is wanted; one line
+            for each, with file, table and key.
+    """
+    names: Place = (table,) if table else ()
+    source = _Source(path, {table: data} if table else data)
+    try:
+        context = {"folder": path.parent if folder is None else folder}
+        record = _adapter(kind).validate_python(data, context=context)
+    except ValidationError as error:
+        raise BadInput(*_complaints(kind, error, source, names)) from None
+    placed: Record = _placed(record, source, names)
+    return placed
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A file and its plain tables, for words about a place in it."""
+
+    path: Path
+    data: Any
+
+    def at(self, place: Place) -> Any:
+        """What is written there, None where nothing is."""
+        return functools.reduce(_inside, place, self.data)
+
+    def where(self, place: Place, *, table: bool = False) -> str:
+        """``file: [table] key``, the opening of a complaint; ``table``: the last is one itself.
+
+        A step that the file does not have is a field of the record only, unless it is the last.
+        """
+        names: list[str] = []
+        data = self.data
+        for step in place:
+            inside = _inside(data, step)
+            if isinstance(step, int):
+                if isinstance(inside, Mapping) or table:  # else one of a list, which has the place
+                    name = inside.get("name", step + 1) if isinstance(inside, Mapping) else step + 1
+                    names[-1] += f" '{name}'"
+            elif inside is not None or step == place[-1]:
+                names.append(step)
+            else:
+                continue
+            data = inside
+        section, key = (names, []) if table else (names[:-1], names[-1:])
+        words = [f"[{'.'.join(section)}]"] if section else []
+        return f"{self.path}: " + (" ".join([*words, *key]) or "top level")
+
+
+def _inside(data: Any, step: str | int) -> Any:
+    """The value under a key or an index, None where there is none."""
+    try:
+        return data[step]
+    except (KeyError, IndexError, TypeError):
+        return None
+
+
+def _complaints(
+    kind: type[Any], error: ValidationError, source: _Source, names: Place
+) -> Sequence[str]:
+    """A line for every error; a key that is missing because it is misspelt is one, not two."""
+    errors = error.errors(include_url=False)
+    unknown = [e["loc"] for e in errors if e["type"] == "unexpected_keyword_argument"]
+    said = []
+    for e in errors:
+        loc, value = e["loc"], e["input"]
+        place = (*names, *loc)
+        match e["type"]:
+            case "unexpected_keyword_argument":
+                hint = did_you_mean(str(loc[-1]), sorted(_fields(_record_at(kind, loc[:-1]))))
+                where = source.where(place[:-1], table=True)
+                said.append(f"{where}: unknown key '{loc[-1]}'{hint}")
+            case "missing":
+                if not any(u[:-1] == loc[:-1] and _alike(u[-1], loc[-1]) for u in unknown):
+                    where = source.where(place[:-1], table=True)
+                    said.append(f"{where}: {_missing(kind, loc, value)}")
+            case "value_error":
+                said.append(_refused(e["ctx"]["error"], source, place))
+            case "dataclass_type" | "mapping_type" | "dict_type":
+                said.append(f"{source.where(place, table=True)}: found {value!r}, wanted a table")
+            case _:
+                said.append(f"{source.where(place)}: found {value!r}: {e['msg']}")
+    return tuple(dict.fromkeys(said))
+
+
+def _alike(key: str | int, other: str | int) -> bool:
+    return bool(did_you_mean(str(key), [str(other)], listed=False))
+
+
+def _missing(kind: type[Any], loc: Place, table: Any) -> str:
+    key = str(loc[-1])
+    for about in _fields(_record_at(kind, loc[:-1])).get(key, ()):
+        if isinstance(about, About) and about.missing:
+            return f"key '{key}' is missing: {about.missing}"
+    return f"key '{key}' is missing{did_you_mean(key, sorted(table), listed=False)}"
+
+
+def _refused(error: Exception, source: _Source, place: Place) -> str:
+    if not isinstance(error, Refused):
+        return f"{source.where(place)}: {error}"
+    if error.key:
+        return f"{source.where((*place, *error.key))}: {error.sentence}"
+    if not place:
+        return f"{source.path}: {error.sentence}"
+    table = isinstance(source.at(place), Mapping)
+    return f"{source.where(place, table=table)}: {error.sentence}"
+
+
+def _record_at(kind: Any, loc: Place) -> Any:
+    """The record class at a place inside another; keys of free tables and indices are passed."""
+    for step in loc:
+        hints = typing.get_type_hints(kind, include_extras=True)
+        if step in hints:
+            kind = next((k for k in _kinds(hints[str(step)]) if dataclasses.is_dataclass(k)), kind)
+    return kind
+
+
+def _kinds(hint: Any) -> Iterator[Any]:
+    """A type and all the types inside it, but for a record's own."""
+    yield hint
+    arguments = typing.get_args(hint)
+    for inner in arguments[:1] if typing.get_origin(hint) is Annotated else arguments:
+        yield from _kinds(inner)
+
+
+def _fields(kind: Any) -> dict[str, tuple[Any, ...]]:
+    """Keys of a record, with what its annotations say of each."""
+    hints = typing.get_type_hints(kind, include_extras=True)
+    names = [f.name for f in dataclasses.fields(kind)]
+    return {name: getattr(hints[name], "__metadata__", ()) for name in names}
+
+
+def _placed(value: Any, source: _Source, place: Place) -> Any:
+    """The record with the place in the file of every value as written."""
+    if isinstance(value, Written):
+        return dataclasses.replace(value, where=source.where(place))
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [f.name for f in dataclasses.fields(value) if f.init]
+        old = {name: getattr(value, name) for name in fields}
+        new = {name: _placed(item, source, (*place, name)) for name, item in old.items()}
+        changed = {name: new[name] for name in fields if new[name] is not old[name]}
+        return dataclasses.replace(value, **changed) if changed else value
+    if isinstance(value, Mapping):
+        return {key: _placed(item, source, (*place, key)) for key, item in value.items()}
+    if isinstance(value, tuple) and value and not isinstance(value[0], str | float | int):
+        return tuple(_placed(item, source, (*place, k)) for k, item in enumerate(value))
+    return value
+
+
+class _ForEditors(GenerateJsonSchema):
+    """Without titles made of names, and without null, for which TOML has no word."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        made = super().default_schema(schema)
+        if "default" in made and made["default"] is None:
+            del made["default"]
+        return made
+
+
+def json_schema(kind: type[Any], **head: str) -> dict[str, Any]:
+    """The JSON Schema (draft 7, which editors know) of a record, without references.
+
+    ``head`` are keywords for its top, as ``title``.
+    """
+    made = _adapter(kind).json_schema(schema_generator=_ForEditors)
+    definitions = made.pop("$defs", {})
+    plain: dict[str, Any] = _without_references(made, definitions)
+    return {"$schema": "http://json-schema.org/draft-07/schema#", **plain, **head}
+
+
+def _without_references(schema: Any, definitions: Mapping[str, Any]) -> Any:
+    if isinstance(schema, list):
+        return [_without_references(item, definitions) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    named = definitions.get(str(schema.get("$ref", "")).rpartition("/")[2], {})
+    own = {key: value for key, value in schema.items() if key != "$ref"}
+    return {k: _without_references(v, definitions) for k, v in (named | own).items()}

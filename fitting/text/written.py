@@ -1,0 +1,78 @@
+"""A value as a user wrote it, with its place: what it has to be is known later, beside the FMU."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+from fitting.text.units import convert, parse_quantity
+
+
+@dataclass(frozen=True)
+class Written:
+    """A value as the user wrote it: number, Boolean or text, ``unit`` if one stands beside it.
+
+    Text may still be a quantity ("6.94 MHz") or the value of a String variable; which, is known
+    only beside the FMU. ``where`` opens every complaint about it.
+    """
+
+    value: Scalar
+    unit: str | None
+    where: str
+
+
+def as_written(value: Any, where: str) -> Written:
+    """Check that a TOML value is a scalar: finite number, Boolean or text."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise BadInput(f"{where}: found {value!r}, wanted a finite number")
+    if not isinstance(value, bool | int | float | str):
+        raise BadInput(f"{where}: found {value!r}, wanted a number, true/false or a text")
+    return Written(value, None, where)
+
+
+def written_values(values: Mapping[str, Scalar], where: str) -> dict[str, Written]:
+    """Plain values by name as if they were written at ``where``.
+
+    Raises:
+        BadInput: a value that is no finite number, Boolean or text.
+    """
+    return {name: as_written(value, f"{where}: {name}") for name, value in values.items()}
+
+
+def in_unit(written: Written, unit: str | None) -> float:
+    """The number of a written value in ``unit``; a bare number is in ``unit`` already.
+
+    With ``unit`` None (nobody knows the unit wanted) a written unit is taken to SI base units.
+
+    Raises:
+        BadInput: not a number, or a unit of another dimension.
+    """
+    value, found = written.value, written.unit
+    if isinstance(value, bool):
+        raise BadInput(f"{written.where}: found {value!r}, wanted a number")
+    if isinstance(value, str):
+        value, found = parse_quantity(value, where=written.where)
+    if found is None:
+        return float(value)
+    return convert(float(value), found, unit, where=written.where)
+
+
+def positive_in(written: Written, unit: str) -> float:
+    """A quantity above zero with its unit, as "100 Hz", converted to ``unit``.
+
+    Raises:
+        BadInput: a bare number, another dimension, zero or less.
+    """
+    if not isinstance(written.value, str):
+        raise BadInput(
+            f"{written.where}: {written.value!r} has no unit, wanted a text as in "
+            f'"{written.value} {unit}"'
+        )
+    value = in_unit(written, unit)
+    if value <= 0.0:
+        raise BadInput(f"{written.where}: found '{written.value}', wanted more than zero")
+    return value
