@@ -1,6 +1,7 @@
 """The campaign file as it is written: every key that it can have, each described once.
 
-The fields of a record here are the keys of its table. `read_campaign_file` reads and checks them,
+The fields of a record here are the keys of its table, with what they mean below them; what else is
+to be checked is in its `__post_init__`. `read_campaign_file` reads and checks them, and
 `fitting.campaign.schema` tells editors of them. No data file is opened, and what depends on the
 FMU's variables (their units, whether they are there) is still as written.
 """
@@ -18,12 +19,12 @@ from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
 from fitting.text.keys import (
-    About,
     Count,
     Counts,
     FileName,
     Frequencies,
     Keys,
+    Missing,
     Number,
     OneOf,
     Positive,
@@ -35,6 +36,7 @@ from fitting.text.keys import (
     Switch,
     Text,
     Texts,
+    Usually,
     Value,
     Values,
     WholeNumber,
@@ -58,16 +60,14 @@ UNIT_LEVEL = Written(1.0, None, "[drive] level")
 class WrittenFmu(Keys):
     """Which FMU: ``model`` of this project, built on demand, or ``file``; its start values."""
 
-    model: Annotated[
-        Text | None, About("a model of this project, built on demand; either this or file")
-    ] = None
-    file: Annotated[FileName | None, About("an FMU (FMI 2.0 or 3.0, co-simulation)")] = None
-    timeout_s: Annotated[
-        Positive, About("longest simulation run, then the FMU counts as failed", "s")
-    ] = 60.0
-    start: Annotated[
-        Mapping[str, Value], About("start value of any FMU variable that can be set")
-    ] = field(default_factory=dict)
+    model: Text | None = None
+    """A model of this project, built on demand; either this or file."""
+    file: FileName | None = None
+    """An FMU (FMI 2.0 or 3.0, co-simulation)."""
+    timeout_s: Positive = 60.0
+    """Longest simulation run, then the FMU counts as failed, s."""
+    start: Mapping[str, Value] = field(default_factory=dict)
+    """Start value of any FMU variable that can be set."""
 
     def __post_init__(self) -> None:
         if (self.model is None) == (self.file is None):
@@ -78,52 +78,35 @@ class WrittenFmu(Keys):
 class WrittenObserve(Keys):
     """The observed FMU output, and what is known about its settling; ``line_width`` in Hz."""
 
-    output: Annotated[Text, About("the FMU output that the detector sees")]
-    line_width: Annotated[
-        float | None,
-        Quantity("Hz"),
-        About("rough width, sets the settling time; without it the width of the sweep"),
-    ] = None
-    steady_start: Annotated[
-        Switch, About("the FMU, started so, is on its periodic orbit: no settling")
-    ] = False
+    output: Text
+    """The FMU output that the detector sees."""
+    line_width: Annotated[float | None, Quantity("Hz")] = None
+    """Rough width, sets the settling time; without it the width of the sweep."""
+    steady_start: Switch = False
+    """The FMU, started so, is on its periodic orbit: no settling."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenDrive(Keys):
     """How the FMU is driven; ``level`` of an active tone, ``input`` for kind "input"."""
 
-    kind: Annotated[
-        Text,
-        OneOf(("tones", "input")),
-        About('"tones": FMU parameters hold the tones; "input": the signal is generated'),
-    ]
-    frequencies: Annotated[
-        Texts, About("columns of the experiments file; with tones also FMU parameters")
-    ]
-    amplitudes: Annotated[Texts | None, About("(tones) FMU parameters, one per frequency")] = None
-    input: Annotated[Text | None, About("(input) the driven FMU input")] = None
-    level: Annotated[
-        Value, About("amplitude of every active tone, in the unit of the amplitude or input")
-    ] = UNIT_LEVEL
-    samples_per_period: Annotated[
-        Count | None,
-        About(
-            "(input) held steps per period of the highest tone, at least 4",
-            default=SAMPLES_PER_PERIOD,
-        ),
-    ] = None
-    read: Annotated[
-        Texts | None,
-        About('lines whose peaks are compared, "2*u1 - u2" for example; without it the tones'),
-    ] = None
-    order: Annotated[
-        Count | None,
-        About(
-            "up to this order sampling keeps combinations of the tones off the lines that are "
-            "read; 1 without it, 9 if read has a combination"
-        ),
-    ] = None
+    kind: Annotated[Text, OneOf(("tones", "input"))]
+    """With "tones" FMU parameters hold the tones, with "input" the signal is generated."""
+    frequencies: Texts
+    """Columns of the experiments file; with tones also FMU parameters."""
+    amplitudes: Texts | None = None
+    """(tones) FMU parameters, one per frequency."""
+    input: Text | None = None
+    """(input) the driven FMU input."""
+    level: Value = UNIT_LEVEL
+    """Amplitude of every active tone, in the unit of the amplitude or input."""
+    samples_per_period: Annotated[Count | None, Usually(SAMPLES_PER_PERIOD)] = None
+    """(input) held steps per period of the highest tone, at least 4."""
+    read: Texts | None = None
+    """Lines whose peaks are compared, "2*u1 - u2" for example; without it the tones."""
+    order: Count | None = None
+    """Up to this order sampling keeps combinations of the tones off the lines that are read; 1
+    without it, 9 if read has a combination."""
 
     def __post_init__(self) -> None:
         own = "amplitudes" if self.kind == "tones" else "input"
@@ -166,9 +149,12 @@ class WrittenDrive(Keys):
 class WrittenColumns(Keys):
     """Names of a trace's columns where they are not the usual ones (empty)."""
 
-    frequency: Annotated[Text, About("column of frequencies")] = ""
-    amplitude: Annotated[Text, About("column of amplitudes")] = ""
-    phase: Annotated[Text, About("column of phases")] = ""
+    frequency: Text = ""
+    """Column of frequencies."""
+    amplitude: Text = ""
+    """Column of amplitudes."""
+    phase: Text = ""
+    """Column of phases."""
 
 
 @dataclass(frozen=True)
@@ -188,29 +174,20 @@ class WrittenTrace(Keys):
     """
 
     amplitude: Annotated[
-        Text,
-        About(
-            'what the file\'s amplitudes mean: "V peak", "V rms", "dBm" or another detector unit '
-            'likewise, as "m peak"',
-            missing='wanted "V peak", "V rms" or "dBm"; files do not tell which they mean',
-        ),
+        Text, Missing('wanted "V peak", "V rms" or "dBm"; files do not tell which they mean')
     ]
-    impedance: Annotated[
-        float | None, Quantity("ohm"), About("with dBm only, and required there")
-    ] = None
-    layout: Annotated[
-        Text | None, OneOf(tuple(LAYOUTS)), About("how the instrument writes", default="csv")
-    ] = None
-    columns: Annotated[
-        WrittenColumns, About("names of columns, where they are not the usual ones")
-    ] = WrittenColumns()
-    trace: Annotated[Count | None, About("(rohde-schwarz only) which trace, from 1", default=1)] = (
-        None
-    )
-    chunk: Annotated[
-        WholeNumber | None,
-        About("(zurich only) which sweep of the file; without it the only one there is"),
-    ] = None
+    """What the file's amplitudes mean: "V peak", "V rms", "dBm" or another detector unit
+    likewise, as "m peak"."""
+    impedance: Annotated[float | None, Quantity("ohm")] = None
+    """With dBm only, and required there."""
+    layout: Annotated[Text | None, OneOf(tuple(LAYOUTS)), Usually("csv")] = None
+    """How the instrument writes."""
+    columns: WrittenColumns = WrittenColumns()
+    """Names of columns, where they are not the usual ones."""
+    trace: Annotated[Count | None, Usually(1)] = None
+    """(rohde-schwarz only) which trace, from 1."""
+    chunk: WholeNumber | None = None
+    """(zurich only) which sweep of the file; without it the only one there is."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
@@ -246,31 +223,18 @@ class WrittenTrace(Keys):
 class WrittenExperiments(WrittenTrace):
     """The experiments file, with a pattern of ``spectra`` or columns of ready ``peaks``."""
 
-    file: Annotated[
-        FileName,
-        Frequencies,
-        About(
-            "table: experiment (label), a column per drive frequency with its unit, and any "
-            "columns that set FMU variables, as mass (g)"
-        ),
-    ]
-    spectra: Annotated[
-        Text | None, About('a spectrum per experiment, as "spectra/{experiment}.csv"')
-    ] = None
-    peaks: Annotated[
-        Texts, About("or columns of ready peak amplitudes, one per line read, unit in the header")
-    ] = ()
-    peak_sigmas: Annotated[
-        Texts, About("columns of their standard deviations, in the same meaning (rms or peak)")
-    ] = ()
-    noise_floor: Annotated[
-        Text,
-        OneOf(FLOOR_KINDS),
-        About(
-            'what is taken off a peak z: "robust": sqrt(z^2 - sigma^2), sigma from the median; '
-            '"mean": z - mean; "none"'
-        ),
-    ] = "robust"
+    file: Annotated[FileName, Frequencies]
+    """Table: experiment (label), a column per drive frequency with its unit, and any columns
+    that set FMU variables, as mass (g)."""
+    spectra: Text | None = None
+    """A spectrum per experiment, as "spectra/{experiment}.csv"."""
+    peaks: Texts = ()
+    """Or columns of ready peak amplitudes, one per line read, unit in the header."""
+    peak_sigmas: Texts = ()
+    """Columns of their standard deviations, in the same meaning (rms or peak)."""
+    noise_floor: Annotated[Text, OneOf(FLOOR_KINDS)] = "robust"
+    """What is taken off a peak z: "robust": sqrt(z^2 - sigma^2), sigma from the median; "mean":
+    z - mean; "none"."""
 
     def __post_init__(self) -> None:
         if (self.spectra is not None) == bool(self.peaks):
@@ -295,59 +259,43 @@ class WrittenExperiments(WrittenTrace):
 class WrittenSweep(WrittenTrace):
     """The FRF sweep: its file, the FMU variables during it, what it serves."""
 
-    file: Annotated[FileName, About("the measured FRF, at least 8 points")]
-    set: Annotated[Mapping[str, Value], About("FMU variables during the sweep")] = field(
-        default_factory=dict
-    )
-    use: Annotated[
-        Text,
-        OneOf(("scale", "fit")),
-        About('"scale": sets the scale only; "fit": each point is a residual row too'),
-    ] = "scale"
-    scale: Annotated[
-        Text,
-        OneOf(SCALES),
-        About(
-            'from simulated to measured amplitudes: "maximum": ratio of maxima; "fit": least '
-            'squares over the sweep; "robust": Huber\'s estimate over it; "free": a fitted '
-            'ln_scale; "none": 1'
-        ),
-    ] = "maximum"
-    background: Annotated[
-        Text,
-        OneOf(BACKGROUNDS),
-        About('of the line fit to the sweep: "none" or one "complex" constant'),
-    ] = "none"
+    file: FileName
+    """The measured FRF, at least 8 points."""
+    set: Mapping[str, Value] = field(default_factory=dict)
+    """FMU variables during the sweep."""
+    use: Annotated[Text, OneOf(("scale", "fit"))] = "scale"
+    """With "scale" it sets the scale only, with "fit" each point is a residual row too."""
+    scale: Annotated[Text, OneOf(SCALES)] = "maximum"
+    """From simulated to measured amplitudes: "maximum": ratio of maxima; "fit": least squares
+    over the sweep; "robust": Huber's estimate over it; "free": a fitted ln_scale; "none": 1."""
+    background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
+    """Of the line fit to the sweep: "none" or one "complex" constant."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenParameter(Keys):
     """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry."""
 
-    name: Annotated[Text, About("a Real parameter of the FMU")]
-    unit: Annotated[
-        Text | None, About("of the bare numbers in this table; without it the FMU's")
-    ] = None
-    scope: Annotated[
-        Text,
-        OneOf(("campaign", "experiment")),
-        About('"campaign": one value; "experiment": every experiment has one of its own'),
-    ] = "campaign"
-    lower: Annotated[Value, About("lower end of the box")]
-    upper: Annotated[Value, About("upper end of the box")]
-    start: Annotated[Value, About("first start, inside the box")]
-    reference: Annotated[
-        Value | None, About("where the Tikhonov term pulls to; without it start")
-    ] = None
-    scale: Annotated[
-        Value | None, About("the change that counts as 1 in x; without it half the box")
-    ] = None
-    period: Annotated[
-        Value | None, About("values that far apart are the same system; reported in [0, period)")
-    ] = None
-    prior: Annotated[
-        Value | None, About("standard deviation of a Gaussian prior about reference")
-    ] = None
+    name: Text
+    """A Real parameter of the FMU."""
+    unit: Text | None = None
+    """Of the bare numbers in this table; without it the FMU's."""
+    scope: Annotated[Text, OneOf(("campaign", "experiment"))] = "campaign"
+    """With "campaign" one value, with "experiment" every experiment has one of its own."""
+    lower: Value
+    """Lower end of the box."""
+    upper: Value
+    """Upper end of the box."""
+    start: Value
+    """First start, inside the box."""
+    reference: Value | None = None
+    """Where the Tikhonov term pulls to; without it start."""
+    scale: Value | None = None
+    """The change that counts as 1 in x; without it half the box."""
+    period: Value | None = None
+    """Values that far apart are the same system; reported in [0, period)."""
+    prior: Value | None = None
+    """Standard deviation of a Gaussian prior about reference."""
 
     @property
     def numbers(self) -> dict[str, Written]:
@@ -361,8 +309,10 @@ class WrittenParameter(Keys):
 class DriftEnds(Keys):
     """Values of a drifting variable before and after the series."""
 
-    before: Annotated[Value, About("value before the series")]
-    after: Annotated[Value, About("value after the series")]
+    before: Value
+    """Value before the series."""
+    after: Value
+    """Value after the series."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -374,37 +324,22 @@ class WrittenDrift(Keys):
     deviation of a step. ``time`` names the column of time stamps.
     """
 
-    ends: Annotated[Mapping[str, DriftEnds], About("values before and after the series")] = field(
-        default_factory=dict
-    )
-    model: Annotated[
-        Text,
-        OneOf(DRIFT_MODELS),
-        About(
-            '"linear" between before and after; "offsets": and one fitted offset per experiment; '
-            '"walk": and a random walk'
-        ),
-    ] = "linear"
-    prior: Annotated[
-        Value | None, About("standard deviation of an offset, or of a step of the walk")
-    ] = None
-    share: Annotated[
-        Switch | None,
-        About("one offset for all drifting variables, or one each", default=True),
-    ] = None
-    time: Annotated[
-        Text,
-        About(
-            "column of time stamps (numbers with a unit, or ISO dates) that place the experiments "
-            "between before and after; without it the order of the rows"
-        ),
-    ] = ""
-    before_time: Annotated[
-        Value | None, About("when the values before were measured; without it the first experiment")
-    ] = None
-    after_time: Annotated[
-        Value | None, About("when the values after were measured; without it the last experiment")
-    ] = None
+    ends: Mapping[str, DriftEnds] = field(default_factory=dict)
+    """Values before and after the series."""
+    model: Annotated[Text, OneOf(DRIFT_MODELS)] = "linear"
+    """As "linear" between before and after; "offsets": and one fitted offset per experiment;
+    "walk": and a random walk."""
+    prior: Value | None = None
+    """Standard deviation of an offset, or of a step of the walk."""
+    share: Annotated[Switch | None, Usually(True)] = None
+    """One offset for all drifting variables, or one each."""
+    time: Text = ""
+    """Column of time stamps (numbers with a unit, or ISO dates) that place the experiments
+    between before and after; without it the order of the rows."""
+    before_time: Value | None = None
+    """When the values before were measured; without it the first experiment."""
+    after_time: Value | None = None
+    """When the values after were measured; without it the last experiment."""
 
     def __post_init__(self) -> None:
         alone = (self.prior, self.share, self.before_time, self.after_time)
@@ -437,50 +372,43 @@ class WrittenNoise(Keys):
     Both are standard deviations and add in quadrature to what the data tell of themselves.
     """
 
-    relative: Annotated[
-        Share, About("standard deviation of every amplitude as a share of it, beside the floor's")
-    ] = 0.0
-    absolute: Annotated[
-        Value | None,
-        About('standard deviation of every amplitude, as "0.1 uV"'),
-    ] = None
-    outliers: Annotated[
-        Text,
-        OneOf(OUTLIERS),
-        About('"huber": peaks beyond 1.345 standard deviations count linearly in least squares'),
-    ] = "keep"
-    threshold: Annotated[
-        Positive, About("peaks whose studentised residual exceeds it are named in a warning")
-    ] = 4.0
+    relative: Share = 0.0
+    """Standard deviation of every amplitude as a share of it, beside the floor's."""
+    absolute: Value | None = None
+    """Standard deviation of every amplitude, as "0.1 uV"."""
+    outliers: Annotated[Text, OneOf(OUTLIERS)] = "keep"
+    """With "huber" peaks beyond 1.345 standard deviations count linearly in least squares."""
+    threshold: Positive = 4.0
+    """Peaks whose studentised residual exceeds it are named in a warning."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenDerived(Keys):
     """What else is reported of every experiment."""
 
-    outputs: Annotated[Texts, About("FMU outputs read after initialisation, per experiment")] = ()
+    outputs: Texts = ()
+    """FMU outputs read after initialisation, per experiment."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuationSettings(Keys):
     """Algorithm 2: nu_start, factor beta, number of nu, tolerance, misfit form, starts, seed."""
 
-    nu_start: Annotated[Number, About("first nu, zero or more")] = 0.1
-    beta: Annotated[Positive, About("factor from one nu to the next, below 1")] = 0.1
-    iterations: Annotated[Count, About("number of nu")] = 9
-    tolerance: Annotated[
-        Positive, About("stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it")
-    ] = 2.22e-16
-    misfit: Annotated[
-        Text,
-        OneOf(MISFITS),
-        About(
-            '"slack": sum of |r| with slack variables; "absolute": sum of |r| as written; '
-            '"squares": sum of r^2'
-        ),
-    ] = "slack"
-    starts: Annotated[Count, About("the campaign's own start and seeded ones in the box")] = 3
-    seed: Annotated[WholeNumber, About("of the further starts")] = 1
+    nu_start: Number = 0.1
+    """First nu, zero or more."""
+    beta: Positive = 0.1
+    """Factor from one nu to the next, below 1."""
+    iterations: Count = 9
+    """Number of nu."""
+    tolerance: Positive = 2.22e-16
+    """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
+    misfit: Annotated[Text, OneOf(MISFITS)] = "slack"
+    """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
+    r^2."""
+    starts: Count = 3
+    """The campaign's own start and seeded ones in the box."""
+    seed: WholeNumber = 1
+    """Of the further starts."""
 
     def __post_init__(self) -> None:
         if self.nu_start < 0.0:
@@ -493,11 +421,12 @@ class ContinuationSettings(Keys):
 class WrittenReduction(Keys):
     """Start values that make the FMU cheaper, and the output that bounds what that leaves out."""
 
-    name: Annotated[Text, About("how it is called in the plan")]
-    set: Annotated[Mapping[str, Value], About("start values that make the FMU cheaper")]
-    bound: Annotated[
-        Text | None, About("FMU output that bounds what is left out; {output} is the observed one")
-    ] = None
+    name: Text
+    """How it is called in the plan."""
+    set: Mapping[str, Value]
+    """Start values that make the FMU cheaper."""
+    bound: Text | None = None
+    """FMU output that bounds what is left out; {output} is the observed one."""
 
     def __post_init__(self) -> None:
         if not self.set:
@@ -511,23 +440,22 @@ class WrittenAccuracy(Keys):
     `fitting.fmu.accuracy.Hints` tells what the names mean.
     """
 
-    amplitude: Annotated[
-        Positive, About("wanted relative accuracy of simulated amplitudes, below 1")
-    ] = 1e-6
-    tolerance: Annotated[
-        Text | None, About("FMU parameter that bounds its solver's relative error")
-    ] = None
-    substep: Annotated[Text | None, About("FMU parameter: longest substep", "s")] = None
-    full: Annotated[
-        Mapping[str, Value], About("start values of the model with nothing left out")
-    ] = field(default_factory=dict)
+    amplitude: Positive = 1e-06
+    """Wanted relative accuracy of simulated amplitudes, below 1."""
+    tolerance: Text | None = None
+    """FMU parameter that bounds its solver's relative error."""
+    substep: Text | None = None
+    """FMU parameter: longest substep, s."""
+    full: Mapping[str, Value] = field(default_factory=dict)
+    """Start values of the model with nothing left out."""
     reductions: Annotated[
-        tuple[WrittenReduction, ...],
-        tables_wanted("[[accuracy.reductions]] tables", found=True),
-        About("ways to leave something out, which a plan may take"),
+        tuple[WrittenReduction, ...], tables_wanted("[[accuracy.reductions]] tables", found=True)
     ] = ()
-    force: Annotated[Texts, About("names of reductions to take, whatever they cost")] = ()
-    forbid: Annotated[Texts, About("names of reductions not to take")] = ()
+    """Ways to leave something out, which a plan may take."""
+    force: Texts = ()
+    """Names of reductions to take, whatever they cost."""
+    forbid: Texts = ()
+    """Names of reductions not to take."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
@@ -541,91 +469,80 @@ class WrittenDesign(Keys):
     What is not written is taken from the campaign itself (`fitting.design.limits`).
     """
 
-    outputs: Annotated[
-        Texts | None, About("what can be observed; without it outputs named alike, of one unit")
-    ] = None
-    centres: Annotated[
-        Frequencies | None,
-        About("resonances; without it the sweep's maximum, drifting frequencies"),
-    ] = None
-    frequency_step: Annotated[float | None, Quantity("Hz"), About("grid of the drive")] = None
-    least_spacing: Annotated[float | None, Quantity("Hz"), About("least distance of two tones")] = (
-        None
-    )
-    farthest: Annotated[float | None, Quantity("Hz"), About("largest detuning of a tone")] = None
-    both_sides: Annotated[Switch, About("tones on both sides of the resonance")] = True
-    tones: Annotated[Count | None, About("tones at once; 1: single tones, as in a sweep")] = None
-    levels: Annotated[
-        Positives | None, About("drive levels to try, in units of the campaign's level")
-    ] = None
-    repeats: Annotated[
-        Positives | None, About("numbers of spectra averaged with their phases to try")
-    ] = None
-    noise_floor: Annotated[
-        Value | None,
-        About('of a peak in one spectrum, as "0.18 uV"; without it the median of the campaign\'s'),
-    ] = None
-    relative_noise: Annotated[
-        Number | None,
-        About("noise of a peak as a share of it, which averaging does not lower", default=0.01),
-    ] = None
-    largest: Annotated[
-        Value | None, About("what the detector bears; without it twice the largest amplitude seen")
-    ] = None
-    number: Annotated[Count | None, About("measurements, at most", default=6)] = None
-    target: Annotated[Text, About("the value that is to be known better")] = ""
-    criterion: Annotated[
-        Text | None,
-        OneOf(CRITERIA),
-        About("error of the target, or D or A of all parameters", default="target"),
-    ] = None
-    settings: Annotated[Mapping[str, Values], About("values of further FMU parameters to try")] = (
-        field(default_factory=dict)
-    )
-    setting_sigma: Annotated[
-        Mapping[str, Value], About("error of what is believed of what drifts")
-    ] = field(default_factory=dict)
-    averaged: Annotated[
-        Counts | None, About("spectra averaged in each row of a campaign that a design made")
-    ] = None
+    outputs: Texts | None = None
+    """What can be observed; without it outputs named alike, of one unit."""
+    centres: Frequencies | None = None
+    """Resonances; without it the sweep's maximum, drifting frequencies."""
+    frequency_step: Annotated[float | None, Quantity("Hz")] = None
+    """Grid of the drive."""
+    least_spacing: Annotated[float | None, Quantity("Hz")] = None
+    """Least distance of two tones."""
+    farthest: Annotated[float | None, Quantity("Hz")] = None
+    """Largest detuning of a tone."""
+    both_sides: Switch = True
+    """Tones on both sides of the resonance."""
+    tones: Count | None = None
+    """Tones at once; 1: single tones, as in a sweep."""
+    levels: Positives | None = None
+    """Drive levels to try, in units of the campaign's level."""
+    repeats: Positives | None = None
+    """Numbers of spectra averaged with their phases to try."""
+    noise_floor: Value | None = None
+    """Of a peak in one spectrum, as "0.18 uV"; without it the median of the campaign's."""
+    relative_noise: Annotated[Number | None, Usually(0.01)] = None
+    """Noise of a peak as a share of it, which averaging does not lower."""
+    largest: Value | None = None
+    """What the detector bears; without it twice the largest amplitude seen."""
+    number: Annotated[Count | None, Usually(6)] = None
+    """Measurements, at most."""
+    target: Text = ""
+    """The value that is to be known better."""
+    criterion: Annotated[Text | None, OneOf(CRITERIA), Usually("target")] = None
+    """Error of the target, or D or A of all parameters."""
+    settings: Mapping[str, Values] = field(default_factory=dict)
+    """Values of further FMU parameters to try."""
+    setting_sigma: Mapping[str, Value] = field(default_factory=dict)
+    """Error of what is believed of what drifts."""
+    averaged: Counts | None = None
+    """Spectra averaged in each row of a campaign that a design made."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenCampaign(Keys):
     """Everything the campaign file says; data files are named here, not read."""
 
-    title: Annotated[Text, About("heading of the report")]
-    synthetic: Annotated[Switch, About('marks every figure and page "synthetic"')] = False
-    fmu: Annotated[WrittenFmu, About("the FMU and its start values")]
-    observe: Annotated[WrittenObserve, About("the observed output")]
-    drive: Annotated[WrittenDrive, About("how the FMU is driven")]
-    experiments: Annotated[WrittenExperiments | None, About("measurements under a few tones")] = (
-        None
-    )
-    drift: Annotated[
-        WrittenDrift, Rest("ends"), About("variables that move over the experiments")
-    ] = WrittenDrift()
-    noise: Annotated[WrittenNoise, About("declared noise of the amplitudes")] = WrittenNoise()
-    sweep: Annotated[WrittenSweep | None, About("a measured frequency response")] = None
+    title: Text
+    """Heading of the report."""
+    synthetic: Switch = False
+    """Marks every figure and page "synthetic"."""
+    fmu: WrittenFmu
+    """The FMU and its start values."""
+    observe: WrittenObserve
+    """The observed output."""
+    drive: WrittenDrive
+    """How the FMU is driven."""
+    experiments: WrittenExperiments | None = None
+    """Measurements under a few tones."""
+    drift: Annotated[WrittenDrift, Rest("ends")] = WrittenDrift()
+    """Variables that move over the experiments."""
+    noise: WrittenNoise = WrittenNoise()
+    """Declared noise of the amplitudes."""
+    sweep: WrittenSweep | None = None
+    """A measured frequency response."""
     parameters: Annotated[
-        tuple[WrittenParameter, ...],
-        tables_wanted("one [[parameters]] table or more", least=1),
-        About("the FMU parameters that are fitted"),
+        tuple[WrittenParameter, ...], tables_wanted("one [[parameters]] table or more", least=1)
     ]
-    derived: Annotated[WrittenDerived, About("what else is reported")] = WrittenDerived()
-    alternatives: Annotated[
-        Mapping[str, Values],
-        About("variable: values to try, in all combinations; the best one is reported"),
-    ] = field(default_factory=dict)
-    continuation: Annotated[
-        ContinuationSettings, About("the sequence of fits with less and less regularisation")
-    ] = ContinuationSettings()
-    accuracy: Annotated[WrittenAccuracy, About("how accurately the FMU is to be simulated")] = (
-        WrittenAccuracy()
-    )
-    design: Annotated[
-        WrittenDesign, About("the instrument's limits, for the next measurements")
-    ] = WrittenDesign()
+    """The FMU parameters that are fitted."""
+    derived: WrittenDerived = WrittenDerived()
+    """What else is reported."""
+    alternatives: Mapping[str, Values] = field(default_factory=dict)
+    """Variable: values to try, in all combinations; the best one is reported."""
+    continuation: ContinuationSettings = ContinuationSettings()
+    """The sequence of fits with less and less regularisation."""
+    accuracy: WrittenAccuracy = WrittenAccuracy()
+    """How accurately the FMU is to be simulated."""
+    design: WrittenDesign = WrittenDesign()
+    """The instrument's limits, for the next measurements."""
 
     def __post_init__(self) -> None:
         experiments, observe = self.experiments, self.observe

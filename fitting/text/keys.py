@@ -19,7 +19,6 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
-    PlainSerializer,
     PlainValidator,
     Strict,
     ValidationError,
@@ -59,28 +58,23 @@ def refusing(*key: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True)
-class About:
-    """What a key means: words for editors and documentation, its unit, its usual value.
+class Usually:
+    """The value that is meant where nothing is written, for a record that has None there."""
 
-    ``default`` where the record itself cannot tell it; ``missing`` is added to the complaint about
-    a key that is not there.
-    """
-
-    words: str
-    unit: str = ""
-    default: Any = None
-    missing: str = ""
+    value: Any
 
     def __get_pydantic_json_schema__(
         self, core: CoreSchema, handler: Callable[[CoreSchema], JsonSchemaValue]
     ) -> JsonSchemaValue:
-        """The value's schema with these words."""
-        told: JsonSchemaValue = {"description": self.words}
-        if self.unit:
-            told["description"] += f" (in {self.unit})"
-        if self.default is not None:
-            told["default"] = self.default
-        return handler(core) | told
+        """The value's schema with this default."""
+        return handler(core) | {"default": self.value}
+
+
+@dataclass(frozen=True)
+class Missing:
+    """What is ``wanted``, for the complaint about a key that is not there."""
+
+    wanted: str
 
 
 @dataclass(frozen=True)
@@ -99,6 +93,7 @@ class Quantity:
             "type": "string",
             "pattern": r"^\s*[+]?(\d|\.\d)",
             "examples": [f"100 {self.unit}"],
+            "x-unit": self.unit,
         }
 
     def read(self, value: Any) -> float:
@@ -224,7 +219,6 @@ def listed(words: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
-_SCALAR = {"type": ["number", "string", "boolean"]}
 Text = Annotated[str, Strict(), Field(pattern=r"\S"), wanted("a text")]
 Texts = Annotated[
     tuple[Annotated[str, Strict(), Field(min_length=1)], ...],
@@ -255,8 +249,7 @@ Share = Annotated[
 Value = Annotated[
     Written,
     PlainValidator(_value),
-    PlainSerializer(lambda written: written.value),
-    WithJsonSchema(_SCALAR),
+    WithJsonSchema({"type": ["number", "string", "boolean"]}),
 ]
 Values = Annotated[tuple[Value, ...], Field(min_length=1), listed("a list of values to try")]
 Frequencies = Annotated[tuple[Value, ...], Field(min_length=1), listed("frequencies")]

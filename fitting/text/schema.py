@@ -4,11 +4,13 @@ A table of a file is described once, as a frozen dataclass whose fields are the 
 
     @dataclass(frozen=True, kw_only=True)
     class WrittenObserve(Keys):
-        output: Annotated[Text, About("the FMU output that is observed")]
-        line_width: Annotated[float | None, Quantity("Hz"), About("rough width")] = None
+        output: Text
+        "The FMU output that is observed."
+        line_width: Annotated[float | None, Quantity("Hz")] = None
+        "Rough width, sets the settling time."
 
         def __post_init__(self) -> None:  # what no key can tell by itself
-            if ...: raise Refused("wanted ...", key="line_width")
+            if ...: raise Refused("wanted ...", "line_width")
 
 `read_record` makes the record of plain tables, or complains of everything that is wrong with them,
 one line each with file, table and key; `json_schema` tells editors the same.
@@ -16,8 +18,12 @@ one line each with file, table and key; `json_schema` tells editors the same.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import functools
+import inspect
+import itertools
+import textwrap
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +35,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from fitting.text.errors import BadInput
-from fitting.text.keys import About, Refused
+from fitting.text.keys import Missing, Refused
 from fitting.text.tables import did_you_mean
 from fitting.text.written import Written
 
@@ -146,9 +152,9 @@ def _alike(key: str | int, other: str | int) -> bool:
 
 def _missing(kind: type[Any], loc: Place, table: Any) -> str:
     key = str(loc[-1])
-    for about in _fields(_record_at(kind, loc[:-1])).get(key, ()):
-        if isinstance(about, About) and about.missing:
-            return f"key '{key}' is missing: {about.missing}"
+    for note in _fields(_record_at(kind, loc[:-1])).get(key, ()):
+        if isinstance(note, Missing):
+            return f"key '{key}' is missing: {note.wanted}"
     return f"key '{key}' is missing{did_you_mean(key, sorted(table), listed=False)}"
 
 
@@ -207,6 +213,13 @@ def _placed(value: Any, source: _Source, place: Place) -> Any:
 class _ForEditors(GenerateJsonSchema):
     """Without titles made of names, and without null, for which TOML has no word."""
 
+    def dataclass_schema(self, schema: core_schema.DataclassSchema) -> JsonSchemaValue:
+        made = super().dataclass_schema(schema)
+        for key, words in _words_below_fields(schema["cls"]).items():
+            made["properties"][key]["description"] = words
+        made.pop("title", None)
+        return made
+
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
 
@@ -214,21 +227,39 @@ class _ForEditors(GenerateJsonSchema):
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        made = super().default_schema(schema)
-        if "default" in made and made["default"] is None:
-            del made["default"]
-        return made
+        usual = schema.get("default")
+        empty = usual is None or usual in ((), "") or dataclasses.is_dataclass(usual)
+        if empty and not isinstance(usual, Written):
+            return self.generate_inner(schema["schema"])
+        return super().default_schema(schema)
+
+    def encode_default(self, dft: Any) -> Any:
+        return dft.value if isinstance(dft, Written) else super().encode_default(dft)
 
 
 def json_schema(kind: type[Any], **head: str) -> dict[str, Any]:
     """The JSON Schema (draft 7, which editors know) of a record, without references.
 
-    ``head`` are keywords for its top, as ``title``.
+    The docstrings below the fields are the keys' descriptions. ``head`` are keywords for its top,
+    as ``title``.
     """
     made = _adapter(kind).json_schema(schema_generator=_ForEditors)
-    definitions = made.pop("$defs", {})
-    plain: dict[str, Any] = _without_references(made, definitions)
+    plain: dict[str, Any] = _without_references(made, made.pop("$defs", {}))
     return {"$schema": "http://json-schema.org/draft-07/schema#", **plain, **head}
+
+
+def _words_below_fields(record: type[Any]) -> dict[str, str]:
+    """The docstring below each field of a record and of those that it is derived from."""
+    words = {}
+    for base in reversed(record.__mro__):
+        if not dataclasses.is_dataclass(base):
+            continue
+        written = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        for field, below in itertools.pairwise(ast.iter_child_nodes(written)):
+            match field, below:
+                case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(ast.Constant(str() as text)):
+                    words[key] = " ".join(text.split())
+    return words
 
 
 def _without_references(schema: Any, definitions: Mapping[str, Any]) -> Any:
