@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-from fitting.campaign.instruments import LAYOUTS, Selection
+from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
@@ -180,7 +180,7 @@ class WrittenTrace(Keys):
     likewise, as "m peak"."""
     impedance: Annotated[float | None, Quantity("ohm")] = None
     """With dBm only, and required there."""
-    layout: Annotated[Text | None, OneOf(tuple(LAYOUTS)), Usually("csv")] = None
+    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
     """How the instrument writes."""
     columns: WrittenColumns = WrittenColumns()
     """Names of columns, where they are not the usual ones."""
@@ -192,22 +192,28 @@ class WrittenTrace(Keys):
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             declared_amplitude(self.amplitude, self.impedance, "")
-        for key, only in (("trace", "rohde-schwarz"), ("chunk", "zurich")):
-            if getattr(self, key) is not None and self._found() != f'layout = "{only}"':
+        for key in ("trace", "chunk"):
+            if getattr(self, key) is not None and key not in self._layout_keys():
+                known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
                 raise Refused(
-                    f'has no meaning with {self._found()}, only with layout = "{only}"', key
+                    f"has no meaning with {self._found()}, only with layout = {' or '.join(known)}",
+                    key,
                 )
 
     def _found(self) -> str:
         """Words for what is read."""
-        return f'layout = "{self.layout or "csv"}"'
+        return f'layout = "{self.layout or PLAIN}"'
+
+    def _layout_keys(self) -> tuple[str, ...]:
+        """Keys that have a meaning with what is read."""
+        return LAYOUTS[self.layout or PLAIN].keys
 
     @property
     def format(self) -> TraceFormat:
         """How a file is read."""
         columns = self.columns
         return TraceFormat(
-            layout=self.layout or "csv",
+            layout=self.layout or PLAIN,
             amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
             selection=Selection(
                 frequency=columns.frequency,
@@ -253,6 +259,9 @@ class WrittenExperiments(WrittenTrace):
 
     def _found(self) -> str:
         return super()._found() if self.spectra is not None else "ready peaks"
+
+    def _layout_keys(self) -> tuple[str, ...]:
+        return super()._layout_keys() if self.spectra is not None else ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ is accepted, the words of the complaint about anything else, and the JSON Schema
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -145,9 +145,9 @@ def wanted(words: str) -> WrapValidator:
 
 @dataclass(frozen=True)
 class OneOf:
-    """One of a few words, to be written behind ``Text``."""
+    """One of a few words (of the keys, if it is a mapping), to be written behind ``Text``."""
 
-    words: tuple[str, ...]
+    words: Collection[str]
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: Callable[[Any], CoreSchema]

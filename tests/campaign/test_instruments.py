@@ -11,9 +11,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fitting.campaign.instruments import Selection, read_trace
+from fitting.campaign import instruments
+from fitting.campaign.file import WrittenSweep
+from fitting.campaign.instruments import LAYOUTS, Selection, found_layouts, layout_of, read_trace
 from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
 from fitting.text.errors import BadInput
+from fitting.text.schema import read_record
 from fitting.text.tables import parse_number
 
 PLAIN = "frequency (MHz),amplitude (uV)\n6.94,1.5\n6.95,2.5e1\n6.96,3\n"
@@ -351,3 +354,60 @@ def test_amplitudes_that_contradict_their_declaration(
     values = np.array([2.0, -1.0]) if unit == "uV" else np.array([2.0, 1.0])
     with pytest.raises(BadInput, match=words):
         to_peak(values, unit, amplitude, "trace.csv", ["row 8", "row 9"])
+
+
+@pytest.mark.parametrize(
+    ("text", "layout"),
+    [
+        (PLAIN, "csv"),
+        (ROHDE_SCHWARZ, "rohde-schwarz"),
+        (ZURICH, "zurich"),
+        ("chunk,timestamp,frequency,r\n0,1,1.0,2.0\n", "zurich"),
+        (AFM, "afm"),
+        ("", "csv"),
+    ],
+)
+def test_a_layout_is_known_by_its_content(tmp_path: Path, text: str, layout: str) -> None:
+    assert layout_of(put(tmp_path, text)) == layout
+
+
+TOY = """
+from pathlib import Path
+
+import numpy as np
+
+from fitting.campaign.instruments import Layout, RawTrace, Selection
+from fitting.text.tables import read_text
+
+
+def read(path: Path, selection: Selection) -> RawTrace:
+    values = np.array(read_text(path).split()[1:], dtype=float).reshape(-1, 2)
+    places = tuple(f"pair {i + 1}" for i in range(len(values)))
+    return RawTrace(path, values[:, 0], "kHz", values[:, 1], "mV", None, "", places)
+
+
+LAYOUT = Layout(
+    name="toy", read=read, recognises=lambda text: text.startswith("TOY"), keys=("chunk",)
+)
+"""
+
+
+def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file beside the others is found, read by, allowed in a campaign and told by content."""
+    (tmp_path / "layouts").mkdir()
+    (tmp_path / "layouts" / "toy_of_a_test.py").write_text(TOY)
+    path = put(tmp_path, "TOY 1 10 2 20 3 30")
+    with pytest.raises(BadInput, match="unknown layout 'toy'"):
+        read_trace(path, "toy")
+    monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(tmp_path / "layouts")])
+    found = found_layouts()
+    assert list(found) == ["csv", "afm", "rohde-schwarz", "toy", "zurich"]
+    monkeypatch.setitem(LAYOUTS, "toy", found["toy"])
+    assert layout_of(path) == "toy"
+    table = {"file": path.name, "layout": "toy", "amplitude": "V rms", "chunk": 1}
+    how = read_record(WrittenSweep, table, tmp_path / "campaign.toml", "sweep").format
+    trace = read_trace(path, how.layout, how.selection)
+    assert trace.frequency.tolist() == [1.0, 2.0, 3.0]
+    assert (trace.amplitude_unit, trace.places[2]) == ("mV", "pair 3")
+    with pytest.raises(BadInput, match=r'trace: has no meaning with layout = "toy", only'):
+        read_record(WrittenSweep, table | {"trace": 1}, tmp_path / "campaign.toml", "sweep")

@@ -1,0 +1,69 @@
+"""The ASCII trace export of the FSV, FSW and FPL spectrum analysers of Rohde & Schwarz."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fitting.campaign.instruments.trace import Layout, RawTrace, Selection
+from fitting.text.errors import BadInput
+from fitting.text.tables import parse_number, read_text, split_line
+
+
+def _read_rohde_schwarz(path: Path, selection: Selection) -> RawTrace:
+    """``name;value;unit`` header lines, then ``Trace n``, ``Values;N`` and N lines ``x;y[;y2]``.
+
+    Layout after "ASCII File Export Format" in the user manuals of R&S FSV, FSW and FPL. The second
+    level that the AUTOPEAK detector adds is the smaller one and is left out.
+    """
+    lines = [split_line(t, ";") if t.strip() else ("",) for t in read_text(path).splitlines()]
+    header: dict[str, tuple[str, ...]] = {}
+    found = 0
+    for i, cells in enumerate(lines):
+        key = cells[0].rstrip(":").lower()
+        header[key] = cells[1:]
+        if key != "values":
+            continue
+        found += 1
+        if found == selection.trace:
+            return _rohde_schwarz_trace(path, lines, i, header)
+    raise BadInput(
+        f"{path}: {found} traces ('Values;<number>' lines), wanted trace {selection.trace}; "
+        "is it the ASCII trace export of a Rohde & Schwarz analyser?"
+    )
+
+
+def _rohde_schwarz_trace(
+    path: Path, lines: Sequence[tuple[str, ...]], start: int, header: Mapping[str, tuple[str, ...]]
+) -> RawTrace:
+    where = f"{path}: row {start + 1}, 'Values'"
+    count = int(parse_number((lines[start] + ("",))[1], where))
+    rows = lines[start + 1 : start + 1 + count]
+    if len(rows) < count:
+        raise BadInput(f"{where}: {count} points announced, {len(rows)} lines follow")
+    points = np.empty((count, 2))
+    for j, cells in enumerate(rows):
+        for k, name in enumerate(("frequency", "level")):
+            text = cells[k] if k < len(cells) else ""
+            place = f"{path}: row {start + 2 + j}, {name}"
+            points[j, k] = parse_number(text, place, decimal_comma=True)
+    units = []
+    for key in ("x-unit", "y-unit"):
+        unit = header.get(key, ("",))[0]
+        if not unit:
+            raise BadInput(f"{path}: no '{key}' line before the values; wanted as in 'x-Unit;Hz;'")
+        units.append(unit)
+    notes = {k: " ".join(header[k]).strip() for k in ("type", "rbw", "detector") if k in header}
+    places = tuple(f"row {start + 2 + j}" for j in range(count))
+    return RawTrace(path, points[:, 0], units[0], points[:, 1], units[1], None, "", places, notes)
+
+
+def _recognises(text: str) -> bool:
+    return any(line.lower().startswith(("values;", "values:;")) for line in text.splitlines())
+
+
+LAYOUT = Layout(
+    name="rohde-schwarz", read=_read_rohde_schwarz, recognises=_recognises, keys=("trace",)
+)
