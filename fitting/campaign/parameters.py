@@ -11,6 +11,9 @@ import numpy as np
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
+#: Width of a uniform distribution in its standard deviations: its variance is (u - l)^2/12.
+UNIFORM_WIDTH = math.sqrt(12.0)
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -126,13 +129,30 @@ def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
     """Widths in x of uniform priors of the parameters' variances, (n,).
 
     That of the box; with a Gaussian prior of standard deviation s it is sqrt(12) s.
+
+    Args:
+        parameters: n of them.
     """
     lower, upper = search_bounds(parameters)
     widths = upper - lower
     for i, p in enumerate(parameters):
         if p.prior_sigma is not None:
-            widths[i] = math.sqrt(12.0) * p.prior_sigma / p.scale
+            widths[i] = UNIFORM_WIDTH * p.prior_sigma / p.scale
     return np.asarray(widths, dtype=float)
+
+
+def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray:
+    """Standard deviations in x of what is known without data, (n,).
+
+    The box counts as a uniform distribution, so that what the data do not see is left as wide as it
+    may be; a Gaussian prior stands in its place; Tikhonov's term is one more of precision nu.
+
+    Args:
+        parameters: n of them.
+        nu: weight of the Tikhonov term, at least zero.
+    """
+    precision = (UNIFORM_WIDTH / prior_widths(parameters)) ** 2
+    return np.asarray(1.0 / np.sqrt(precision + nu))
 
 
 def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:

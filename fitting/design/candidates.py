@@ -85,6 +85,17 @@ class Setup:
         return said + "".join(f", {name} = {value}" for name, value in self.settings.items())
 
 
+@dataclass(frozen=True)
+class _Drive:
+    """What tells a setup from the others: where it is driven, what is read, how strongly."""
+
+    centre_hz: float
+    tones_hz: tuple[float, ...]
+    output: str
+    level: float
+    settings: Mapping[str, Scalar]
+
+
 def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
     """Every setup within the limits, in a fixed order.
 
@@ -106,11 +117,10 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
             "coarser frequency_step, or fewer levels, outputs or settings"
         )
     base = base_settings(bound)
+    drives = itertools.product(places, limits.outputs, limits.levels, combined)
     return tuple(
-        _setup(bound, limits.lines, base, centre, tones, output, level, chosen)
-        for (centre, tones), output, level, chosen in itertools.product(
-            places, limits.outputs, limits.levels, combined
-        )
+        _setup(bound, limits.lines, base, _Drive(centre, tones, output, level, chosen))
+        for (centre, tones), output, level, chosen in drives
     )
 
 
@@ -160,27 +170,35 @@ def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
 
 
 def _setup(
-    bound: BoundCampaign,
-    lines: Sequence[Combination],
-    base: Mapping[str, Scalar],
-    centre_hz: float,
-    tones: tuple[float, ...],
-    output: str,
-    level: float,
-    chosen: Mapping[str, Scalar],
+    bound: BoundCampaign, lines: Sequence[Combination], base: Mapping[str, Scalar], drive: _Drive
 ) -> Setup:
-    drive = bound.setup.drive
-    settings = {**base, **levels_and_more(bound, len(tones), level, chosen)}
-    if drive.kind == "tones":
-        for name, tone in zip(drive.frequencies, tones, strict=False):
+    """A setup with what is simulated for it: `base` is set besides, `lines` are read."""
+    tones, source = drive.tones_hz, bound.setup.drive
+    settings = {**base, **levels_and_more(bound, len(tones), drive.level, drive.settings)}
+    if source.kind == "tones":
+        for name, tone in zip(source.frequencies, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"
-            settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
+            settings[name] = convert(tone, "Hz", source.frequency_unit, where=where)
     read = tuple(line.frequency_hz(tones) for line in lines)
     blank = np.full(len(read or tones), np.nan)
-    experiment = Experiment(
-        "", settings, tones, blank, blank, 0.0, None, lines_hz=read, output=output
+    return Setup(
+        tones_hz=tones,
+        centre_hz=drive.centre_hz,
+        output=drive.output,
+        level=drive.level,
+        settings=dict(drive.settings),
+        experiment=Experiment(
+            label="",
+            settings=settings,
+            tones_hz=tones,
+            peaks_v=blank,
+            sigmas_v=blank,
+            floor_v=0.0,
+            spectrum=None,
+            lines_hz=read,
+            output=drive.output,
+        ),
     )
-    return Setup(tones, centre_hz, output, level, dict(chosen), experiment)
 
 
 def as_campaign(bound: BoundCampaign, setups: Sequence[Setup]) -> BoundCampaign:

@@ -18,19 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
-from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.campaign.parameters import UNIFORM_WIDTH, Parameter, search_bounds
+from fitting.fit.differences import central
 from fitting.fit.job import measured_of
+from fitting.fit.linearisation import information, row_sigmas
 from fitting.fit.noise import chi_sigmas, strongest
 from fitting.fit.objective import (
     Measured,
     Objective,
-    Point,
     evaluate_many,
-    jacobian_of,
     make_objective,
-    stencil,
 )
-from fitting.inference.uncertainty import row_sigmas
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
 from fitting.simulate.batch import Workers
@@ -98,7 +96,8 @@ class Series:
 
     def _rows(self, place: Place, steps: FloatArray, setting_sigmas: Mapping[str, float]) -> Rows:
         objective = self.objective(place.alternative, steps)
-        here, *around = evaluate_many(objective, [place.x, *stencil(objective, place.x)])
+        around = central(place.x, steps, *search_bounds(self.bound.parameters))
+        here, *nodes = evaluate_many(objective, [place.x, *around.nodes])
         shifted = [
             self._by_setting(place, steps, name, SHIFT * sigma)
             for name, sigma in setting_sigmas.items()
@@ -106,11 +105,11 @@ class Series:
         count = here.simulated_v.size
         return Rows(
             here.simulated_v,
-            _by_x(around),
+            around.quotients([node.simulated_v for node in nodes], log_ratio),
             np.stack(shifted, axis=1) if shifted else np.zeros((count, 0)),
             here.residuals[:count],
             here.residuals[count:],
-            jacobian_of(around)[count:],
+            around.quotients([node.residuals[count:] for node in nodes]),
         )
 
     def _by_setting(self, place: Place, steps: FloatArray, name: str, shift: float) -> FloatArray:
@@ -122,7 +121,7 @@ class Series:
             response = replace(own, bound=replace(self.bound, experiments=moved))
             point = evaluate_many(replace(objective, response=response), [place.x])[0]
             ends.append(point.simulated_v)
-        return _log_ratio(ends[0], ends[1]) / (2.0 * shift)
+        return log_ratio(ends[0], ends[1]) / (2.0 * shift)
 
 
 def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
@@ -132,17 +131,8 @@ def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
     return replace(experiment, settings={**experiment.settings, name: value + shift})
 
 
-def _by_x(points: Sequence[Point]) -> FloatArray:
-    """d ln(simulated)/dx (m, n) from the points of a stencil."""
-    columns = [
-        _log_ratio(above.simulated_v, below.simulated_v) / np.max(np.abs(above.x - below.x))
-        for above, below in zip(points[0::2], points[1::2], strict=True)
-    ]
-    return np.stack(columns, axis=1)
-
-
-def _log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
-    """ln(above/below); zero where an output does not answer at all (it says nothing)."""
+def log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+    """ln(above/below), amplitudes (m,); zero where one does not answer at all (it says nothing)."""
     silent = (above <= 0.0) | (below <= 0.0)
     return np.asarray(np.log(np.where(silent, 1.0, above) / np.where(silent, 1.0, below)))
 
@@ -153,20 +143,24 @@ def unmeasured(bound: BoundCampaign, peaks: int) -> Measured:
     return replace(own, peaks_v=np.ones(peaks), sigmas_v=np.zeros(peaks), fit_sweep=False)
 
 
-def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray:
-    """Standard deviations of the prior in x, (n,): the box as if uniform, Gaussian, Tikhonov.
+def prior_sigmas_in_box(parameters: Sequence[Parameter]) -> FloatArray:
+    """Standard deviations of the prior in x, (n,): the box as if uniform and a Gaussian together.
 
-    A box wider than a period holds everything twice: the period counts then.
+    A box wider than a period holds everything twice: the period counts then. (The fit, whose box is
+    no more than where it looks, takes the Gaussian alone: `campaign.parameters.prior_sigmas`.)
+
+    Args:
+        parameters: n of them.
     """
     lower, upper = search_bounds(parameters)
     widths = upper - lower
-    held = np.full(len(parameters), nu)
+    gaussian = np.zeros(len(parameters))
     for i, parameter in enumerate(parameters):
         if parameter.period is not None:
             widths[i] = min(widths[i], parameter.period / parameter.scale)
         if parameter.prior_sigma is not None:
-            held[i] += (parameter.scale / parameter.prior_sigma) ** 2
-    return np.asarray(1.0 / np.sqrt(12.0 / widths**2 + held))
+            gaussian[i] = (parameter.scale / parameter.prior_sigma) ** 2
+    return np.asarray(1.0 / np.sqrt((UNIFORM_WIDTH / widths) ** 2 + gaussian))
 
 
 def scale_sigma(measured: Measured) -> float:
@@ -185,12 +179,6 @@ def noise_covariance(
     moved = by_setting * setting_sigmas
     diagonal = sigmas[..., :, np.newaxis] ** 2 * np.eye(sigmas.shape[-1])
     return np.asarray(diagonal + same * (moved @ np.swapaxes(moved, -1, -2)))
-
-
-def information(columns: FloatArray, covariance: FloatArray) -> FloatArray:
-    """J^T V^-1 J, (..., n, n), by a Cholesky factor; `columns` J (..., m, n)."""
-    white = np.linalg.solve(np.linalg.cholesky(covariance), columns)
-    return np.asarray(np.swapaxes(white, -1, -2) @ white)
 
 
 def _with_scale(by_x: FloatArray) -> FloatArray:

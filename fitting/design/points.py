@@ -16,8 +16,11 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
 from fitting.design.information import Place, Series
-from fitting.fit.objective import evaluate_many, jacobian_of, stencil
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.fit.differences import central
+from fitting.fit.linearisation import Linearisation, whitened
+from fitting.fit.objective import evaluate_many
+from fitting.signal.least_squares import damped_step
+from fitting.text.arrays import FloatArray
 
 #: Walkers per alternative, their steps, and the length of one in prior standard deviations.
 WALKERS, STRIDES, STRIDE = 4, 8, 0.35
@@ -32,12 +35,15 @@ EQUAL = 4.0
 
 @dataclass(frozen=True)
 class LinearisedFit:
-    """A point, its chi-square, rows (m,) and J (m, n) in units of noise and prior."""
+    """A point, and the problem linearised there."""
 
     place: Place
-    chi_square: float
-    rows: FloatArray
-    matrix: FloatArray
+    problem: Linearisation
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the rows."""
+        return self.problem.chi_square
 
 
 @dataclass(frozen=True)
@@ -56,22 +62,22 @@ class WhitenedData:
         """Rows and Jacobians at places of one alternative, in one batch."""
         if not places:
             return []
-        factor = np.linalg.cholesky(self.covariance)
+        lower, upper = search_bounds(self.series[0].bound.parameters)
+        around = [central(place.x, self.steps, lower, upper) for place in places]
         residuals: list[list[FloatArray]] = [[] for _ in places]
         slopes: list[list[FloatArray]] = [[] for _ in places]
         for series in self.series:
             objective = series.objective(places[0].alternative, self.steps)
-            nodes = [[place.x, *stencil(objective, place.x)] for place in places]
+            nodes = [[place.x, *each.nodes] for place, each in zip(places, around, strict=True)]
             points = iter(evaluate_many(objective, [x for group in nodes for x in group]))
-            for k, group in enumerate(nodes):
-                here, *around = (next(points) for _ in group)
-                residuals[k].append(here.residuals)
-                slopes[k].append(jacobian_of(around))
+            for k, each in enumerate(around):
+                residuals[k].append(next(points).residuals)
+                slopes[k].append(each.quotients([next(points).residuals for _ in each.nodes]))
         found = []
         for place, some, matrices in zip(places, residuals, slopes, strict=True):
-            rows = np.linalg.solve(factor, np.concatenate(some))
-            matrix = np.linalg.solve(factor, np.concatenate(matrices)) * self.prior
-            found.append(LinearisedFit(place, float(rows @ rows), rows, matrix))
+            rows = whitened(np.concatenate(some), self.covariance)
+            matrix = whitened(np.concatenate(matrices), self.covariance)
+            found.append(LinearisedFit(place, Linearisation(rows, matrix, self.prior)))
         return found
 
     def moved(self, fitted: LinearisedFit, dy: FloatArray) -> Place:
@@ -88,7 +94,7 @@ def nearest_fit(data: WhitenedData, place: Place) -> LinearisedFit:
     for _ in range(GAUSS_NEWTON_STEPS):
         there = data.at([data.moved(here, _correction(here, damping))])[0]
         if not there.chi_square < here.chi_square:
-            damping = 30.0 * max(damping, float(np.linalg.norm(here.matrix, 2) ** 2) * 1e-3)
+            damping = 30.0 * max(damping, float(np.linalg.norm(here.problem.scaled, 2) ** 2) * 1e-3)
             continue
         done = here.chi_square - there.chi_square < 1e-2
         here, damping = there, max(damping / 30.0, DAMPING)
@@ -102,7 +108,7 @@ def equal_fits(data: WhitenedData, start: LinearisedFit, seed: int) -> list[Line
 
     None where the data hold every direction better than the prior does.
     """
-    if start.matrix.shape[0] >= len(data.prior) and _determined(start.matrix).all():
+    if not start.problem.undetermined(DETERMINED).size:
         return []
     rng = np.random.default_rng(seed)
     walkers = [start] * WALKERS
@@ -111,7 +117,7 @@ def equal_fits(data: WhitenedData, start: LinearisedFit, seed: int) -> list[Line
     for _ in range(STRIDES):
         places = []
         for k, walker in enumerate(walkers):
-            headings[k] = _along_the_fit(walker.matrix, headings[k])
+            headings[k] = _along_the_fit(walker.problem, headings[k])
             places.append(data.moved(walker, STRIDE * headings[k]))
         ahead = data.at(places)
         for _ in range(CORRECTIONS):
@@ -127,21 +133,14 @@ def equal_fits(data: WhitenedData, start: LinearisedFit, seed: int) -> list[Line
 
 
 def _correction(fitted: LinearisedFit, damping: float) -> FloatArray:
-    left, singular, right = np.linalg.svd(fitted.matrix, full_matrices=False)
-    held = np.where(singular >= DETERMINED, singular / (singular**2 + damping), 0.0)
-    return np.asarray(-right.T @ (held * (left.T @ fitted.rows)))
+    """Step to the fit in units of the prior, along what the data determine only."""
+    problem = fitted.problem
+    return damped_step(problem.scaled, problem.rows, damping, least=DETERMINED)
 
 
-def _determined(matrix: FloatArray) -> BoolArray:
-    return np.linalg.svd(matrix, compute_uv=False) >= DETERMINED
-
-
-def _along_the_fit(matrix: FloatArray, heading: FloatArray) -> FloatArray:
+def _along_the_fit(problem: Linearisation, heading: FloatArray) -> FloatArray:
     """Unit vector along the heading within what the data do not hold; zero where they hold all."""
-    _, singular, right = np.linalg.svd(matrix, full_matrices=True)
-    values = np.zeros(len(heading))
-    values[: singular.size] = singular
-    free = right[values < DETERMINED]
+    free = problem.undetermined(DETERMINED)
     along = free.T @ (free @ heading)
     length = float(np.linalg.norm(along))
     return np.asarray(along / length if length > 0.0 else along)

@@ -21,17 +21,18 @@ from fitting.design.information import (
     Place,
     Rows,
     Series,
-    information,
     information_of_data,
     information_of_setups,
-    prior_sigmas,
+    prior_sigmas_in_box,
     scale_sigma,
     unmeasured,
 )
 from fitting.design.points import WhitenedData, equal_fits, nearest_fit, spread_out
+from fitting.fit.differences import central
 from fitting.fit.job import measured_of
+from fitting.fit.linearisation import SMALLEST_SIGMA, information
 from fitting.fit.objective import evaluate_many
-from fitting.inference.uncertainty import SMALLEST_SIGMA
+from fitting.fit.outputs import output_means
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -100,6 +101,38 @@ class Weighed:
         return np.asarray(sigmas / np.hypot(1.0, sigmas / self.spread))
 
 
+@dataclass(frozen=True)
+class _Known:
+    """What is known before anything new is measured, at the `places` where a design is judged.
+
+    `unit` (n + 1,) are the standard deviations of the prior in x and of the scale's logarithm; in
+    their units `base` (k, n + 1, n + 1) is the information of prior and data and `gradients`
+    (k, n + 1) the target's. `values` (k,) of the target there, `spread_values` at all points of
+    equal fit, in its unit.
+    """
+
+    places: tuple[Place, ...]
+    unit: FloatArray
+    base: FloatArray
+    gradients: FloatArray
+    values: FloatArray
+    spread_values: FloatArray
+
+
+@dataclass(frozen=True)
+class _Simulated:
+    """All setups with their rows at each place; `linear` where levels only scale the amplitude."""
+
+    setups: tuple[Setup, ...]
+    rows: tuple[Rows, ...]
+    linear: bool
+
+    @property
+    def amplitudes_v(self) -> FloatArray:
+        """Peaks, (places, setups, tones)."""
+        return np.stack([r.amplitude_v.reshape(len(self.setups), -1) for r in self.rows])
+
+
 def weigh(
     bound: BoundCampaign,
     workers: Workers,
@@ -113,6 +146,14 @@ def weigh(
     The campaign is the one to be continued; what was measured in others (`also`, of the same FMU
     and parameters, each with a scale of its own) counts as known.
 
+    Args:
+        bound: the campaign to be continued.
+        workers: of its FMU.
+        limits: of the instrument.
+        goal: the target and where it is to be known.
+        progress: is told in words what is being done.
+        also: further campaigns that have been measured.
+
     Raises:
         BadInput: an unknown target, no candidate within the limits, or another campaign with other
             parameters.
@@ -120,33 +161,40 @@ def weigh(
     """
     _check_target(bound, goal.target)
     data = Series(bound, workers, measured_of(bound))
-    known = (data, *(_alike(other, bound, workers) for other in also))
-    steps, prior = data.steps(), prior_sigmas(bound.parameters)
+    series = (data, *(_alike(other, bound, workers) for other in also))
+    steps = data.steps()
+    known = _known(series, steps, goal, limits, progress)
+    progress("candidates")
+    return _weighed(limits, _simulated(bound, workers, limits, known.places, steps), known)
+
+
+def _known(
+    series: tuple[Series, ...],
+    steps: FloatArray,
+    goal: DesignGoal,
+    limits: Limits,
+    progress: Callable[[str], None],
+) -> _Known:
+    """Points of equal fit, and what the data so far say of the target at some of them."""
+    data, parameters = series[0], series[0].bound.parameters
+    prior = prior_sigmas_in_box(parameters)
     progress("points of equal fit")
-    given, others = _equal_fits(known, goal, prior, steps, limits)
-    values = _values(data, goal.target, [given, *others])
-    useful = [p for p, v in zip(others, values[1:], strict=True) if np.isfinite(v)]
+    given, others = _equal_fits(series, goal, prior, steps, limits)
+    spread_values = _values(data, goal.target, [given, *others])
+    useful = [p for p, v in zip(others, spread_values[1:], strict=True) if np.isfinite(v)]
     judged = useful if goal.criterion == "target" else others
-    places = spread_out(bound.parameters, given, judged, PLACES, prior)
+    places = spread_out(parameters, given, judged, PLACES, prior)
     progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
     gradients = _gradients(data, goal.target, places)
-    scale = _scale_sigma(bound, data)
-    unit = np.append(prior, scale)
-    base = np.stack([_known(known, place, steps, limits) for place in places])
-    progress("candidates")
-    setups = setups_of(bound, limits)
-    rows, linear = _setup_rows(bound, workers, limits, setups, places, steps)
-    return _weighed(
-        limits,
-        setups,
-        rows,
-        np.eye(len(unit)) + base * np.outer(unit, unit),
-        unit,
-        np.column_stack([gradients * prior, np.zeros(len(places))]),
-        tuple(places),
-        _values(data, goal.target, places),
-        values,
-        linear,
+    unit = np.append(prior, _scale_sigma(data))
+    told = np.stack([_information_at(series, place, steps, limits) for place in places])
+    return _Known(
+        places=tuple(places),
+        unit=unit,
+        base=np.eye(len(unit)) + told * np.outer(unit, unit),
+        gradients=np.column_stack([gradients * prior, np.zeros(len(places))]),
+        values=_values(data, goal.target, places),
+        spread_values=spread_values,
     )
 
 
@@ -162,7 +210,9 @@ def _alike(other: BoundCampaign, bound: BoundCampaign, workers: Workers) -> Seri
     return Series(same, workers, measured_of(same))
 
 
-def _known(known: Sequence[Series], place: Place, steps: FloatArray, limits: Limits) -> FloatArray:
+def _information_at(
+    known: Sequence[Series], place: Place, steps: FloatArray, limits: Limits
+) -> FloatArray:
     """Information (n + 1, n + 1) of all data at a place; only the first shares its scale."""
     total = np.zeros(2 * (place.x.size + 1,))
     for k, series in enumerate(known):
@@ -185,9 +235,9 @@ def _check_target(bound: BoundCampaign, target: str) -> None:
         )
 
 
-def _scale_sigma(bound: BoundCampaign, data: Series) -> float:
+def _scale_sigma(data: Series) -> float:
     """Prior of the scale's logarithm; next to nothing where there is none or where it is fitted."""
-    if any(parameter.role == "scale" for parameter in bound.parameters):
+    if any(parameter.role == "scale" for parameter in data.bound.parameters):
         return 1e-9
     return max(scale_sigma(data.measured), 1e-9)
 
@@ -233,18 +283,15 @@ def _gradients(data: Series, target: str, places: Sequence[Place]) -> FloatArray
         gradients = np.zeros((len(places), len(names)))
         gradients[:, names.index(target)] = parameters[names.index(target)].scale
         return gradients
-    lower, upper = search_bounds(parameters)
-    nodes, spans = [], []
-    for place in places:
-        for i in range(len(names)):
-            ends = [place.x.copy(), place.x.copy()]
-            for x, sign in zip(ends, (1.0, -1.0), strict=True):
-                x[i] = np.clip(x[i] + sign * GRADIENT_STEP, lower[i], upper[i])
-            nodes += [Place(place.alternative, x) for x in ends]
-            spans.append(ends[0][i] - ends[1][i])
-    values = _values(data, target, nodes)
-    slopes = (values[0::2] - values[1::2]) / np.array(spans)
-    return np.asarray(slopes.reshape(len(places), len(names)))
+    box = search_bounds(parameters)
+    around = [central(place.x, GRADIENT_STEP, *box) for place in places]
+    nodes = [
+        Place(place.alternative, x)
+        for place, each in zip(places, around, strict=True)
+        for x in each.nodes
+    ]
+    values = _values(data, target, nodes).reshape(len(places), -1)
+    return np.stack([each.quotients(list(v)) for each, v in zip(around, values, strict=True)])
 
 
 def _values(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
@@ -257,25 +304,24 @@ def _values(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
     values = np.full(len(places), np.nan)
     for alternative in data.bound.alternatives:
         here = [k for k, place in enumerate(places) if place.alternative == alternative]
-        ps = [to_model(parameters, places[k].x) for k in here]
-        answers = data.response(alternative).derived_many(ps) if ps else []
-        for k, answer in zip(here, answers, strict=True):
-            values[k] = float(np.mean(answer[target])) if answer[target].size else np.nan
+        found = output_means(data.response(alternative), parameters, [places[k].x for k in here])
+        if here:
+            values[here] = found[target]
     return values
 
 
-def _setup_rows(
+def _simulated(
     bound: BoundCampaign,
     workers: Workers,
     limits: Limits,
-    setups: Sequence[Setup],
     places: Sequence[Place],
     steps: FloatArray,
-) -> tuple[list[Rows], bool]:
-    """Rows of all setups at every place, and whether the amplitude is proportional to the level.
+) -> _Simulated:
+    """Rows of all setups at every place.
 
-    Then one level is simulated, and the others follow.
+    Where the amplitude is proportional to the drive level, one is simulated, the others follow.
     """
+    setups, errors = setups_of(bound, limits), limits.setting_sigmas
     levels = sorted({s.level for s in setups})
     lowest = [s for s in setups if s.level == levels[0]]
     series = _unmeasured(bound, workers, lowest)
@@ -289,21 +335,23 @@ def _setup_rows(
         ratio = levels[-1] / levels[0]
         linear = bool(np.all(np.abs(high - ratio * low) <= LINEAR * ratio * low))
     if not linear:
-        return _unmeasured(bound, workers, setups).rows(places, steps, limits.setting_sigmas), False
+        rows = _unmeasured(bound, workers, setups).rows(places, steps, errors)
+        return _Simulated(setups, tuple(rows), linear=False)
     index = {(s.tones_hz, s.output, tuple(s.settings.items())): i for i, s in enumerate(lowest)}
     source = np.array([index[s.tones_hz, s.output, tuple(s.settings.items())] for s in setups])
     tones = len(setups[0].experiment.read_hz)
     picked = (source[:, np.newaxis] * tones + np.arange(tones)).ravel()
     factors = np.repeat([s.level / levels[0] for s in setups], tones)
-    return [
+    scaled = tuple(
         replace(
-            rows,
-            amplitude_v=rows.amplitude_v[picked] * factors,
-            by_x=rows.by_x[picked],
-            by_setting=rows.by_setting[picked],
+            row,
+            amplitude_v=row.amplitude_v[picked] * factors,
+            by_x=row.by_x[picked],
+            by_setting=row.by_setting[picked],
         )
-        for rows in series.rows(places, steps, limits.setting_sigmas)
-    ], True
+        for row in series.rows(places, steps, errors)
+    )
+    return _Simulated(setups, scaled, linear=True)
 
 
 def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup]) -> Series:
@@ -311,20 +359,9 @@ def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup])
     return Series(as_campaign(bound, setups), workers, unmeasured(bound, peaks))
 
 
-def _weighed(
-    limits: Limits,
-    setups: tuple[Setup, ...],
-    rows: Sequence[Rows],
-    base: FloatArray,
-    unit: FloatArray,
-    gradients: FloatArray,
-    places: tuple[Place, ...],
-    values: FloatArray,
-    spread_values: FloatArray,
-    linear: bool,
-) -> Weighed:
+def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
     """Candidates that can be seen and that the detector bears, and their information."""
-    amplitudes = np.stack([r.amplitude_v.reshape(len(setups), -1) for r in rows])
+    setups, amplitudes, unit = simulated.setups, simulated.amplitudes_v, known.unit
     gains, repeats, setup_of = [], [], []
     for count in limits.repeats:
         floor = limits.noise_floor_v / np.sqrt(count)
@@ -333,7 +370,7 @@ def _weighed(
         seen = (np.mean(above, axis=0) >= 0.5) & np.all(amplitudes > 0.0, axis=(0, 2))
         borne = np.max(amplitudes[0], axis=1) <= limits.largest_v
         kept = np.flatnonzero(seen & borne).tolist()
-        for rank, row in enumerate(rows):
+        for rank, row in enumerate(simulated.rows):
             relative = np.maximum(sigmas[rank, kept] / amplitudes[rank, kept], SMALLEST_SIGMA)
             found = information_of_setups(row, relative, kept, limits.setting_sigmas)
             gains.append((count, rank, found * np.outer(unit, unit)))
@@ -345,22 +382,28 @@ def _weighed(
             f"{LEAST_SIGNAL:g} standard deviations of the noise or above the largest amplitude"
         )
     stacked = np.stack(
-        [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(rows))]
+        [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(known.places))]
     )
     levels = np.array([setups[i].level for i in setup_of])
     # spectra cost time; of two that take as long the gentler drive comes first
     costs = np.array(repeats, dtype=float) + 1e-6 * levels / levels.max()
-    problem = Problem(base, stacked, gradients, len(unit) - 1, costs)
+    problem = Problem(
+        base=known.base,
+        gains=stacked,
+        gradients=known.gradients,
+        shown=len(unit) - 1,
+        costs=costs,
+    )
     return Weighed(
-        problem,
-        setups,
-        tuple(repeats),
-        tuple(setup_of),
-        amplitudes,
-        places,
-        values,
-        spread_values,
-        linear,
+        problem=problem,
+        setups=setups,
+        repeats=tuple(repeats),
+        setup_of=tuple(setup_of),
+        amplitudes_v=amplitudes,
+        places=known.places,
+        values=known.values,
+        spread_values=known.spread_values,
+        linear=simulated.linear,
     )
 
 

@@ -6,12 +6,14 @@ the linearised rows, damped where they do not pay, get there to the last digits.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.linear_program import Finish, promised_decrease
 from fitting.fit.objective import Nu
-from fitting.text.arrays import FloatArray
+from fitting.signal.least_squares import damped_step
+from fitting.text.arrays import BoolArray, FloatArray
 
 #: Longest step in one variable, in units of the search vector.
 LONGEST = 0.5
@@ -19,16 +21,77 @@ LONGEST = 0.5
 GENTLE, STIFFEST = 1e-9, 1e6
 
 
+@dataclass(frozen=True)
+class Finish:
+    """End of a sequence of linearised steps: x, what a further step promises, steps taken."""
+
+    x: FloatArray
+    optimality: float
+    steps: int
+    message: str
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Misfit "squares" + J_reg as half a sum of squares about x, to first order.
+
+    `rows` (m + n,) of data and Tikhonov term, `matrix` (m + n, n); `free` (n,) marks variables that
+    no bound holds where they are.
+    """
+
+    rows: FloatArray
+    matrix: FloatArray
+    free: BoolArray
+
+    @property
+    def slope(self) -> FloatArray:
+        """Gradient, (n,)."""
+        return self.matrix.T @ self.rows
+
+
+def _rows_at(evaluator: Evaluator, x: FloatArray, nu: Nu) -> _Rows:
+    point, tikhonov = evaluator.point(x), np.sqrt(np.broadcast_to(nu, x.shape))
+    root = np.sqrt(2.0 * point.row_weights)
+    rows = np.concatenate([root * point.residuals, tikhonov * x])
+    matrix = np.concatenate([root[:, np.newaxis] * evaluator.jacobian(x), np.diag(tikhonov)])
+    slope = matrix.T @ rows
+    pushes = ((x <= evaluator.lower) & (slope > 0.0)) | ((x >= evaluator.upper) & (slope < 0.0))
+    return _Rows(rows, matrix, ~pushes)
+
+
+def newton_decrement(evaluator: Evaluator, x: FloatArray, nu: Nu) -> float:
+    """The decrease of the misfit "squares" + J_reg that its linearised rows promise.
+
+    g.H^-1 g/2 over the variables that no bound holds, g gradient and H curvature of the quadratic
+    that the rows make. One Jacobian.
+
+    Args:
+        evaluator: of the objective.
+        x: search vector, shape (n,).
+        nu: weight of the Tikhonov term, one or (n,).
+    """
+    here = _rows_at(evaluator, x, nu)
+    g, seen = here.slope[here.free], here.matrix[:, here.free]
+    return 0.5 * float(g @ np.linalg.lstsq(seen.T @ seen, g, rcond=None)[0])
+
+
 def finish_squares(
     evaluator: Evaluator, start: FloatArray, nu: Nu, tolerance: float, *, steps: int = 30
 ) -> Finish:
     """Lower the misfit "squares" + J_reg until no step promises more than the tolerance.
 
+    Args:
+        evaluator: of the objective.
+        start: search vector, shape (n,), in the box.
+        nu: weight of the Tikhonov term, one or (n,).
+        tolerance: promised decrease that is no longer worth a step, in units of the misfit.
+        steps: at most.
+
     Source: J. More, "The Levenberg-Marquardt algorithm: implementation and theory" (1978); bounds
     by projection, a variable that pushes against its bound is left out of the step.
     """
     x, damping = np.array(start, dtype=float), GENTLE
-    promise = promised_decrease(evaluator, x, nu, "squares")
+    promise = newton_decrement(evaluator, x, nu)
     for taken in range(steps):
         if promise <= tolerance:
             return Finish(x, promise, taken, "no linearised step promises a decrease")
@@ -36,25 +99,19 @@ def finish_squares(
         if moved is None:
             return Finish(x, promise, taken, "the steps became too short to lower J")
         x = moved
-        promise = promised_decrease(evaluator, x, nu, "squares")
+        promise = newton_decrement(evaluator, x, nu)
     return Finish(x, promise, steps, f"{steps} linearised steps were not enough")
 
 
 def _one_step(
     evaluator: Evaluator, x: FloatArray, nu: Nu, damping: float
 ) -> tuple[FloatArray | None, float]:
-    point, matrix = evaluator.point(x), evaluator.jacobian(x)
-    here = total(point, nu, "squares")
-    slope = np.asarray(nu * x) + 2.0 * matrix.T @ (point.row_weights * point.residuals)
-    hessian = 2.0 * matrix.T @ (point.row_weights[:, np.newaxis] * matrix)
-    hessian += np.diag(np.broadcast_to(nu, x.shape))
-    held = ((x <= evaluator.lower) & (slope > 0.0)) | ((x >= evaluator.upper) & (slope < 0.0))
-    free = np.flatnonzero(~held)
-    curvature = np.diag(np.maximum(np.diag(hessian)[free], np.finfo(float).tiny))
+    here, around = total(evaluator.point(x), nu, "squares"), _rows_at(evaluator, x, nu)
+    free = np.flatnonzero(around.free)
+    seen = around.matrix[:, free]
+    scale = np.sqrt(np.maximum(np.sum(seen**2, axis=0), np.finfo(float).tiny))
     while damping <= STIFFEST and free.size:
-        step = np.linalg.lstsq(
-            hessian[np.ix_(free, free)] + damping * curvature, -slope[free], rcond=None
-        )[0]
+        step = damped_step(seen / scale, around.rows, damping) / scale
         if float(np.max(np.abs(step))) > LONGEST:  # the rows are straight for so long only
             damping *= 10.0
             continue

@@ -10,7 +10,6 @@ point leaves, and stands in as referee for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from scipy.optimize import linprog
 from scipy.sparse import block_array, csr_array, eye_array
 
 from fitting.fit.evaluator import Evaluator, total
+from fitting.fit.gauss_newton import Finish, newton_decrement
 from fitting.fit.objective import Nu
 from fitting.text.arrays import FloatArray
 
@@ -28,16 +28,6 @@ CORRECTIONS = 3
 SMALLEST_RADIUS = 1e-9
 #: From so many rows on the bands of the slacks are sparse.
 MANY_ROWS = 100
-
-
-@dataclass(frozen=True)
-class Finish:
-    """End of the sequence of linear programs: x, what a further step promises, steps taken."""
-
-    x: FloatArray
-    optimality: float
-    steps: int
-    message: str
 
 
 def linear_step(
@@ -115,17 +105,11 @@ def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: Nu, misfit: str) 
     Raises:
         ArithmeticError: see `linear_step`.
     """
+    if misfit == "squares":
+        return newton_decrement(evaluator, x, nu)
     rows, matrix = evaluator.point(x).residuals, evaluator.jacobian(x)
     room = (np.minimum(evaluator.lower - x, 0.0), np.maximum(evaluator.upper - x, 0.0))
     slope = np.asarray(nu * x)
-    if misfit == "squares":
-        weights = evaluator.point(x).row_weights
-        slope = slope + 2.0 * matrix.T @ (weights * rows)
-        free = ~(((room[0] >= 0.0) & (slope > 0.0)) | ((room[1] <= 0.0) & (slope < 0.0)))
-        g, seen = slope[free], matrix[:, free]
-        hessian = 2.0 * seen.T @ (weights[:, np.newaxis] * seen)
-        hessian += np.diag(np.broadcast_to(nu, x.shape)[free])
-        return 0.5 * float(g @ np.linalg.lstsq(hessian, g, rcond=None)[0])
     step = linear_step(rows, matrix, slope, room, TEST_RADIUS)
     return _promise(rows, matrix, slope, step)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from fitting.campaign.parameters import to_model
 from fitting.fit.result import IDENTIFIABLE
-from fitting.inference.descent import Expansion, descend, expansion_at
+from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
 from fitting.inference.knowledge import Bootstrap, Percentiles, Profile
 from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.inference.lockstep import Exhausted, Sample, Task, run_in_lockstep
@@ -28,8 +28,7 @@ CHUNK = 25
 
 
 def bootstrap(
-    likelihood: Likelihood,
-    expansion: Expansion,
+    optimum: Optimum,
     profiles: Mapping[str, Profile],
     samples: int,
     seed: int,
@@ -41,8 +40,7 @@ def bootstrap(
     Where they do not, a refit stays where it began, and its scatter would be a lie.
 
     Args:
-        likelihood: of the data, inflation included.
-        expansion: the most likely point with its slopes.
+        optimum: the most likely point and its likelihood, inflation included.
         profiles: by name, for verdicts and where periods are counted from.
         samples: number of synthetic data sets.
         seed: of their noise; the same with and without an executor.
@@ -53,6 +51,7 @@ def bootstrap(
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
+    likelihood, expansion = optimum.likelihood, optimum.expansion
     generator = np.random.default_rng(seed)
     noise = generator.standard_normal((samples, expansion.sample.rows.size))
     noise[:, likelihood.whitening.shape[0] :] *= likelihood.inverse_prior_sigma > 0.0

@@ -15,72 +15,58 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtrc, ndtri
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import is_shared, series_names
-from fitting.campaign.parameters import prior_widths, search_bounds, to_model
+from fitting.campaign.parameters import prior_sigmas, search_bounds
 from fitting.fit.assembly import Solution
+from fitting.fit.differences import central
 from fitting.fit.joint_result import Estimate, JointResult, SeriesPart, Tension
+from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined, whitened
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point
+from fitting.fit.outputs import output_means
 from fitting.measurements.joint_response import JointResponse
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
 BETTER_THAN_BOX = 3.0
 #: Disagreement, in standard deviations, that is worth a warning.
 WORTH_A_WARNING = 3.0
-#: Shares of the variance from which a campaign alone determines a value.
-DETERMINED = 0.9
-
-
-@dataclass(frozen=True)
-class _Minimum:
-    """Least chi square of a set of campaigns: number of determined directions, step, covariance."""
-
-    chi_square: float
-    rank: int
-    step: FloatArray
-    covariance: FloatArray
-    unseen: FloatArray
+#: Step in x for the gradient of a derived output.
+OUTPUT_STEP = 1e-4
 
 
 @dataclass(frozen=True)
 class _System:
-    """Whitened rows of each campaign, in units of the prior: x = root y."""
+    """Linearisation of each campaign, and the Gaussian priors as rows of their own, one per value.
 
-    rows: tuple[FloatArray, ...]
-    matrices: tuple[FloatArray, ...]
-    root: FloatArray
-    tension: FloatArray
-    x: FloatArray
-    owners: tuple[FloatArray, ...]
+    `owners` (n,) of each campaign mark the parameters that its rows depend on.
+    """
 
-    def minimum(self, parts: Sequence[int]) -> _Minimum:
+    parts: tuple[Linearisation, ...]
+    priors: Linearisation
+    owners: tuple[BoolArray, ...]
+
+    def minimum(self, parts: Sequence[int]) -> Minimum:
         """Least chi square of some campaigns, priors of their own values included."""
+        return joined([*(self.parts[k] for k in parts), self._held(parts)]).minimum(BETTER_THAN_BOX)
+
+    def _held(self, parts: Sequence[int]) -> Linearisation:
         mine = np.any([self.owners[k] for k in parts], axis=0)
-        held = np.flatnonzero((self.tension > 0.0) & mine)
-        prior = np.diag(self.tension * self.root)[held]
-        matrix = np.concatenate([*(self.matrices[k] for k in parts), prior])
-        rows = np.concatenate([*(self.rows[k] for k in parts), (self.tension * self.x)[held]])
-        left, singular, right = np.linalg.svd(matrix, full_matrices=False)
-        seen = singular > BETTER_THAN_BOX * np.maximum(1.0, 1e-9 * singular[0])
-        inside = left[:, seen]
-        projected = inside.T @ rows
-        step = -(right[seen].T / singular[seen]) @ projected
-        spread = right[seen].T / singular[seen]
-        unseen = np.eye(self.root.size) - right[seen].T @ right[seen]
-        return _Minimum(
-            float(rows @ rows - projected @ projected),
-            int(np.count_nonzero(seen)),
-            self.root * step,
-            np.outer(self.root, self.root) * (spread @ spread.T),
-            np.outer(self.root, self.root) * unseen,
-        )
+        held = np.diag(self.priors.matrix) > 0.0
+        rows = np.flatnonzero(held & mine)
+        priors = self.priors
+        return Linearisation(priors.rows[rows], priors.matrix[rows], priors.prior)
+
+    def degrees_of_freedom(self, part: int, least: Minimum) -> int:
+        """Rows of a campaign and priors of its values, less what they determine; at least one."""
+        rows = self.parts[part].rows.size + self._held([part]).rows.size
+        return max(rows - least.rank, 1)
 
 
 def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
@@ -99,9 +85,9 @@ def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
             campaign=str(bound.members[k].path),
             scale_kind=solution.objective.measured.parts[k].scale,
             chi=solution.final.chis[k],
-            rows=system.rows[k].size,
+            rows=system.parts[k].rows.size,
             determined=minima[k].rank,
-            chi_square_joint=float(system.rows[k] @ system.rows[k]),
+            chi_square_joint=system.parts[k].chi_square,
             chi_square_alone=minima[k].chi_square,
             inflation=inflation[k],
             alone=_alone(minima[k], gradients),
@@ -135,15 +121,10 @@ def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
     for i, p in enumerate(parameters):
         if is_shared(p):
             found[p.name] = (float(solution.final.parameters[i]), p.scale * np.eye(x.size)[i])
-    lower, upper = search_bounds(parameters)
-    nodes = [np.clip(x + s * e, lower, upper) for e in 1e-4 * np.eye(x.size) for s in (1.0, -1.0)]
-    answers = solution.objective.response.derived_many(
-        [to_model(parameters, y) for y in (x, *nodes)]
-    )
-    spans = np.array([nodes[2 * i][i] - nodes[2 * i + 1][i] for i in range(x.size)])
-    for name in answers[0]:
-        means = np.array([float(np.mean(answer[name])) for answer in answers])
-        found[name] = (float(means[0]), (means[1::2] - means[2::2]) / spans)
+    around = central(x, OUTPUT_STEP, *search_bounds(parameters))
+    means = output_means(solution.objective.response, parameters, [x, *around.nodes])
+    for name, values in means.items():
+        found[name] = (float(values[0]), around.quotients(list(values[1:])))
     return found
 
 
@@ -153,40 +134,31 @@ def warnings_of(joint: JointResult) -> list[str]:
 
 
 def _whitened(solution: Solution, bound: BoundCampaign) -> tuple[_System, list[float]]:
+    """The system of all campaigns, residuals beyond a campaign's noise widened; and by how much."""
     point, measured = solution.final, solution.objective.measured
-    noise = noise_of(solution.objective, point)
-    widths = prior_widths(solution.parameters)
-    root = widths / np.sqrt(12.0)
-    tension = np.array(
-        [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
-    )
-    rows, matrices, owners = [], [], []
+    noise = noise_of(solution.objective, point).covariance
+    prior = prior_sigmas(solution.parameters)
+    inverse = [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
+    own_priors = Linearisation(np.array(inverse) * point.x, np.diag(inverse), prior)
+    parts, owners = [], []
     for k in range(len(bound.members)):
         mine = measured.part_of_rows == k
-        factor = np.linalg.cholesky(noise.covariance[np.ix_(mine, mine)])
-        rows.append(np.linalg.solve(factor, point.residuals[mine]))
-        matrices.append(np.linalg.solve(factor, solution.matrix[mine]) * root)
-        owners.append(np.any(solution.matrix[mine] != 0.0, axis=0))
-    system = _System(tuple(rows), tuple(matrices), root, tension, point.x, tuple(owners))
+        own = noise[np.ix_(mine, mine)]
+        rows, matrix = point.residuals[mine], solution.matrix[mine]
+        parts.append(Linearisation(whitened(rows, own), whitened(matrix, own), prior))
+        owners.append(np.asarray(np.any(matrix != 0.0, axis=0)))
+    system = _System(tuple(parts), own_priors, tuple(owners))
     inflation = []
-    for k, values in enumerate(rows):
+    for k in range(len(parts)):
         least = system.minimum([k])
-        own = int(np.count_nonzero((tension > 0.0) & owners[k]))
-        freedom = max(values.size + own - least.rank, 1)
-        inflation.append(max(1.0, float(np.sqrt(least.chi_square / freedom))))
-    widened = _System(
-        tuple(r / f for r, f in zip(rows, inflation, strict=True)),
-        tuple(m / f for m, f in zip(matrices, inflation, strict=True)),
-        root,
-        tension,
-        point.x,
-        tuple(owners),
-    )
-    return widened, inflation
+        square = least.chi_square / system.degrees_of_freedom(k, least)
+        inflation.append(max(1.0, float(np.sqrt(square))))
+    widened = [part.widened(factor) for part, factor in zip(parts, inflation, strict=True)]
+    return replace(system, parts=tuple(widened)), inflation
 
 
 def _alone(
-    minimum: _Minimum, gradients: Mapping[str, tuple[float, FloatArray]]
+    minimum: Minimum, gradients: Mapping[str, tuple[float, FloatArray]]
 ) -> dict[str, Estimate]:
     """What a campaign determines by itself: value and error along what its data see."""
     found = {}

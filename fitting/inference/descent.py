@@ -16,10 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaincc
 
-from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator, slopes, stencil
+from fitting.campaign.parameters import UNIFORM_WIDTH
+from fitting.fit.differences import forward
+from fitting.fit.linearisation import Linearisation
+from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.inference.lockstep import Request, Sample, Task, run_in_lockstep
-from fitting.inference.uncertainty import effective_degrees_of_freedom
-from fitting.signal.least_squares import bounded_step
+from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 
 #: A descent ends where a linearised step promises less than this of chi square.
@@ -86,8 +88,10 @@ UNCONSTRAINED = Constraint(0.0)
 
 def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Expansion]:
     """A point with its slopes, in one round; without those of the outputs if not wanted."""
-    samples = yield Request(stencil(likelihood, x), outputs=outputs)
-    return Expansion(samples[0], *slopes(samples))
+    around = forward(x, likelihood.objective.steps, likelihood.upper)
+    samples = yield Request(around.nodes, outputs=outputs)
+    matrix = around.quotients([sample.rows for sample in samples])
+    return Expansion(samples[0], matrix, around.quotients([sample.outputs for sample in samples]))
 
 
 def descend(
@@ -157,15 +161,14 @@ def _proposed(
     if constraint.index >= 0:
         free[constraint.index] = False
         fixed[constraint.index] = constraint.target - here.x[constraint.index]
-    rest = wanted - matrix @ fixed
-    anchor = np.sqrt(damping) * np.diag(1.0 / likelihood.widths[free])
     step = fixed.copy()
     if np.any(free):
-        step[free] = bounded_step(
-            np.concatenate([matrix[:, free], anchor]),
-            np.concatenate([rest, np.zeros(anchor.shape[0])]),
-            low[free],
-            high[free],
+        widths = likelihood.widths[free]  # damping costs the same along every axis of the box
+        step[free] = widths * damped_step(
+            matrix[:, free] * widths,
+            matrix @ fixed - wanted,
+            damping,
+            (low[free] / widths, high[free] / widths),
         )
     left = wanted - matrix @ step
     return step, float(wanted @ wanted - left @ left), float(left @ left)
@@ -213,8 +216,8 @@ def most_likely(
     m = likelihood.whitening.shape[0]
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
-    prior = np.hypot(np.sqrt(12.0) / likelihood.widths, likelihood.inverse_prior_sigma)
-    free = effective_degrees_of_freedom(best.matrix[:m], prior)
+    prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
+    free = Linearisation(data, best.matrix[:m], prior).degrees_of_freedom
     inflation = max(widening, inflation_of(chi_square, free))
     if inflation > 1.0:
         wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import search_bounds
+from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds
+from fitting.fit.linearisation import Linearisation
 from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
 from fitting.inference.likelihood import LikelihoodEvaluator
 from fitting.inference.lockstep import Exhausted, Request, Task, run_in_lockstep
@@ -194,12 +195,8 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
 
 def data_covariance(optimum: Optimum) -> FloatArray:
     """(J^T J + P)^-1 with the box as a uniform prior, (n, n): linearised, never infinite."""
-    likelihood = optimum.likelihood
-    root = likelihood.widths / math.sqrt(12.0)
-    _, singular, rows = np.linalg.svd(optimum.expansion.matrix * root, full_matrices=False)
-    directions = rows.T * root[:, np.newaxis]
-    rest = np.diag(root**2) - directions @ directions.T  # nothing where m >= n
-    return np.asarray((directions / (1.0 + singular**2)) @ directions.T + rest)
+    at, prior = optimum.expansion, optimum.likelihood.widths / UNIFORM_WIDTH
+    return Linearisation(at.sample.rows, at.matrix, prior).covariance
 
 
 def other_minima(

@@ -12,6 +12,7 @@ from fitting.campaign.parameters import references, search_bounds, starts, to_mo
 from fitting.fit.job import measured_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.outputs import output_means
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
 from fitting.inference.descent import most_likely
@@ -156,13 +157,14 @@ def _equal_fit(
     if delta > ROOT_95**2:
         return None
     parameters = other.parameters
-    p = to_model(parameters, there.likelihood.folded(there.expansion.x))
-    outputs = other.response.derived_many([p])[0]
+    x = there.likelihood.folded(there.expansion.x)
+    p = to_model(parameters, x)
+    outputs = output_means(other.response, parameters, [x])
     values = {q.name: float(v) for q, v in zip(parameters, p, strict=True)}
     words = ", ".join(f"{name} = {value}" for name, value in settings.items())
     return Equivalent(
         values,
-        {name: float(np.mean(v)) for name, v in outputs.items()},
+        {name: float(v[0]) for name, v in outputs.items()},
         float(delta),
         "alternative",
         f"{words} fits as well",

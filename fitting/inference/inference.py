@@ -107,12 +107,7 @@ def know(
     resampled = None
     if options.bootstrap > 1:
         resampled = bootstrap_of(
-            optimum.likelihood,
-            optimum.expansion,
-            profiles,
-            options.bootstrap,
-            options.seed,
-            options.executor,
+            optimum, profiles, options.bootstrap, options.seed, options.executor
         )
     spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
     named = [p.name for p in parameters]

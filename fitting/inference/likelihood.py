@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, search_bounds, to_model
+from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
+from fitting.fit.outputs import output_means
 from fitting.inference.lockstep import Exhausted, Request, Sample
-from fitting.inference.uncertainty import SMALLEST_SIGMA
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
@@ -171,36 +172,9 @@ class LikelihoodEvaluator:
             return [np.empty(0) for _ in xs]
         self.derived += len(xs)
         objective = self.likelihood.objective
-        answers = objective.response.derived_many([to_model(objective.parameters, x) for x in xs])
-        return [np.array([_mean(answer[name]) for name in names]) for answer in answers]
+        means = output_means(objective.response, objective.parameters, xs)
+        return list(np.stack([means[name] for name in names], axis=1))
 
     def one(self, x: FloatArray) -> Sample:
         """Rows and outputs at one search vector."""
         return self([Request((x,))])[0][0]
-
-
-def _mean(values: FloatArray) -> float:
-    return float(np.mean(values)) if values.size else float("nan")
-
-
-def stencil(likelihood: Likelihood, x: FloatArray) -> tuple[FloatArray, ...]:
-    """x and a node beside it along every axis, inward of the box: forward differences.
-
-    Their error is that of the step, 1e-5 of the length over which the rows vary: enough to descend.
-    """
-    nodes = [x]
-    for i, step in enumerate(likelihood.objective.steps):
-        moved = np.array(x, dtype=float)
-        moved[i] += step if x[i] + step <= likelihood.upper[i] else -step
-        nodes.append(moved)
-    return tuple(nodes)
-
-
-def slopes(samples: Sequence[Sample]) -> tuple[FloatArray, FloatArray]:
-    """(d rows/dx (m, n), d outputs/dx (k, n)) from the samples of `stencil`."""
-    here, nodes = samples[0], samples[1:]
-    spans = [node.x[i] - here.x[i] for i, node in enumerate(nodes)]
-    pairs = list(zip(nodes, spans, strict=True))
-    matrix = np.stack([(node.rows - here.rows) / span for node, span in pairs], axis=1)
-    outward = np.stack([(node.outputs - here.outputs) / span for node, span in pairs], axis=1)
-    return matrix, outward

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, search_bounds, to_model
+from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.fit.outputs import output_means
 from fitting.measurements.response import Response
 from fitting.text.arrays import BoolArray, FloatArray
 
@@ -90,7 +91,7 @@ def output_ranges(
     samples = np.tile(known[0], (len(spread), 1))
     samples[:, own] = spread
     points = [*known, *samples]
-    table = _means(response, parameters, points)
+    table = output_means(response, parameters, points)
     ranges: dict[str, OutputRange] = {}
     climbs: list[_Climb] = []
     depends = _dependence(response, parameters, points[-3:])
@@ -106,7 +107,7 @@ def output_ranges(
         if not going:
             break
         nodes = [c.nodes(lower, upper) for c in going]
-        answers = _means(response, parameters, [x for each in nodes for x in each])
+        answers = output_means(response, parameters, [x for each in nodes for x in each])
         at = 0
         for climb, each in zip(going, nodes, strict=True):
             climb.update(each, answers[climb.name][at : at + len(each)])
@@ -134,18 +135,6 @@ def box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
     return np.concatenate([grid, seeded])
 
 
-def _means(
-    response: Response, parameters: Sequence[Parameter], xs: Sequence[FloatArray]
-) -> dict[str, FloatArray]:
-    if not xs:
-        return {}
-    answers = response.derived_many([to_model(parameters, x) for x in xs])
-    return {
-        name: np.array([float(np.mean(a[name])) if a[name].size else np.nan for a in answers])
-        for name in answers[0]
-    }
-
-
 def _dependence(
     response: Response, parameters: Sequence[Parameter], bases: Sequence[FloatArray]
 ) -> dict[str, BoolArray]:
@@ -161,7 +150,7 @@ def _dependence(
                 moved[i] = lower[i] + share * (upper[i] - lower[i])
                 nodes.append(moved)
     found = {}
-    for name, values in _means(response, parameters, nodes).items():
+    for name, values in output_means(response, parameters, nodes).items():
         rows = values.reshape(len(bases), 1 + 2 * n)
         moves = np.zeros(n, dtype=bool)
         for i in range(n):

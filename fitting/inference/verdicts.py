@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
+from fitting.fit.linearisation import in_words
 from fitting.fit.result import IDENTIFIABLE
 from fitting.inference.equivalent_fits import contradicts, exchange_words
 from fitting.inference.exploration import Exploration
@@ -20,7 +21,6 @@ from fitting.inference.profiles import (
     Quantity,
     interval,
 )
-from fitting.inference.uncertainty import in_words
 from fitting.text.arrays import FloatArray
 
 #: Where an end of the range fits, a value whose interval is narrower than this is still determined.

@@ -1,4 +1,8 @@
-"""Smooth least squares: the one small door to ``scipy.optimize`` beside the continuation."""
+"""Smooth least squares: scipy's solver, and the damped Gauss-Newton step for searches of our own.
+
+The one small door to ``scipy.optimize`` beside the continuation. A search that has to run in step
+with others, or whose merit is no plain sum of squares, goes its own way by `damped_step`.
+"""
 
 from __future__ import annotations
 
@@ -65,16 +69,46 @@ def minimise_squares(
     )
 
 
-def bounded_step(
+def damped_step(
+    matrix: FloatArray,
+    rows: FloatArray,
+    damping: float,
+    room: tuple[FloatArray, FloatArray] | None = None,
+    least: float = 0.0,
+) -> FloatArray:
+    """The step d (n,) that minimises ``|rows + matrix d|^2 + damping |d|^2``.
+
+    Gauss and Newton's step, held back by Levenberg's damping; by the singular values, so that
+    directions that the rows hardly see are not lost in the rounding of the others. Priors are rows
+    like any. The caller scales: the damping means the same in every variable.
+
+    Args:
+        matrix: d rows/dx in the units of the step, shape (m, n).
+        rows: shape (m,).
+        damping: weight of the step's length, at least zero, in units of squared rows.
+        room: least and greatest step in every variable, shape (n,) each.
+        least: singular values below it, or at the rounding of the largest, are left out: nothing
+            moves along such directions, unless a bound does it.
+
+    Source: K. Levenberg, Quart. Appl. Math. 2 (1944) 164; in a box by bounded-variable least
+    squares (Stark and Parker 1995), scipy.optimize.lsq_linear.
+    """
+    left, singular, right = np.linalg.svd(matrix, full_matrices=False)
+    rounding = np.finfo(float).eps * max(matrix.shape) * np.max(singular, initial=0.0)
+    kept = (singular >= max(least, rounding)) & (singular > 0.0)
+    gains = singular[kept] / (singular[kept] ** 2 + damping)
+    step = -(right[kept].T @ (gains * (left[:, kept].T @ rows)))
+    if room is None or np.all((room[0] <= step) & (step <= room[1])):
+        return np.asarray(step, dtype=float)
+    anchor = np.sqrt(damping) * np.eye(matrix.shape[1])
+    target = np.concatenate([-rows, np.zeros(matrix.shape[1])])
+    return _step_in_box(np.concatenate([matrix, anchor]), target, *room)
+
+
+def _step_in_box(
     matrix: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
-    """The step d (n,) in a box that minimises ``|matrix d - target|^2``.
-
-    Source: bounded-variable least squares (Stark and Parker 1995), scipy.optimize.lsq_linear.
-    """
-    free = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    if np.all((lower <= free) & (free <= upper)):
-        return np.asarray(free, dtype=float)
+    """The step d (n,) in a box that minimises ``|matrix d - target|^2``."""
     # the solver wants room between its bounds
     room = upper - lower > 1e-14 * np.maximum(1.0, np.abs(lower) + np.abs(upper))
     step = np.clip(np.zeros_like(lower), lower, upper)

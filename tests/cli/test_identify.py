@@ -132,7 +132,7 @@ def line() -> tuple[Optimum, Knowledge]:
 def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) -> None:
     """Against the inverse of the information summed over these very points, in closed form."""
     optimum, knowledge = line
-    found = bootstrap(optimum.likelihood, optimum.expansion, knowledge.profiles, 400, 7)
+    found = bootstrap(optimum, knowledge.profiles, 400, 7)
     assert found.failed == 0
     response = optimum.likelihood.objective.response
     x = 2.0 * (response.tones_hz - 1000.0) / 8.0  # type: ignore[attr-defined]
@@ -155,7 +155,7 @@ def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) 
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_any_executor_gives_the_same_bootstrap(line: tuple[Optimum, Knowledge], pool: type) -> None:
     optimum, knowledge = line
-    arguments = (optimum.likelihood, optimum.expansion, knowledge.profiles, 40, 3)
+    arguments = (optimum, knowledge.profiles, 40, 3)
     here = bootstrap(*arguments)
     with pool(2) as executor:
         there = bootstrap(*arguments, executor)

@@ -16,7 +16,7 @@ from fitting.campaign.parameters import Parameter, to_model, to_search
 from fitting.design.campaign import campaign_files
 from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import exhaustive, greedy, losses
-from fitting.design.information import Place, Series, prior_sigmas, unmeasured
+from fitting.design.information import Place, Series, prior_sigmas_in_box, unmeasured
 from fitting.design.limits import DesignTable, limits_of
 from fitting.design.proposal import propose
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by, weigh
@@ -225,7 +225,7 @@ def test_laboratories_that_follow_the_advice(
         laboratory = Laboratory(bench, plan, seed, tmp_path, workers)
         errors = dict(limits.setting_sigmas)
         found.append(laboratory.refit(starts, "lambda", errors).target)
-    gradient = weighed.problem.gradients[0, :3] / prior_sigmas(bound.parameters)
+    gradient = weighed.problem.gradients[0, :3] / prior_sigmas_in_box(bound.parameters)
     expected = laboratory.expected(TRUTH, gradient, errors)
     assert expected == pytest.approx(design.proposals[-1].expected.at, rel=0.3)
     assert 1.0 / 1.5 < np.std(found, ddof=1) / expected < 1.5
@@ -274,7 +274,7 @@ def test_a_target_without_a_value_is_said(weighed: Weighed, limits: Limits) -> N
 
 
 def test_a_prior_over_more_than_a_period_counts_once(bound: BoundCampaign) -> None:
-    assert prior_sigmas(bound.parameters)[0] == pytest.approx(math.pi / math.sqrt(12.0))
+    assert prior_sigmas_in_box(bound.parameters)[0] == pytest.approx(math.pi / math.sqrt(12.0))
 
 
 @pytest.mark.parametrize(

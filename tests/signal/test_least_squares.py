@@ -1,11 +1,11 @@
-"""Least squares: what the data do not see stays unknown, however well they are described."""
+"""Least squares and the damped step: what the data do not see stays unknown and unmoved."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from fitting.signal.least_squares import minimise_squares
+from fitting.signal.least_squares import damped_step, minimise_squares
 
 
 def test_an_exact_fit_does_not_tell_what_it_does_not_see() -> None:
@@ -26,3 +26,41 @@ def test_the_covariance_of_a_straight_line() -> None:
     np.testing.assert_allclose(known.covariance, np.diag([0.25 / 3, 0.25 / 2]), atol=1e-9)
     own = minimise_squares(lambda x: x[0] + x[1] * t - y, np.zeros(2))
     assert own.covariance[0, 0] == pytest.approx(6.0 / 3, rel=1e-9)  # residuals -1, 2, -1
+
+
+def test_the_step_solves_the_damped_normal_equations() -> None:
+    generator = np.random.default_rng(3)
+    matrix, rows = generator.standard_normal((9, 4)), generator.standard_normal(9)
+    for damping in (0.0, 0.3, 40.0):
+        normal = matrix.T @ matrix + damping * np.eye(4)
+        expected = -np.linalg.solve(normal, matrix.T @ rows)
+        assert damped_step(matrix, rows, damping) == pytest.approx(expected, rel=1e-9)
+
+
+def test_nothing_moves_along_what_the_rows_do_not_see() -> None:
+    matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
+    step = damped_step(matrix, np.array([-2.0, -2.0]), 0.0)
+    assert step == pytest.approx([1.0, 1.0])  # the shortest of all that solve x + y = 2
+
+
+def test_directions_below_the_least_are_left_out() -> None:
+    matrix, rows = np.diag([3.0, 0.5]), np.array([-3.0, -1.0])
+    assert damped_step(matrix, rows, 0.0) == pytest.approx([1.0, 2.0])
+    assert damped_step(matrix, rows, 0.0, least=1.0) == pytest.approx([1.0, 0.0])
+
+
+def test_a_bound_that_is_met_moves_the_rest() -> None:
+    """Min (x + y - 4)^2 + (x - y)^2: at x = 1 that is (y - 3)^2 + (1 - y)^2, least at y = 2."""
+    matrix, rows = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([-4.0, 0.0])
+    wide = np.full(2, -9.0), np.full(2, 9.0)
+    assert damped_step(matrix, rows, 0.0, wide) == pytest.approx([2.0, 2.0])
+    found = damped_step(matrix, rows, 0.0, (wide[0], np.array([1.0, 9.0])))
+    assert found == pytest.approx([1.0, 2.0])
+
+
+def test_a_variable_without_room_stays() -> None:
+    matrix, rows = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([-4.0, 0.0])
+    room = np.array([0.0, -9.0]), np.array([0.0, 9.0])
+    assert damped_step(matrix, rows, 0.0, room) == pytest.approx([0.0, 2.0])
+    damped = damped_step(matrix, rows, 2.0, room)
+    assert damped == pytest.approx([0.0, 1.0])  # 2 y + 2 y = 4

@@ -17,12 +17,12 @@ from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.design.information import (
     Place,
     Series,
-    information,
     information_of_data,
-    prior_sigmas,
+    prior_sigmas_in_box,
     scale_sigma,
 )
 from fitting.fit.job import measured_of
+from fitting.fit.linearisation import information
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
 from fitting.fmu import FmuWorkers
 from fitting.lab.bench import Bench, measure
@@ -64,7 +64,7 @@ class Laboratory:
         bounds = [replace(bound, parameters=self.bound.parameters) for bound in bounds]
         self.series = [Series(bound, workers, measured_of(bound)) for bound in bounds]
         self.steps = np.full(len(self.bound.parameters), 1e-5)
-        self.prior = prior_sigmas(self.bound.parameters)
+        self.prior = prior_sigmas_in_box(self.bound.parameters)
 
     def covariance(self, place: Place, errors: dict[str, float]) -> FloatArray:
         """V of all rows: both series', and the error of the scale that they share."""

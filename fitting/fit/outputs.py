@@ -1,0 +1,37 @@
+"""Derived outputs as numbers: the mean of each over the experiments, at many search vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.campaign.parameters import Parameter, to_model
+from fitting.measurements.response import Response
+from fitting.text.arrays import FloatArray
+
+
+def output_means(
+    response: Response, parameters: Sequence[Parameter], xs: Sequence[FloatArray]
+) -> dict[str, FloatArray]:
+    """Means of the derived outputs over the experiments, (k,) each by name, in one batch.
+
+    NaN where an output has no value. Empty without search vectors.
+
+    Args:
+        response: the model.
+        parameters: what the search vectors stand for.
+        xs: k search vectors, shape (n,) each.
+
+    Raises:
+        FmuFailure: the model failed at one of them.
+    """
+    if not xs:
+        return {}
+    answers = response.derived_many([to_model(parameters, x) for x in xs])
+    return {name: np.array([mean(answer[name]) for answer in answers]) for name in answers[0]}
+
+
+def mean(values: FloatArray) -> float:
+    """Mean of the values of one output, shape (experiments,); NaN of none."""
+    return float(np.mean(values)) if values.size else float("nan")
