@@ -3,4 +3,4 @@
 Knows FMI and a campaign file; everything about the model comes from its modelDescription.xml.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -18,6 +18,7 @@ from fitting.text.errors import BadInput, FmuFailure
 
 #: Each is a module of `fitting.cli` with NAME, SUMMARY, EXAMPLE, add_arguments and run.
 COMMANDS = (
+    "example",
     "reconstruct",
     "identify",
     "design",
@@ -75,8 +76,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fmu-fit {fitting.__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
     named = next((word for word in given if word in COMMANDS), None)
-    # Only the command that is called is imported: worker processes import this module as well, and
-    # would otherwise wait for libraries that they do not use.
+    # only the command that is called is imported, with the libraries that it uses
     for name in COMMANDS if named is None else (named,):
         command = importlib.import_module(f"fitting.cli.{name}")
         sub = commands.add_parser(

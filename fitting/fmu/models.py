@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 from typing import Protocol
 
-import fitting
 from fitting.text.errors import BadInput
+from fitting.text.shipped import shipped
 
 BUILDER = "build_fmu.py"
 
@@ -32,16 +32,11 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     what the sources say.
 
     Raises:
-        BadInput: no builder beside the installed package, or the builder's own complaint.
+        BadInput: the builder is not there, or the builder's own complaint.
     """
     if source.file is not None:
         return source.file
-    builder = Path(fitting.__file__).resolve().parent.parent / BUILDER
-    if not builder.is_file():
-        raise BadInput(
-            f"[fmu] model = {source.model!r} is built by {builder}, which is not there; wanted a "
-            "checkout of the project (pip install -e .), or [fmu] file = an FMU"
-        )
+    builder = shipped(BUILDER)
     command = [sys.executable, str(builder), "--model", str(source.model), "--out", str(cache)]
     built = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
     lines = built.stdout.strip().splitlines()

@@ -1,0 +1,85 @@
+"""``fmu-fit example``: the shipped campaigns, listed and written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import fitting
+from fitting.campaign import read_campaign
+from fitting.cli.main import main
+from fitting.text.errors import BadInput
+from fitting.text.shipped import shipped
+
+DATA = Path(__file__).parents[2] / "data"
+NAMES = sorted(path.parent.name for path in DATA.glob("*/campaign.toml"))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+def test_without_a_name_every_example_has_a_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["example"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == NAMES
+    assert "string_q1       String, q1 series (synthetic)" in lines
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_written_whole(
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["example", name]) == 0
+    assert files(tmp_path / name) == files(DATA / name)
+    assert read_campaign(tmp_path / name / "campaign.toml").file.fmu.model
+    told = capsys.readouterr().out
+    assert f"go on with: fmu-fit reconstruct {name}/campaign.toml" in told
+    assert f"{name}/sweep.csv" in told or name == "afm_sensor"
+    # into an empty folder, but never onto something
+    (tmp_path / "empty").mkdir()
+    assert main(["example", name, "--out", "empty"]) == 0
+    (tmp_path / name / "sweep.csv").write_text("mine")
+    assert main(["example", name]) == 2
+    assert (tmp_path / name / "sweep.csv").read_text() == "mine"
+    assert "is there already, wanted a new or an empty folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["string_q3"], "found 'string_q3', wanted one of afm_sensor, duffing_string, string_q1"),
+        (["..", "--out", "o"], "found '..', wanted one of"),
+        (["--out", "o"], "--out o: wanted a NAME as well, one of afm_sensor"),
+    ],
+)
+def test_what_is_no_example(
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["example", *arguments]) == 2
+    assert words in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
+
+
+def test_an_installed_copy_comes_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "fitting"
+    (package / "shipped" / "data").mkdir(parents=True)
+    (tmp_path / "build_fmu.py").touch()
+    monkeypatch.setattr(fitting, "__file__", str(package / "__init__.py"))
+    assert shipped("data") == package / "shipped" / "data"
+    assert shipped("build_fmu.py") == tmp_path / "build_fmu.py"
+    with pytest.raises(BadInput, match="fmu_src: No such file or directory; wanted a whole"):
+        shipped("fmu_src")
