@@ -57,7 +57,12 @@ class Limits:
     lines: tuple[Combination, ...] = ()
 
     def sigma(self, amplitude_v: float, repeats: int) -> float:
-        """Standard deviation of a peak, see the class; in the detector's unit."""
+        """Standard deviation of a peak, see the class; in the detector's unit.
+
+        Args:
+            amplitude_v: of the peak, in the detector's unit.
+            repeats: number of spectra averaged.
+        """
         floor = self.noise_floor_v / math.sqrt(repeats)
         return math.hypot(floor, self.relative_noise * amplitude_v)
 
@@ -98,6 +103,10 @@ class _Drive:
 
 def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
     """Every setup within the limits, in a fixed order.
+
+    Args:
+        bound: the campaign that is to be continued.
+        limits: of the instrument.
 
     Raises:
         BadInput: nothing lies within the limits, too much does, or a drive of more than two tones.
@@ -150,7 +159,14 @@ def _tones(bound: BoundCampaign, limits: Limits, centre_hz: float) -> list[tuple
 def levels_and_more(
     bound: BoundCampaign, tones: int, level: float, chosen: Mapping[str, Scalar]
 ) -> dict[str, Scalar]:
-    """What a setup sets beside its tones: drive amplitudes (zero of tones that are not driven)."""
+    """What a setup sets beside its tones: drive amplitudes (zero of tones that are not driven).
+
+    Args:
+        bound: the campaign, for the names of its drive.
+        tones: that are driven at once.
+        level: factor on the campaign's drive level.
+        chosen: further settings, in the FMU's units.
+    """
     names = bound.setup.drive.amplitudes if bound.setup.drive.kind == "tones" else ()
     amplitudes = {
         name: level * bound.setup.drive.level * (k < tones) for k, name in enumerate(names)
@@ -159,7 +175,11 @@ def levels_and_more(
 
 
 def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
-    """What stays as in the last experiment, with what drifts at its latest value."""
+    """What stays as in the last experiment, with what drifts at its latest value.
+
+    Args:
+        bound: the campaign that is to be continued.
+    """
     base: dict[str, Scalar] = {}
     if bound.experiments:
         base.update(bound.experiments[-1].settings)
@@ -202,6 +222,11 @@ def _setup(
 
 
 def as_campaign(bound: BoundCampaign, setups: Sequence[Setup]) -> BoundCampaign:
-    """The campaign with these setups as its experiments, to be planned and simulated alike."""
+    """The campaign with these setups as its experiments, to be planned and simulated alike.
+
+    Args:
+        bound: the campaign that is to be continued.
+        setups: not measured yet.
+    """
     named = [replace(s.experiment, label=f"setup {i + 1}") for i, s in enumerate(setups)]
     return replace(bound, experiments=tuple(named))

@@ -50,7 +50,11 @@ class Problem:
         return int(self.gains.shape[1])
 
     def information(self, chosen: Sequence[int]) -> FloatArray:
-        """F of prior, data and the chosen, (k, n, n)."""
+        """F of prior, data and the chosen, (k, n, n).
+
+        Args:
+            chosen: candidates, repeated where measured again.
+        """
         return np.asarray(self.base + self.gains[:, list(chosen)].sum(axis=1))
 
 
@@ -58,6 +62,11 @@ def losses(problem: Problem, information: FloatArray, criterion: str) -> FloatAr
     """The criterion of matrices (..., k, n, n), averaged over the points, shape (...).
 
     Points where the target has no gradient are left out of "target".
+
+    Args:
+        problem: for gradients and the number of variables.
+        information: matrices F, shape (..., k, n, n).
+        criterion: one of `CRITERIA`.
 
     Raises:
         ValueError: an unknown criterion, or no point where the target has a gradient.
@@ -74,7 +83,12 @@ def losses(problem: Problem, information: FloatArray, criterion: str) -> FloatAr
 
 
 def target_sigmas(problem: Problem, information: FloatArray) -> FloatArray:
-    """Standard deviation of the target at every point, sqrt(g^T F^-1 g), shape (..., k)."""
+    """Standard deviation of the target at every point, sqrt(g^T F^-1 g), shape (..., k).
+
+    Args:
+        problem: for the gradients.
+        information: matrices F, shape (..., k, n, n).
+    """
     g = problem.gradients
     known = np.all(np.isfinite(g), axis=-1)
     safe = np.where(known[:, np.newaxis], g, 0.0)
@@ -92,6 +106,11 @@ def greedy(problem: Problem, number: int, criterion: str) -> list[int]:
     """`number` candidates, one after the other, each the best beside those before it.
 
     A candidate may be chosen again: then it is measured again.
+
+    Args:
+        problem: candidates and what is known.
+        number: of measurements.
+        criterion: one of `CRITERIA`.
     """
     chosen: list[int] = []
     for _ in range(number):
@@ -110,6 +129,11 @@ def _each_beside(
 
 def exchange(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
     """Swap a chosen candidate for another as long as that betters the criterion, best swap first.
+
+    Args:
+        problem: candidates and what is known.
+        chosen: candidates to begin with.
+        criterion: one of `CRITERIA`.
 
     Source: V. Fedorov, Theory of Optimal Experiments (1972), on a finite set with repetition.
     """
@@ -130,7 +154,13 @@ def exchange(problem: Problem, chosen: Sequence[int], criterion: str) -> list[in
 
 
 def economise(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
-    """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them."""
+    """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them.
+
+    Args:
+        problem: candidates, their costs, and what is known.
+        chosen: candidates to begin with.
+        criterion: one of `CRITERIA`.
+    """
     current = list(chosen)
     bound = float(losses(problem, problem.information(current), criterion)) + AS_GOOD
     for place in range(len(current)):
@@ -149,6 +179,11 @@ def choose(problem: Problem, number: int, criterion: str) -> list[int]:
 
     Exchanges start from the greedy choice of the criterion and from that of D, which also gathers
     what is of use only together; the better end counts.
+
+    Args:
+        problem: candidates, their costs, and what is known.
+        number: of measurements.
+        criterion: one of `CRITERIA`.
     """
     starts = [greedy(problem, number, criterion)]
     if criterion != "D":
@@ -160,7 +195,13 @@ def choose(problem: Problem, number: int, criterion: str) -> list[int]:
 
 
 def ordered(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
-    """The same candidates, each the best of what is left beside those before it."""
+    """The same candidates, each the best of what is left beside those before it.
+
+    Args:
+        problem: candidates and what is known.
+        chosen: candidates in any order.
+        criterion: one of `CRITERIA`.
+    """
     left, order = list(chosen), list[int]()
     while left:
         found = _each_beside(problem, order, criterion, left)
@@ -169,7 +210,13 @@ def ordered(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int
 
 
 def exhaustive(problem: Problem, number: int, criterion: str) -> list[int]:
-    """The best of all choices of `number` candidates with repetition; for small cases."""
+    """The best of all choices of `number` candidates with repetition; for small cases.
+
+    Args:
+        problem: candidates and what is known.
+        number: of measurements.
+        criterion: one of `CRITERIA`.
+    """
     every = list(itertools.combinations_with_replacement(range(problem.candidates), number))
     sums = problem.base + np.stack([problem.gains[:, list(s)].sum(axis=1) for s in every])
     return list(every[int(np.argmin(losses(problem, sums, criterion)))])

@@ -72,11 +72,20 @@ class Series:
         self._steps: FloatArray | None = None
 
     def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
-        """The FMU as the response of one alternative."""
+        """The FMU as the response of one alternative.
+
+        Args:
+            alternative: settings of the FMU, in its units.
+        """
         return FmuResponse(self.bound, self.workers, self.plan, alternative)
 
     def objective(self, alternative: Mapping[str, Scalar], steps: FloatArray) -> Objective:
-        """The objective of one alternative with given difference steps."""
+        """The objective of one alternative with given difference steps.
+
+        Args:
+            alternative: settings of the FMU, in its units.
+            steps: difference steps in x, shape (n,).
+        """
         return Objective(self.response(alternative), self.bound.parameters, self.measured, steps)
 
     def steps(self) -> FloatArray:
@@ -91,7 +100,13 @@ class Series:
     def rows(
         self, places: Sequence[Place], steps: FloatArray, setting_sigmas: Mapping[str, float]
     ) -> list[Rows]:
-        """Peaks and their derivatives at several places, a few batches for each."""
+        """Peaks and their derivatives at several places, a few batches for each.
+
+        Args:
+            places: where they are wanted.
+            steps: difference steps in x, shape (n,).
+            setting_sigmas: errors of settings that drift, in the FMU's units.
+        """
         return [self._rows(place, steps, setting_sigmas) for place in places]
 
     def _rows(self, place: Place, steps: FloatArray, setting_sigmas: Mapping[str, float]) -> Rows:
@@ -132,13 +147,23 @@ def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
 
 
 def log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
-    """ln(above/below), amplitudes (m,); zero where one does not answer at all (it says nothing)."""
+    """ln(above/below), amplitudes (m,); zero where one does not answer at all (it says nothing).
+
+    Args:
+        above: amplitudes, any shape and unit.
+        below: likewise.
+    """
     silent = (above <= 0.0) | (below <= 0.0)
     return np.asarray(np.log(np.where(silent, 1.0, above) / np.where(silent, 1.0, below)))
 
 
 def unmeasured(bound: BoundCampaign, peaks: int) -> Measured:
-    """What an objective of setups wants: peaks of one, and the campaign's own scale."""
+    """What an objective of setups wants: peaks of one, and the campaign's own scale.
+
+    Args:
+        bound: the campaign that is to be continued.
+        peaks: their number.
+    """
     own = measured_of(bound)
     return replace(own, peaks_v=np.ones(peaks), sigmas_v=np.zeros(peaks), fit_sweep=False)
 
@@ -164,7 +189,11 @@ def prior_sigmas_in_box(parameters: Sequence[Parameter]) -> FloatArray:
 
 
 def scale_sigma(measured: Measured) -> float:
-    """Relative standard deviation of the scale; zero without one, and where it is fitted."""
+    """Relative standard deviation of the scale; zero without one, and where it is fitted.
+
+    Args:
+        measured: the data, for its scale.
+    """
     return strongest(chi_sigmas(measured))
 
 
@@ -175,6 +204,12 @@ def noise_covariance(
 
     `same` (m, m) is one for rows of one experiment: an error of a setting is common to them and
     new in the next.
+
+    Args:
+        sigmas: relative, of each row alone, shape (..., m).
+        by_setting: d ln z/d setting, shape (..., m, s), per unit of the setting.
+        setting_sigmas: errors of the settings, shape (s,), in the FMU's units.
+        same: one for rows of one experiment, shape (m, m).
     """
     moved = by_setting * setting_sigmas
     diagonal = sigmas[..., :, np.newaxis] ** 2 * np.eye(sigmas.shape[-1])
@@ -192,6 +227,11 @@ def information_of_data(
     """Information (n + 1, n + 1) of what was measured, and V and J of its rows.
 
     Settings that the campaign fits an offset to carry no error of their own here.
+
+    Args:
+        series: that was measured.
+        rows: its rows at a place.
+        setting_sigmas: errors of settings that drift, in the FMU's units.
     """
     measured, experiments = series.measured, series.bound.experiments
     count = rows.amplitude_v.size
@@ -221,6 +261,12 @@ def information_of_setups(
     """Information (kept, n + 1, n + 1) of the setups kept.
 
     `relative` (kept, tones) are the relative standard deviations of their peaks.
+
+    Args:
+        rows: of all setups at a place.
+        relative: standard deviations of the peaks of those kept, shape (kept, tones).
+        kept: places of the setups in the rows.
+        setting_sigmas: errors of settings that drift, in the FMU's units.
     """
     tones = relative.shape[1]
     held = np.array(list(setting_sigmas.values()))

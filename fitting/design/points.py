@@ -59,7 +59,11 @@ class WhitenedData:
     steps: FloatArray
 
     def at(self, places: Sequence[Place]) -> list[LinearisedFit]:
-        """Rows and Jacobians at places of one alternative, in one batch."""
+        """Rows and Jacobians at places of one alternative, in one batch.
+
+        Args:
+            places: of one alternative.
+        """
         if not places:
             return []
         lower, upper = search_bounds(self.series[0].bound.parameters)
@@ -81,14 +85,24 @@ class WhitenedData:
         return found
 
     def moved(self, fitted: LinearisedFit, dy: FloatArray) -> Place:
-        """The place dy prior standard deviations away, within the box."""
+        """The place dy prior standard deviations away, within the box.
+
+        Args:
+            fitted: where it sets out from.
+            dy: step in standard deviations of the prior, shape (n,).
+        """
         lower, upper = search_bounds(self.series[0].bound.parameters)
         x = np.clip(fitted.place.x + self.prior * dy, lower, upper)
         return Place(fitted.place.alternative, np.asarray(x))
 
 
 def nearest_fit(data: WhitenedData, place: Place) -> LinearisedFit:
-    """The nearest fit, by Levenberg-Marquardt, as long as chi-square falls by a hundredth."""
+    """The nearest fit, by Levenberg-Marquardt, as long as chi-square falls by a hundredth.
+
+    Args:
+        data: measured so far.
+        place: where it begins.
+    """
     here = data.at([place])[0]
     damping = DAMPING
     for _ in range(GAUSS_NEWTON_STEPS):
@@ -107,6 +121,11 @@ def equal_fits(data: WhitenedData, start: LinearisedFit, seed: int) -> list[Line
     """Points of equal fit that walkers reach from one, the start not among them.
 
     None where the data hold every direction better than the prior does.
+
+    Args:
+        data: measured so far.
+        start: a fit.
+        seed: of the headings.
     """
     if not start.problem.undetermined(DETERMINED).size:
         return []
@@ -153,7 +172,15 @@ def spread_out(
     number: int,
     prior: FloatArray,
 ) -> list[Place]:
-    """The first and up to `number` - 1 others that lie far from each other."""
+    """The first and up to `number` - 1 others that lie far from each other.
+
+    Args:
+        parameters: for their periods.
+        first: point that is kept in any case.
+        others: to choose from.
+        number: of points, at most.
+        prior: standard deviations in x, shape (n,).
+    """
     chosen, left = [first], list(others)
     while left and len(chosen) < number:
         nearest = [min(_apart(parameters, a, b, prior) for b in chosen) for a in left]

@@ -30,6 +30,14 @@ def propose(
 
     `unit` is the target's.
 
+    Args:
+        bound: the campaign that is to be continued.
+        weighed: the candidates.
+        limits: of the instrument.
+        goal: the target and the criterion.
+        unit: of the target.
+        provenance: what it was made from and with.
+
     Raises:
         BadInput: the criterion is the target's, and it can be differentiated at no point.
     """

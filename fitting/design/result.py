@@ -115,19 +115,32 @@ class Design:
 
 
 def write_design(design: Design, folder: Path) -> Path:
-    """Write `design.json` into a folder, whole or not at all."""
+    """Write `design.json` into a folder, whole or not at all.
+
+    Args:
+        design: what is written.
+        folder: where it goes.
+    """
     path = folder / NAME
     write_json(path, design)
     return path
 
 
 def read_design(path: Path) -> Design:
-    """Read it back; raises BadInput naming the key that is wrong."""
+    """Read it back; raises BadInput naming the key that is wrong.
+
+    Args:
+        path: of design.json.
+    """
     return read_json(path, Design)
 
 
 def design_csv(design: Design) -> str:
-    """The proposals as CSV text, a row each, units in the header."""
+    """The proposals as CSV text, a row each, units in the header.
+
+    Args:
+        design: what is proposed.
+    """
     tones = len(design.proposals[0].tones_hz) if design.proposals else 0
     unit, volts = design.unit or "1", design.amplitude_unit
     names = list(design.proposals[0].settings) if design.proposals else []

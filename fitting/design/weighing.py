@@ -89,11 +89,19 @@ class Weighed:
         return float(np.std(known)) if known.size >= ENOUGH else float("inf")
 
     def sigmas(self, chosen: Sequence[int]) -> FloatArray:
-        """Expected standard deviation of the target at every place, no more than its spread."""
+        """Expected standard deviation of the target at every place, no more than its spread.
+
+        Args:
+            chosen: candidates that are measured.
+        """
         return self._within(target_sigmas(self.problem, self.problem.information(chosen)))
 
     def sigmas_beside(self, chosen: Sequence[int]) -> FloatArray:
-        """The same with each candidate beside the chosen, shape (candidates, places)."""
+        """The same with each candidate beside the chosen, shape (candidates, places).
+
+        Args:
+            chosen: candidates that are measured.
+        """
         gains = np.swapaxes(self.problem.gains, 0, 1)
         return self._within(target_sigmas(self.problem, self.problem.information(chosen) + gains))
 
@@ -409,6 +417,11 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
 
 def chosen_by(weighed: Weighed, limits: Limits, criterion: str) -> list[int]:
     """Candidates to measure, in order of use.
+
+    Args:
+        weighed: the candidates.
+        limits: for the number of measurements.
+        criterion: "target", "D" or "A".
 
     Raises:
         BadInput: the criterion is the target's, and it can be differentiated at no point.

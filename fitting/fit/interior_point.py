@@ -72,7 +72,13 @@ class Solve:
 
 
 def inside(x: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
-    """Move x strictly into the box: an interior-point method that starts on a bound stalls."""
+    """Move x strictly into the box: an interior-point method that starts on a bound stalls.
+
+    Args:
+        x: search vector, shape (n,).
+        lower: bounds of the box, shape (n,).
+        upper: likewise.
+    """
     margin = INSIDE_SHARE * np.minimum(upper - lower, 1.0)
     moved: FloatArray = np.clip(x, lower + margin, upper - margin)
     return moved
@@ -90,6 +96,13 @@ def solve(
     Order: is the start optimal already? interior point; finish by linearised steps ("slack" and
     "squares"); where optimality is still in doubt, again from a perturbed point, and the better is
     kept.
+
+    Args:
+        evaluator: of the objective.
+        start: search vector in the box, shape (n,).
+        nu: weight of the Tikhonov term, one or (n,).
+        settings: misfit, tolerances and limits.
+        generator: of the perturbation of a further try.
 
     Raises:
         FmuFailure: the model failed at a point inside the box.

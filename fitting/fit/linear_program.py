@@ -88,6 +88,9 @@ def with_slacks(matrix: FloatArray) -> Any:
     """[[J, -I], [-J, -I]] of -s <= J x <= s, shape (2 m, n + m); sparse where there are many rows.
 
     Dense, a thousand experiments would make it a hundred megabytes of zeros.
+
+    Args:
+        matrix: J, shape (m, n).
     """
     m = matrix.shape[0]
     if m < MANY_ROWS:
@@ -101,6 +104,12 @@ def promised_decrease(evaluator: Evaluator, x: FloatArray, nu: Nu, misfit: str) 
 
     For "squares" the linearised rows make a quadratic, and the promise is its Newton decrement
     g.H^-1 g/2 over the variables that are not held by a bound. One Jacobian of r.
+
+    Args:
+        evaluator: of the objective.
+        x: search vector, shape (n,).
+        nu: weight of the Tikhonov term, one or (n,).
+        misfit: one of `evaluator.MISFITS`.
 
     Raises:
         ArithmeticError: see `linear_step`.
@@ -127,6 +136,13 @@ def follow(
     A step along a curved valley raises the stiff rows by its square; re-solving with
     c = r(x + d) - J d in place of r takes that back without a new Jacobian, which is what lets the
     radius grow where the data leave a direction free.
+
+    Args:
+        evaluator: of the objective.
+        start: search vector in the box, shape (n,).
+        nu: weight of the Tikhonov term, one or (n,).
+        tolerance: promised decrease of J that is no longer worth a step.
+        steps: at most.
 
     Source: R. Fletcher, "A model algorithm for composite nondifferentiable optimization problems"
     and "Second order corrections for non-differentiable optimization" (1982).

@@ -166,7 +166,11 @@ class Linearisation:
         )
 
     def widened(self, factor: float) -> Linearisation:
-        """The same problem with all standard deviations of its rows times a factor."""
+        """The same problem with all standard deviations of its rows times a factor.
+
+        Args:
+            factor: at least one where errors are not to shrink.
+        """
         return Linearisation(
             self.rows / factor, self.matrix / factor, self.prior, self.inflation * factor
         )

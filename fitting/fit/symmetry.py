@@ -26,7 +26,12 @@ def _strides(evaluator: Evaluator) -> FloatArray:
 
 
 def flat_columns(evaluator: Evaluator, x: FloatArray) -> list[int]:
-    """Variables that move no row at x to first order, over a step of finite size."""
+    """Variables that move no row at x to first order, over a step of finite size.
+
+    Args:
+        evaluator: of the objective.
+        x: search vector, shape (n,).
+    """
     change = np.mean(np.abs(evaluator.jacobian(x)), axis=0) * _strides(evaluator)
     return [int(i) for i in np.flatnonzero(change <= FLAT)]
 
@@ -68,6 +73,11 @@ def secants(
     """dr/dx with finite differences in place of flat columns where these see more, (m, n).
 
     The second result gives for each such column the point that the difference was taken to.
+
+    Args:
+        evaluator: of the objective.
+        x: search vector, shape (n,).
+        matrix: dr/dx there, shape (m, n).
     """
     changed, points = matrix.copy(), {}
     rows = evaluator.point(x).residuals

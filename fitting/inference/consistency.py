@@ -73,6 +73,10 @@ def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
     """Each campaign alone, against the rest and against each other one.
 
     Residuals beyond a campaign's noise widen its errors first.
+
+    Args:
+        bound: the campaigns that were fitted together.
+        solution: the end of their joint fit.
     """
     gradients = _gradients(solution)
     names = series_names(bound.members)
@@ -129,7 +133,11 @@ def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
 
 
 def warnings_of(joint: JointResult) -> list[str]:
-    """Campaigns that contradict each other."""
+    """Campaigns that contradict each other.
+
+    Args:
+        joint: the tests of their agreement.
+    """
     return [t.sentence for t in joint.tensions if t.sigmas > WORTH_A_WARNING]
 
 

@@ -77,7 +77,11 @@ class Constraint:
     frozen: tuple[int, ...] = ()
 
     def residual(self, sample: Sample) -> float:
-        """Weighted distance of the held output from its target; zero for a parameter."""
+        """Weighted distance of the held output from its target; zero for a parameter.
+
+        Args:
+            sample: with outputs, if one of them is held.
+        """
         if self.output < 0:
             return 0.0
         return self.weight * float(sample.outputs[self.output] - self.target)
@@ -87,7 +91,13 @@ UNCONSTRAINED = Constraint(0.0)
 
 
 def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Expansion]:
-    """A point with its slopes, in one round; without those of the outputs if not wanted."""
+    """A point with its slopes, in one round; without those of the outputs if not wanted.
+
+    Args:
+        likelihood: whose stencil is evaluated.
+        x: search vector, shape (n,).
+        outputs: whether their slopes are wanted.
+    """
     around = forward(x, likelihood.objective.steps, likelihood.upper)
     samples = yield Request(around.nodes, outputs=outputs)
     matrix = around.quotients([sample.rows for sample in samples])
@@ -105,6 +115,13 @@ def descend(
 
     It ends where a linearised step promises less than `promise`, or where chi square, with the row
     of the constraint, is as low as `enough`.
+
+    Args:
+        likelihood: whose chi square is lowered.
+        here: where it begins.
+        constraint: that the minimum keeps to.
+        promise: decrease of chi square that is no longer worth a step.
+        enough: chi square that is low enough.
     """
     damping, hope = LEAST_DAMPING, np.inf
     moved = constraint.index < 0  # a held parameter must first be brought to its value
@@ -250,6 +267,10 @@ def _best_of(
 
 def inflation_of(chi_square: float, free: float) -> float:
     """Factor on standard deviations for residuals beyond the noise: sqrt(chi^2/freedom) or one.
+
+    Args:
+        chi_square: of the data.
+        free: degrees of freedom that it is held against.
 
     Source: the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2,
     used only where chi^2 is too large for noise.

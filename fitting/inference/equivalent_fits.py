@@ -25,7 +25,13 @@ SLACK = 0.5
 
 
 def contradicts(value: float, interval: tuple[float, float], period: float | None = None) -> bool:
-    """Whether a value lies clearly outside an interval; one that is missing contradicts none."""
+    """Whether a value lies clearly outside an interval; one that is missing contradicts none.
+
+    Args:
+        value: in the unit of the interval.
+        interval: its ends, the lower first.
+        period: by which values may differ and be the same.
+    """
     low, high = interval
     if not all(map(math.isfinite, (value, low, high))):
         return False
@@ -35,13 +41,24 @@ def contradicts(value: float, interval: tuple[float, float], period: float | Non
 
 
 def exchange_words(here: float, there: float, where: str, unit: str) -> str:
-    """Why a value is determined no further than to two of them."""
+    """Why a value is determined no further than to two of them.
+
+    Args:
+        here: the value that is reported, in its unit.
+        there: the other value, in the same unit.
+        where: what leads there.
+        unit: of both.
+    """
     size = f"{number(here, 5)} here, {number(there, 5)} {unit}".rstrip()
     return f"{EXCHANGE}: {size} at {where}, which fits as well"
 
 
 def settings_words(settings: Mapping[str, Scalar]) -> str:
-    """Settings of an alternative, as in a campaign file."""
+    """Settings of an alternative, as in a campaign file.
+
+    Args:
+        settings: by name, in the FMU's units.
+    """
     return ", ".join(f"{name} = {value}" for name, value in settings.items())
 
 
@@ -55,6 +72,11 @@ def exchange_reasons(
 
     Another alternative that fits as well has the value outside its interval; or the value itself
     lies outside, because its interval belongs to an equal fit elsewhere.
+
+    Args:
+        values: by name, with their intervals.
+        parameters: that were fitted, for their periods.
+        alternatives: all that were tried.
     """
     periods = {p.name: p.period for p in parameters}
     others = [a for a in alternatives if a.equal_to_best and not a.reported]
@@ -82,7 +104,13 @@ def with_lower_verdicts(
     derived: Mapping[str, DerivedResult],
     reasons: Mapping[str, str],
 ) -> tuple[dict[str, ParameterResult], dict[str, DerivedResult]]:
-    """The same values, those with a reason against them partly determined."""
+    """The same values, those with a reason against them partly determined.
+
+    Args:
+        parameters: by name.
+        derived: by name.
+        reasons: by the names of the values that they speak against.
+    """
     word = IDENTIFIABLE[1]
     return (
         {k: replace(v, identifiable=word) if k in reasons else v for k, v in parameters.items()},
@@ -96,16 +124,31 @@ def with_equivalent_fits(
     fitted: Sequence[Parameter],
     alternatives: Iterable[AlternativeResult],
 ) -> tuple[dict[str, ParameterResult], dict[str, DerivedResult], list[str]]:
-    """Values in the light of equal fits elsewhere, and what is said of them."""
+    """Values in the light of equal fits elsewhere, and what is said of them.
+
+    Args:
+        parameters: by name.
+        derived: by name.
+        fitted: the parameters, for their periods.
+        alternatives: all that were tried.
+    """
     reasons = exchange_reasons({**parameters, **derived}, fitted, alternatives)
     return (*with_lower_verdicts(parameters, derived, reasons), reason_sentences(reasons))
 
 
 def is_reason(sentence: str) -> bool:
-    """Whether a sentence is one of `reason_sentences`."""
+    """Whether a sentence is one of `reason_sentences`.
+
+    Args:
+        sentence: of the warnings of a result.
+    """
     return EXCHANGE in sentence or MISSED in sentence
 
 
 def reason_sentences(reasons: Mapping[str, str]) -> list[str]:
-    """The reasons, for the warnings of a result."""
+    """The reasons, for the warnings of a result.
+
+    Args:
+        reasons: by name of the value.
+    """
     return [f"{name}: {reason}." for name, reason in reasons.items()]

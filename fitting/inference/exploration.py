@@ -66,6 +66,13 @@ def explore(
 ) -> Exploration:
     """The ends of the ranges, then the profiles; each step one set of batches.
 
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        optimum: the most likely point and its likelihood.
+        ranges: of the outputs without data, by name.
+        minima: from other starts that fit.
+        only: names of the values that are profiled; all if empty.
+
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
@@ -169,7 +176,12 @@ def _possible(
 
 
 def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Quantity, ...]:
-    """Every parameter, and every output that has a value at the optimum and a range."""
+    """Every parameter, and every output that has a value at the optimum and a range.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+        ranges: of the outputs without data, by name.
+    """
     likelihood, expansion = optimum.likelihood, optimum.expansion
     lower, upper = search_bounds(likelihood.parameters)
     covariance = data_covariance(optimum)
@@ -194,7 +206,11 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
 
 
 def data_covariance(optimum: Optimum) -> FloatArray:
-    """(J^T J + P)^-1 with the box as a uniform prior, (n, n): linearised, never infinite."""
+    """(J^T J + P)^-1 with the box as a uniform prior, (n, n): linearised, never infinite.
+
+    Args:
+        optimum: where it is linearised.
+    """
     at, prior = optimum.expansion, optimum.likelihood.widths / UNIFORM_WIDTH
     return Linearisation(at.sample.rows, at.matrix, prior).covariance
 
@@ -202,7 +218,14 @@ def data_covariance(optimum: Optimum) -> FloatArray:
 def other_minima(
     evaluator: LikelihoodEvaluator, optimum: Optimum, seed: int, number: int = OTHER_STARTS
 ) -> tuple[ProfilePoint, ...]:
-    """Minima from seeded starts of the box that fit as well, (Dchi^2 below the 95 % threshold)."""
+    """Minima from seeded starts of the box that fit as well, (Dchi^2 below the 95 % threshold).
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        optimum: the most likely point and its likelihood.
+        seed: of the starts.
+        number: of starts.
+    """
     likelihood = optimum.likelihood
     lower, upper = search_bounds(likelihood.parameters)
     generator = np.random.default_rng(seed)

@@ -21,6 +21,10 @@ BOTH = re.compile(r"\s*(?P<value>.*?)\s*(?:±|\+-|\+/-)\s*(?P<std>.*?)\s*")
 def with_external(result: Result, given: Sequence[str]) -> Result:
     """The result with one test per NAME=VALUE; VALUE has a unit and may have "+- STD" behind it.
 
+    Args:
+        result: what is tested.
+        given: as "lambda=0.8604 MHz +- 1 kHz".
+
     Raises:
         BadInput: no such parameter or derived output, no number, or a unit of another dimension.
     """
@@ -33,6 +37,10 @@ def check_external(given: Sequence[str], known: Sequence[str] = ()) -> None:
     """Complain of what cannot be read, before anything is computed.
 
     `known`: the values that there will be, where that is known already.
+
+    Args:
+        given: as "lambda=0.8604 MHz +- 1 kHz".
+        known: names of the values that there will be; empty: not known yet.
 
     Raises:
         BadInput: not NAME=VALUE with a number, or none of the known names.

@@ -37,6 +37,10 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
 
     Singular values are those of J diag(scale): sigma per unit of x. A direction is unseen where
     half the box along it, as far as the linearisation holds, stays below one sigma.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        optimum: the most likely point and its likelihood.
     """
     likelihood, expansion = optimum.likelihood, optimum.expansion
     m = likelihood.whitening.shape[0]
@@ -158,7 +162,13 @@ def _rounded(value: float, digits: int) -> float:
 def without_effect(
     evaluator: LikelihoodEvaluator, optimum: Optimum, profiles: Mapping[str, Profile]
 ) -> tuple[str, ...]:
-    """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated."""
+    """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        optimum: the most likely point and its likelihood.
+        profiles: by name.
+    """
     likelihood, x = optimum.likelihood, optimum.expansion.x
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
@@ -183,7 +193,11 @@ def without_effect(
 
 
 def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
-    """Separate minima that fit as well: outside what the profiles of the optimum go through."""
+    """Separate minima that fit as well: outside what the profiles of the optimum go through.
+
+    Args:
+        explored: minima from other starts, branches of the profiles.
+    """
     optimum = explored.optimum
     likelihood = optimum.likelihood
     parameters = likelihood.parameters
@@ -271,7 +285,16 @@ def sentences(
     others: Sequence[Equivalent],
     widening: float = 1.0,
 ) -> tuple[str, ...]:
-    """What the data say, in words, for terminal and report."""
+    """What the data say, in words, for terminal and report.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+        profiles: by name.
+        unseen: directions, those that the data see among them.
+        idle: names of parameters without effect.
+        others: equivalent fits.
+        widening: by how much the noise of a sweep was taken wider.
+    """
     said = []
     inflation = optimum.likelihood.inflation
     square = (

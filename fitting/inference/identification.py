@@ -50,6 +50,12 @@ def identify(
 ) -> Knowledge:
     """Knowledge of one campaign; alternatives that fit as well are named beside it.
 
+    Args:
+        bound: the campaign.
+        workers: of its FMU.
+        units: of the derived outputs, by name.
+        request: where to set out from, and limits.
+
     Raises:
         BadInput: the campaign cannot be planned, or the result is another campaign's.
         FmuFailure: the FMU failed.

@@ -65,12 +65,20 @@ class Likelihood:
         return np.asarray(np.sqrt(np.sum(root**2, axis=1)))
 
     def rows(self, point: Point) -> FloatArray:
-        """Rows of data and priors whose sum of squares is chi square, shape (m + n,)."""
+        """Rows of data and priors whose sum of squares is chi square, shape (m + n,).
+
+        Args:
+            point: evaluated, with residuals of shape (m,).
+        """
         data = self.whitening @ (point.residuals - self.shift)
         return np.concatenate([data, point.x * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:
-        """The same system inside the box: parameters that go round brought back, the rest cut."""
+        """The same system inside the box: parameters that go round brought back, the rest cut.
+
+        Args:
+            x: search vector, shape (n,).
+        """
         lower, upper = search_bounds(self.parameters)
         inside = np.array(x, dtype=float)
         out = np.isfinite(self.periods) & ((x < lower) | (x > upper))
@@ -176,5 +184,9 @@ class LikelihoodEvaluator:
         return list(np.stack([means[name] for name in names], axis=1))
 
     def one(self, x: FloatArray) -> Sample:
-        """Rows and outputs at one search vector."""
+        """Rows and outputs at one search vector.
+
+        Args:
+            x: search vector, shape (n,).
+        """
         return self([Request((x,))])[0][0]

@@ -51,6 +51,10 @@ def run_in_lockstep(
 
     `evaluate` answers the requests of a round in their order, and raises `Exhausted` where it may
     not any more.
+
+    Args:
+        tasks: searches that have not begun.
+        evaluate: answers requests with samples, in one batch.
     """
     results: list[T | None] = [None] * len(tasks)
     waiting: dict[int, Request] = {}

@@ -85,6 +85,10 @@ def curvatures(misfit: Sequence[float], distance: Sequence[float]) -> list[float
 
     That of the circle through a point and its neighbours (Menger); positive where the curve, passed
     from large to small nu, turns from falling misfit to growing distance: the corner of an L.
+
+    Args:
+        misfit: J_fit of each level.
+        distance: from the prior of each level, in units of x.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         curve = np.log(np.column_stack([misfit, distance]))
@@ -101,7 +105,11 @@ def curvatures(misfit: Sequence[float], distance: Sequence[float]) -> list[float
 
 
 def corner_of(rows: Sequence[NuRow]) -> float:
-    """nu of the sharpest corner; NaN where the curve is too short along an axis to have one."""
+    """nu of the sharpest corner; NaN where the curve is too short along an axis to have one.
+
+    Args:
+        rows: one per level, nu falling.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         curve = np.log([[row.j_fit, row.distance] for row in rows])
     whole = curve[np.all(np.isfinite(curve), axis=1)]

@@ -61,13 +61,22 @@ class Quantity:
         return self.high - self.low
 
     def at(self, expansion: Expansion) -> float:
-        """Its value at a point."""
+        """Its value at a point.
+
+        Args:
+            expansion: the point.
+        """
         if self.index >= 0:
             return float(expansion.x[self.index])
         return float(expansion.sample.outputs[self.output])
 
     def constraint(self, target: float, step: float) -> Constraint:
-        """What holds it at a target that is a step away."""
+        """What holds it at a target that is a step away.
+
+        Args:
+            target: value, in x or in the output's unit.
+            step: from where the search begins, likewise.
+        """
         if self.index >= 0:
             return Constraint(target, index=self.index)
         return Constraint(
@@ -106,6 +115,12 @@ def trace_branch(
     """Go outward along the profile until it crosses the 95 % threshold or meets the end.
 
     At most `steps` strides across the range, as far as nothing on the way asks for shorter ones.
+
+    Args:
+        optimum: where it sets out from.
+        quantity: what is profiled.
+        direction: -1 downward, 1 upward.
+        steps: strides across the range, at most.
     """
     tracer = _BranchTracer(optimum, quantity, direction, steps)
     try:
@@ -240,6 +255,13 @@ def fit_at_end(
     A range that the data leave open from end to end is found so at once, also where no branch would
     get through. With `frozen` axes the search keeps to the rest; the quantity is then where `begin`
     has it.
+
+    Args:
+        optimum: what chi square is counted from.
+        quantity: what is profiled.
+        begin: search vector where the search begins, shape (n,).
+        end: of the range, in x or in the output's unit.
+        frozen: axes that stay where `begin` has them.
     """
     likelihood = optimum.likelihood
     constraint = quantity.constraint(end, quantity.width / STEPS)
@@ -271,6 +293,12 @@ def interval(
     """The interval of a profile: crossings, or the ends of the range where it does not cross.
 
     `branches` are (downward, upward), `ends_fit` whether the ends of the range fit the data.
+
+    Args:
+        quantity: what is profiled.
+        branches: downward and upward.
+        ends_fit: whether the low and the high end of the range fit the data.
+        mark: "95" or "68", per cent.
     """
     ends = []
     for branch, limit, fits in zip(branches, (quantity.low, quantity.high), ends_fit, strict=True):

@@ -124,7 +124,13 @@ def output_ranges(
 
 
 def box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
-    """Points of the box, shape (m, n): a grid with its corners, where that is small, and seeded."""
+    """Points of the box, shape (m, n): a grid with its corners, where that is small, and seeded.
+
+    Args:
+        lower: bounds of the box, shape (n,).
+        upper: likewise.
+        seed: of the points drawn.
+    """
     n = len(lower)
     seeded = np.random.default_rng(seed).uniform(lower, upper, (BOX_SAMPLES, n))
     levels = max(k for k in range(1, 10) if k**n <= BOX_GRID)

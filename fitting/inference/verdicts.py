@@ -41,6 +41,11 @@ def profiles(
 
     An equivalent minimum at which every output exists and that lies outside an interval widens it:
     nothing in the data is against it. Where an output has no value the point says nothing of it.
+
+    Args:
+        explored: branches and range ends of all quantities.
+        equivalents: other points that fit as well.
+        units: of the outputs, by name.
     """
     parameters = {p.name: p for p in explored.optimum.likelihood.parameters}
     turn = _turn(explored)

@@ -44,6 +44,11 @@ def minimise_squares(
     coordinate: the caller scales, because only the caller knows the scales. A direction that the
     data do not see gets an infinite variance.
 
+    Args:
+        residuals: of x (n,), shape (m,).
+        start: shape (n,), of order one in every coordinate.
+        residual_sigma: standard deviation of a residual, if known, in its unit.
+
     Raises:
         ValueError: fewer residuals than unknowns.
 

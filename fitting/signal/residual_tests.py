@@ -52,6 +52,10 @@ def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure
     For AR(1) with coefficient rho, and columns smooth on its scale, lambda is
     (1 + rho)/(1 - rho). Errors are never made smaller, and points never fewer than n + 1.
 
+    Args:
+        residuals: shares of the peak, shape (m,), in the order of the sweep.
+        jacobian: their derivatives by what was fitted, shape (m, n).
+
     Source: sandwich covariance as in Newey and West, Econometrica 55 (1987) 703, with the
     autoregressive spectrum of den Haan and Levin, Handbook of Statistics 15 (1997) 299; the
     largest generalised effect of Rao and Scott, J. Am. Stat. Assoc. 76 (1981) 221.
@@ -80,6 +84,9 @@ def white_noise_p(residuals: FloatArray) -> float:
     for h = 1, which sees weak short correlation, and for h = min(10, m/5), which sees patterns of
     several points; twice the smaller probability (Bonferroni).
 
+    Args:
+        residuals: in the order of the sweep, shape (m,), any unit.
+
     Source: G. Ljung and G. Box, Biometrika 65 (1978) 297.
     """
     m = residuals.size
@@ -101,6 +108,10 @@ def autoregression(series: FloatArray, longest: int) -> FloatArray:
 
     Always stationary. Source: J. Burg (1967), the recursion of Kay and Marple, Proc. IEEE 69 (1981)
     1380; G. Schwarz, Ann. Stat. 6 (1978) 461.
+
+    Args:
+        series: shape (m,), any unit.
+        longest: order, at most.
     """
     m = series.size
     forward, backward = series[1:].copy(), series[:-1].copy()
@@ -125,6 +136,10 @@ def autocorrelation(coefficients: FloatArray, length: int) -> FloatArray:
 
     r_k = sum_j a_j r_|k - j|: linear equations for the first lags (Yule and Walker), a recursion
     for the rest.
+
+    Args:
+        coefficients: a, shape (order,).
+        length: number of lags.
     """
     order = coefficients.size
     equations = np.eye(order + 1)
