@@ -30,7 +30,7 @@ LEAST_GAIN, MOST_EXCHANGES = 1e-6, 200
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """Information matrices in variables whose prior is of unit variance, at k points.
 
     `base` (k, n, n) of prior and data so far, positive definite; `gains` (k, c, n, n) of the
@@ -58,7 +58,7 @@ class Problem:
         return np.asarray(self.base + self.gains[:, list(chosen)].sum(axis=1))
 
 
-def losses(problem: Problem, information: FloatArray, criterion: str) -> FloatArray:
+def losses(problem: DesignProblem, information: FloatArray, criterion: str) -> FloatArray:
     """The criterion of matrices (..., k, n, n), averaged over the points, shape (...).
 
     Points where the target has no gradient are left out of "target".
@@ -82,7 +82,7 @@ def losses(problem: Problem, information: FloatArray, criterion: str) -> FloatAr
     raise ValueError(f"criterion {criterion!r} is none of {', '.join(CRITERIA)}")
 
 
-def target_sigmas(problem: Problem, information: FloatArray) -> FloatArray:
+def target_sigmas(problem: DesignProblem, information: FloatArray) -> FloatArray:
     """Standard deviation of the target at every point, sqrt(g^T F^-1 g), shape (..., k).
 
     Args:
@@ -102,7 +102,7 @@ def _finite(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def greedy(problem: Problem, number: int, criterion: str) -> list[int]:
+def greedy(problem: DesignProblem, number: int, criterion: str) -> list[int]:
     """`number` candidates, one after the other, each the best beside those before it.
 
     A candidate may be chosen again: then it is measured again.
@@ -120,14 +120,14 @@ def greedy(problem: Problem, number: int, criterion: str) -> list[int]:
 
 
 def _each_beside(
-    problem: Problem, chosen: Sequence[int], criterion: str, tried: Sequence[int]
+    problem: DesignProblem, chosen: Sequence[int], criterion: str, tried: Sequence[int]
 ) -> FloatArray:
     """The criterion with each of the tried beside the chosen, shape (tried,)."""
     gains = problem.gains[:, list(tried)]
     return losses(problem, problem.information(chosen) + np.swapaxes(gains, 0, 1), criterion)
 
 
-def exchange(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
+def exchange(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
     """Swap a chosen candidate for another as long as that betters the criterion, best swap first.
 
     Args:
@@ -153,7 +153,7 @@ def exchange(problem: Problem, chosen: Sequence[int], criterion: str) -> list[in
     return current
 
 
-def economise(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
+def economise(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
     """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay for them.
 
     Args:
@@ -174,7 +174,7 @@ def economise(problem: Problem, chosen: Sequence[int], criterion: str) -> list[i
     return current
 
 
-def choose(problem: Problem, number: int, criterion: str) -> list[int]:
+def choose(problem: DesignProblem, number: int, criterion: str) -> list[int]:
     """Greedy choice bettered by exchanges, made cheaper, in the order in which each adds the most.
 
     Exchanges start from the greedy choice of the criterion and from that of D, which also gathers
@@ -194,7 +194,7 @@ def choose(problem: Problem, number: int, criterion: str) -> list[int]:
     return ordered(problem, economise(problem, best, criterion), criterion)
 
 
-def ordered(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int]:
+def ordered(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
     """The same candidates, each the best of what is left beside those before it.
 
     Args:
@@ -209,7 +209,7 @@ def ordered(problem: Problem, chosen: Sequence[int], criterion: str) -> list[int
     return order
 
 
-def exhaustive(problem: Problem, number: int, criterion: str) -> list[int]:
+def exhaustive(problem: DesignProblem, number: int, criterion: str) -> list[int]:
     """The best of all choices of `number` candidates with repetition; for small cases.
 
     Args:

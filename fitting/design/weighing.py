@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
-from fitting.design.choice import Problem, choose, target_sigmas
+from fitting.design.choice import DesignProblem, choose, target_sigmas
 from fitting.design.information import (
     Place,
     Rows,
@@ -71,7 +71,7 @@ class Weighed:
     `values` of the target at the `places`, `spread_values` at all points of equal fit.
     """
 
-    problem: Problem
+    problem: DesignProblem
     setups: tuple[Setup, ...]
     repeats: tuple[int, ...]
     setup_of: tuple[int, ...]
@@ -395,7 +395,7 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
     levels = np.array([setups[i].level for i in setup_of])
     # spectra cost time; of two that take as long the gentler drive comes first
     costs = np.array(repeats, dtype=float) + 1e-6 * levels / levels.max()
-    problem = Problem(
+    problem = DesignProblem(
         base=known.base,
         gains=stacked,
         gradients=known.gradients,

@@ -32,7 +32,7 @@ class Finish:
 
 
 @dataclass(frozen=True)
-class _Rows:
+class SquaresModel:
     """Misfit "squares" + J_reg as half a sum of squares about x, to first order.
 
     `rows` (m + n,) of data and Tikhonov term, `matrix` (m + n, n); `free` (n,) marks variables that
@@ -48,15 +48,27 @@ class _Rows:
         """Gradient, (n,)."""
         return self.matrix.T @ self.rows
 
+    @property
+    def curvature(self) -> FloatArray:
+        """Gauss and Newton's second derivatives, (n, n)."""
+        return self.matrix.T @ self.matrix
 
-def _rows_at(evaluator: Evaluator, x: FloatArray, nu: Nu) -> _Rows:
+
+def squares_model(evaluator: Evaluator, x: FloatArray, nu: Nu) -> SquaresModel:
+    """The linearised rows at a point. One Jacobian.
+
+    Args:
+        evaluator: of the objective.
+        x: search vector, shape (n,).
+        nu: weight of the Tikhonov term, one or (n,).
+    """
     point, tikhonov = evaluator.point(x), np.sqrt(np.broadcast_to(nu, x.shape))
     root = np.sqrt(2.0 * point.row_weights)
     rows = np.concatenate([root * point.residuals, tikhonov * x])
     matrix = np.concatenate([root[:, np.newaxis] * evaluator.jacobian(x), np.diag(tikhonov)])
     slope = matrix.T @ rows
     pushes = ((x <= evaluator.lower) & (slope > 0.0)) | ((x >= evaluator.upper) & (slope < 0.0))
-    return _Rows(rows, matrix, ~pushes)
+    return SquaresModel(rows, matrix, ~pushes)
 
 
 def newton_decrement(evaluator: Evaluator, x: FloatArray, nu: Nu) -> float:
@@ -70,7 +82,7 @@ def newton_decrement(evaluator: Evaluator, x: FloatArray, nu: Nu) -> float:
         x: search vector, shape (n,).
         nu: weight of the Tikhonov term, one or (n,).
     """
-    here = _rows_at(evaluator, x, nu)
+    here = squares_model(evaluator, x, nu)
     g, seen = here.slope[here.free], here.matrix[:, here.free]
     return 0.5 * float(g @ np.linalg.lstsq(seen.T @ seen, g, rcond=None)[0])
 
@@ -106,7 +118,7 @@ def finish_squares(
 def _one_step(
     evaluator: Evaluator, x: FloatArray, nu: Nu, damping: float
 ) -> tuple[FloatArray | None, float]:
-    here, around = total(evaluator.point(x), nu, "squares"), _rows_at(evaluator, x, nu)
+    here, around = total(evaluator.point(x), nu, "squares"), squares_model(evaluator, x, nu)
     free = np.flatnonzero(around.free)
     seen = around.matrix[:, free]
     scale = np.sqrt(np.maximum(np.sum(seen**2, axis=0), np.finfo(float).tiny))

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
 
 from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.gauss_newton import finish_squares
+from fitting.fit.gauss_newton import finish_squares, squares_model
 from fitting.fit.linear_program import follow, promised_decrease, with_slacks
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.symmetry import off_symmetry
@@ -138,10 +138,10 @@ def _attempt(evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSet
     if promise <= _tolerance(begun, settings):
         least = begun - _tolerance(begun, settings)
         value = partial(_value, evaluator, nu=nu, settings=settings)
-        beside = off_symmetry(evaluator, start, value, least)
-        if beside is None:
+        lower_point = off_symmetry(evaluator, start, value, least)
+        if lower_point is None:
             return Solve(start, promise, "optimal", "the start is optimal already", 0, 0)
-        start, begun = beside, value(beside)
+        start, begun = lower_point, value(lower_point)
         promise = _promise(evaluator, start, nu, settings)
     # a barrier of 2m + 2n terms costs (2m + 2n) mu at its minimum: no more than there is to gain
     terms = 2 * (evaluator.point(start).residuals.size + start.size)
@@ -284,23 +284,11 @@ def _plain_problem(
 def _squares_problem(
     evaluator: Evaluator, x0: FloatArray, nu: Nu, settings: SolveSettings
 ) -> dict[str, Any]:
-    def slope(x: FloatArray) -> FloatArray:
-        point = evaluator.point(np.array(x))
-        rows = point.row_weights * point.residuals
-        gradient: FloatArray = 2.0 * evaluator.jacobian(np.array(x)).T @ rows + nu * x
-        return gradient
-
-    def gauss_newton(x: FloatArray) -> FloatArray:
-        matrix = evaluator.jacobian(np.array(x))
-        weighted = evaluator.point(np.array(x)).row_weights[:, np.newaxis] * matrix
-        hessian: FloatArray = 2.0 * matrix.T @ weighted + nu * np.eye(x0.size)
-        return hessian
-
     return {
         "fun": lambda x: total(evaluator.point(np.array(x)), nu, "squares"),
         "x0": x0,
-        "jac": slope,
-        "hess": gauss_newton,
+        "jac": lambda x: squares_model(evaluator, np.array(x), nu).slope,
+        "hess": lambda x: squares_model(evaluator, np.array(x), nu).curvature,
         "bounds": _box(evaluator.lower, evaluator.upper, x0.size),
     }
 

@@ -36,7 +36,7 @@ def flat_columns(evaluator: Evaluator, x: FloatArray) -> list[int]:
     return [int(i) for i in np.flatnonzero(change <= FLAT)]
 
 
-def _beside(evaluator: Evaluator, x: FloatArray, i: int) -> list[FloatArray]:
+def _neighbours(evaluator: Evaluator, x: FloatArray, i: int) -> list[FloatArray]:
     """One step to either side within the box; a side without room is left out."""
     trials = []
     for step in (_strides(evaluator)[i], -_strides(evaluator)[i]):
@@ -60,7 +60,7 @@ def off_symmetry(
     """
     best = None
     for i in flat_columns(evaluator, x):
-        for moved in _beside(evaluator, x, i):
+        for moved in _neighbours(evaluator, x, i):
             here = value(moved)
             if here < least:
                 best, least = moved, here
@@ -82,7 +82,7 @@ def secants(
     changed, points = matrix.copy(), {}
     rows = evaluator.point(x).residuals
     for i in flat_columns(evaluator, x):
-        for moved in _beside(evaluator, x, i):
+        for moved in _neighbours(evaluator, x, i):
             column = (evaluator.point(moved).residuals - rows) / (moved[i] - x[i])
             if np.linalg.norm(column) > np.linalg.norm(changed[:, i]):
                 changed[:, i], points[i] = column, moved

@@ -9,7 +9,7 @@ import pytest
 
 from fitting.design.choice import (
     CRITERIA,
-    Problem,
+    DesignProblem,
     choose,
     exchange,
     exhaustive,
@@ -26,11 +26,11 @@ def of_rows(
     prior: float = 1.0,
     costs: np.ndarray | None = None,
     shown: int | None = None,
-) -> Problem:
+) -> DesignProblem:
     """One point, one row of unit variance per candidate."""
     n = rows.shape[1]
     gains = np.einsum("ci,cj->cij", rows, rows)[np.newaxis]
-    return Problem(
+    return DesignProblem(
         base=prior * np.eye(n)[np.newaxis],
         gains=gains,
         gradients=gradients[np.newaxis],
@@ -104,7 +104,7 @@ def test_a_nuisance_is_eliminated_not_counted() -> None:
 def test_points_without_a_gradient_are_left_out() -> None:
     rows = np.array([[3.0, 0.0], [0.0, 3.0]])
     one = of_rows(rows, np.array([1.0, 0.0]))
-    both = Problem(
+    both = DesignProblem(
         np.repeat(one.base, 2, axis=0),
         np.repeat(one.gains, 2, axis=0),
         np.array([[1.0, 0.0], [np.nan, np.nan]]),
@@ -113,6 +113,6 @@ def test_points_without_a_gradient_are_left_out() -> None:
     )
     assert choose(both, 1, "target") == choose(one, 1, "target") == [0]
     assert np.isnan(target_sigmas(both, both.base)[1])
-    nowhere = Problem(one.base, one.gains, np.full((1, 2), np.nan), 2, one.costs)
+    nowhere = DesignProblem(one.base, one.gains, np.full((1, 2), np.nan), 2, one.costs)
     with pytest.raises(ValueError, match="no gradient at any point"):
         choose(nowhere, 1, "target")
