@@ -5,9 +5,7 @@ The new campaign is the old one, table by table, but for the experiments, the dr
 
 from __future__ import annotations
 
-import json
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,12 +16,11 @@ from fitting.design.result import Design, Proposal
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_text
-from fitting.text.toml import read_toml
+from fitting.text.toml import Tables, inline, put, rewritten
 
 CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME = "campaign.toml", "experiments.csv", "sweep"
-_HEADER = re.compile(r"\s*\[{1,2}\s*([^\[\]]+?)\s*\]{1,2}\s*(#.*)?")
-#: Tables that are written anew.
-_REPLACED = ("experiments", "drift", "design")
+#: Keys of [drift] that tell times of the measurements.
+TIMES = ("time", "before_time", "after_time")
 #: How the columns of peaks begin, before their number.
 PEAK = "peak_"
 #: Tones from here on are written in MHz.
@@ -53,86 +50,53 @@ def _sweep_name(sweep: SweepData) -> str:
 def _campaign(
     design: Design, bound: BoundCampaign, limits: Limits, folder: Path, command: str
 ) -> str:
-    tables = _tables(read_text(bound.path))
-    raw = read_toml(bound.path)
-    lines = [
-        "# Next measurements, to be made: fill in the peaks of experiments.csv, measure anew what",
-        "# drifts, and take the sweep anew if the gain of the detection has changed.",
-        f"# Proposed by: {command}",
-        f"title = {_toml('Next: ' + design.title)}",
-        f"synthetic = {_toml(bound.synthetic)}",
-        "",
+    """The campaign's own text, what is different in the new one put right."""
+
+    def edit(tables: Tables) -> None:
+        tables["title"] = f"Next: {design.title}"
+        if "file" in tables["fmu"]:
+            named = bound.path.parent / str(tables["fmu"]["file"])
+            tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
+        if bound.sweep is not None:
+            name = _sweep_name(bound.sweep)
+            put(tables["sweep"], "file", name, "take it anew if the gain has changed")
+            tables["sweep"]["use"] = "scale"  # fitted once, in the campaign it was taken for
+        _edit_drive(tables["drive"], design, bound, limits)
+        what = "what to measure: a row each, with its peaks"
+        put(tables, "experiments", _experiments_table(design, bound), what)
+        if bound.drift.ends:
+            drift = _drift_table(tables["drift"])
+            put(tables, "drift", drift, "to be measured before and after these, again")
+        what = "the instrument's limits; spectra averaged per row"
+        put(tables, "design", _design_table(design, bound, limits), what)
+
+    head = [
+        "Next measurements, to be made: fill in the peaks of experiments.csv, measure anew what",
+        "drifts, and take the sweep anew if the gain of the detection has changed.",
+        f"Proposed by: {command}",
     ]
-    written = False
-    for name, block in tables:
-        if name.split(".")[0] in _REPLACED:
-            continue
-        if not written and name not in ("fmu", "fmu.start", "observe", "drive"):
-            lines += _new_tables(design, bound, limits, raw)
-            written = True
-        lines += _adapted(name, block, design, bound, folder)
-    if not written:
-        lines += _new_tables(design, bound, limits, raw)
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return rewritten(read_text(bound.path), edit, head)
 
 
-def _tables(text: str) -> list[tuple[str, list[str]]]:
-    """The tables of a TOML file with their lines, what stands before the first left out."""
-    tables: list[tuple[str, list[str]]] = []
-    waiting: list[str] = []
-    for line in text.splitlines():
-        match = _HEADER.fullmatch(line)
-        if match:
-            tables.append((match[1], [*waiting, line]))
-            waiting = []
-        elif line.startswith("#"):
-            waiting.append(line)  # a remark in front of a table belongs to that table
-        elif tables:
-            tables[-1][1].extend([*waiting, line])
-            waiting = []
-        else:
-            waiting = []
-    return tables
-
-
-def _adapted(
-    name: str, block: list[str], design: Design, bound: BoundCampaign, folder: Path
-) -> list[str]:
-    """The lines of a table, what is different in the new campaign put right."""
-    values: dict[str, str] = {}
-    if name == "fmu" and "file" in read_toml(bound.path)["fmu"]:
-        named = bound.path.parent / read_toml(bound.path)["fmu"]["file"]
-        values["file"] = _toml(Path(os.path.relpath(named, folder)).as_posix())
-    if name == "sweep" and bound.sweep is not None:
-        values["file"] = (
-            f"{_toml(_sweep_name(bound.sweep))}  # take it anew if the gain has changed"
-        )
-        values["use"] = '"scale"'  # fitted once, in the campaign that it was taken for
+def _edit_drive(drive: Tables, design: Design, bound: BoundCampaign, limits: Limits) -> None:
+    """As many tones as are proposed; the tones alone are read, but for a design of other lines."""
     tones = len(design.proposals[0].tones_hz)
-    if name == "drive" and tones < len(bound.setup.drive.frequencies):
-        values["frequencies"] = _toml(bound.setup.drive.frequencies[:tones])
-        values["amplitudes"] = _toml(bound.setup.drive.amplitudes[:tones])
-    changed = []
-    for line in block:
-        match = re.match(r"\s*(\w+)\s*=", line)
-        known = match is not None and match[1] in values
-        changed.append(f"{match[1]} = {values[match[1]]}" if match and known else line)
-    return changed
+    if tones < len(bound.setup.drive.frequencies):
+        drive["frequencies"] = list(bound.setup.drive.frequencies[:tones])
+        if bound.setup.drive.kind == "tones":
+            drive["amplitudes"] = list(bound.setup.drive.amplitudes[:tones])
+    if not limits.lines:
+        drive.pop("read", None)
 
 
-def _new_tables(
-    design: Design, bound: BoundCampaign, limits: Limits, raw: Mapping[str, Any]
-) -> list[str]:
+def _experiments_table(design: Design, bound: BoundCampaign) -> dict[str, Any]:
     peaks = range(len(design.proposals[0].peaks_v))
-    lines = [
-        "[experiments]                      # what to measure: a row each, with its peaks",
-        f'file = "{EXPERIMENTS_NAME}"',
-        f"peaks = {_toml([_peak(k) for k in peaks])}",
-        f"peak_sigmas = {_toml([_sigma(k) for k in peaks])}",
-        f"amplitude = {_toml(bound.amplitude_unit + ' peak')}",
-        "",
-    ]
-    return lines + _drift(bound, raw) + _design(design, bound, limits)
+    return {
+        "file": EXPERIMENTS_NAME,
+        "peaks": [_peak(k) for k in peaks],
+        "peak_sigmas": [_sigma(k) for k in peaks],
+        "amplitude": f"{bound.amplitude_unit} peak",
+    }
 
 
 def _peak(index: int) -> str:
@@ -143,23 +107,19 @@ def _sigma(index: int) -> str:
     return f"sigma_{index + 1}"
 
 
-def _drift(bound: BoundCampaign, raw: Mapping[str, Any]) -> list[str]:
-    if not bound.drift.ends:
-        return []
-    lines = ["[drift]                            # to be measured before and after these, again"]
-    for key, value in raw.get("drift", {}).items():
-        if key not in bound.drift.ends and key != "time" and not isinstance(value, dict):
-            lines.append(f"{key} = {_toml(value)}")
-    for name in bound.drift.ends:
-        after = raw["drift"][name]["after"]
-        lines.append(f"{name} = {{ before = {_toml(after)}, after = {_toml(after)} }}")
-    return [*lines, ""]
+def _drift_table(old: Mapping[str, Any]) -> dict[str, Any]:
+    """What drifts begins where it ended; there are no time stamps yet."""
+    settings = {k: v for k, v in old.items() if not isinstance(v, Mapping) and k not in TIMES}
+    ends = {name: both["after"] for name, both in old.items() if isinstance(both, Mapping)}
+    return settings | {
+        name: inline({"before": after, "after": after}) for name, after in ends.items()
+    }
 
 
-def _design(design: Design, bound: BoundCampaign, limits: Limits) -> list[str]:
+def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[str, Any]:
     """The limits, so that the design after this one, and a virtual laboratory, know them."""
     unit = bound.amplitude_unit
-    values: dict[str, Any] = {
+    table: dict[str, Any] = {
         "target": design.target,
         "criterion": design.criterion,
         "outputs": list(limits.outputs),
@@ -178,16 +138,12 @@ def _design(design: Design, bound: BoundCampaign, limits: Limits) -> list[str]:
         "averaged": [p.repeats for p in design.proposals],
     }
     if limits.noise_floor_v == 0.0:
-        del values["noise_floor"]
-    lines = [
-        "[design]                           # the instrument's limits; spectra averaged per row"
-    ]
-    lines += [f"{key} = {_toml(value)}" for key, value in values.items()]
-    for name, table in (("settings", limits.settings), ("setting_sigma", limits.setting_sigmas)):
-        if table:
-            lines += ["", f"[design.{name}]"]
-            lines += [f"{key} = {_toml(v)}" for key, v in table.items()]
-    return [*lines, ""]
+        del table["noise_floor"]
+    if limits.settings:
+        table["settings"] = {name: list(values) for name, values in limits.settings.items()}
+    if limits.setting_sigmas:
+        table["setting_sigma"] = dict(limits.setting_sigmas)
+    return table
 
 
 def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
@@ -247,12 +203,3 @@ def _cell(value: Scalar) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)
-
-
-def _toml(value: Any) -> str:
-    """A scalar or a list of scalars as TOML writes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
