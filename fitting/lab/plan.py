@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from fitting.campaign.section import Section
+from fitting.campaign.file import read_campaign_file
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
 from fitting.lab.instruments.averaged import Averaged
 from fitting.lab.sample import Drive
@@ -14,8 +13,9 @@ from fitting.lab.truth import TRUTH_NAME, truth_toml
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_of, written_mhz
 from fitting.text.errors import BadInput
 from fitting.text.tables import Column, Table, read_table, read_text
-from fitting.text.toml import Tables, inline, read_toml, rewritten
+from fitting.text.toml import Tables, inline, rewritten
 from fitting.text.units import convert
+from fitting.text.written import positive_in
 
 #: Columns of a plan that the bench can set beside drive frequencies and amplitudes.
 GAINS = ("g1", "g2")
@@ -32,22 +32,21 @@ class Plan:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path, self._top = path, Section(path, "", read_toml(path))
-        design = self._top.sub("design")
-        if "averaged" not in design:
+        file = read_campaign_file(path)
+        design, experiments = file.design, file.experiments
+        if design.averaged is None or experiments is None:
             raise BadInput(
-                f"{design.where('averaged')}: is missing, wanted a campaign that fmu-fit design "
-                "made"
+                f"{path}: [design] averaged: is missing, wanted a campaign that fmu-fit design made"
             )
-        drive, experiments = self._top.sub("drive"), self._top.sub("experiments")
-        self._table: Table = read_table(path.parent / experiments.text("file"))
-        self._frequencies = drive.texts("frequencies")
-        self._amplitudes = drive.texts("amplitudes")
-        self._filled = (*experiments.texts("peaks"), *experiments.texts("peak_sigmas"))
+        self.path, self._sweep = path, file.sweep
+        self._table: Table = read_table(experiments.file)
+        self._frequencies = file.drive.frequencies
+        self._amplitudes = file.drive.amplitudes or ()
+        self._filled = (*experiments.peaks, *experiments.peak_sigmas)
         self._refuse_unknown()
-        self.rows = self._rows(design.required("averaged"))
-        floor_v = design.quantity("noise_floor", "V") if "noise_floor" in design else 0.0
-        self.instrument = Averaged(floor_v, design.number("relative_noise", 0.0))
+        self.rows = self._rows(design.averaged)
+        floor_v = positive_in(design.noise_floor, "V") if design.noise_floor else 0.0
+        self.instrument = Averaged(floor_v, design.relative_noise or 0.0)
 
     def measure(self, bench: Bench, seed: int) -> Measured:
         """Measure its rows on a bench."""
@@ -61,11 +60,10 @@ class Plan:
             self._table.path.name: self._experiments(measured, head),
             TRUTH_NAME: truth_toml(measured, head),
         }
-        sweep = self._top.sub("sweep")
-        if "file" in sweep:
-            source = self.path.parent / sweep.text("file")
+        if self._sweep is not None:
+            source = self._sweep.file
             if not source.is_file():
-                raise BadInput(f"{sweep.where('file')}: {source}: no such file")
+                raise BadInput(f"{self.path}: [sweep] file: {source}: no such file")
             files[source.name] = source.read_bytes()
         return files
 
@@ -78,14 +76,13 @@ class Plan:
                     f"set it, wanted {', '.join(settable)}"
                 )
 
-    def _rows(self, averaged: Any) -> tuple[Row, ...]:
-        """The rows as measurements; ``averaged`` as the file has it, a number per row."""
+    def _rows(self, averaged: Sequence[int]) -> tuple[Row, ...]:
+        """The rows as measurements, each with its number of averaged spectra."""
         labels = self._table.texts(self._table.column("experiment"))
-        good = isinstance(averaged, list) and len(averaged) == len(labels)
-        if not good or not all(type(n) is int and n >= 1 for n in averaged):
+        if len(averaged) != len(labels):
             raise BadInput(
-                f"[design] averaged: found {averaged!r}, wanted {len(labels)} whole numbers, a "
-                f"number of spectra for every row of {self._table.path}"
+                f"{self.path}: [design] averaged: found {list(averaged)!r}, wanted {len(labels)} "
+                f"whole numbers, a number of spectra for every row of {self._table.path}"
             )
         return tuple(
             Row(

@@ -6,11 +6,10 @@ No reader of a fit opens it.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitting.campaign.section import Section
 from fitting.lab.bench import Bench, Measured
 from fitting.lab.duffing import Cubic, CubicModes
 from fitting.lab.instruments.analyser import Analyser
@@ -70,14 +69,14 @@ def read_bench(truth: Path) -> Bench:
     Raises:
         BadInput: no such file, or one that does not describe a bench.
     """
-    top = Section(truth, "", read_toml(truth))
-    names = [name for name in _names(Bench) if name not in ELSEWHERE]
-    bench = _required(top.sub("bench", names), names)
-    modes = _required(top.sub("modes", _names(TwoModes)), _names(TwoModes))
+    tables = read_toml(truth)
+    names = tuple(name for name in _names(Bench) if name not in ELSEWHERE)
+    bench = _values(tables, "bench", names, truth)
+    modes = _values(tables, "modes", _names(TwoModes), truth)
     cubic, drive = None, {}
-    if "cubic" in top:
-        cubic = _required(top.sub("cubic", _names(Cubic)), _names(Cubic))
-        drive = _required(top.sub("drive"), ("weak_level", "repeatability", "levels"))
+    if "cubic" in tables:
+        cubic = _values(tables, "cubic", _names(Cubic), truth)
+        drive = _values(tables, "drive", ("weak_level", "repeatability", "levels"), truth)
     try:
         bench["pairs_hz"] = tuple((float(low), float(high)) for low, high in bench["pairs_hz"])
         low, high = bench["floor_v"]
@@ -96,8 +95,15 @@ def read_bench(truth: Path) -> Bench:
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 
 
-def _required(section: Section, names: Sequence[str]) -> dict[str, Any]:
-    return {name: section.required(name) for name in names}
+def _values(
+    tables: Mapping[str, Any], table: str, names: Sequence[str], truth: Path
+) -> dict[str, Any]:
+    """The values of a table by these names, all of which must be there."""
+    values = tables.get(table, {})
+    for name in names:
+        if not isinstance(values, Mapping) or name not in values:
+            raise BadInput(f"{truth}: [{table}]: key '{name}' is missing")
+    return {name: values[name] for name in names}
 
 
 def _plain(record: DataclassInstance, skip: Sequence[str] = ()) -> dict[str, Any]:
