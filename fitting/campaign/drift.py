@@ -10,6 +10,7 @@ Experiments of one time stamp are one state of the sample: they share their delt
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -26,6 +27,8 @@ from fitting.text.written import Written, in_unit
 
 #: An offset may leave the interpolated drift by this many standard deviations of its prior.
 REACH = 6.0
+#: Positions in a series may leave it by so much.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -33,11 +36,24 @@ class Drifting:
     """Drift of a bound campaign: ``ends`` (before, after) by variable, in the FMU's units.
 
     ``positions`` (n,) of the experiments between them, 0 to 1; ``parameters`` correct it.
+
+    Raises:
+        BadInput: ends that are not finite, positions that are not from 0 to 1.
     """
 
     ends: Mapping[str, tuple[float, float]]
     positions: tuple[float, ...]
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[Parameter, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, (before, after) in self.ends.items():
+            if not (math.isfinite(before) and math.isfinite(after)):
+                raise BadInput(
+                    f"drift of {name}: from {before:g} to {after:g}, wanted finite values"
+                )
+        if not all(-ROUNDING <= place <= 1.0 + ROUNDING for place in self.positions):
+            shown = ", ".join(f"{place:g}" for place in self.positions)
+            raise BadInput(f"drift: positions {shown} of the experiments, wanted them from 0 to 1")
 
 
 def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
@@ -80,7 +96,7 @@ def _positions(campaign: Campaign) -> tuple[float, ...]:
         )
     places = (stamps - begin) / (end - begin)
     for e, place in zip(experiments, places, strict=True):
-        if not -1e-9 <= place <= 1.0 + 1e-9 and e.stamp is not None:
+        if not -ROUNDING <= place <= 1.0 + ROUNDING and e.stamp is not None:
             raise BadInput(
                 f"{e.stamp.where}: found {e.stamp.value!r}, which lies outside the time from "
                 "before_time to after_time"

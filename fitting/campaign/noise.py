@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.file import WrittenNoise
+from fitting.campaign.file import OUTLIERS, WrittenNoise
 from fitting.campaign.parameters import Parameter
 from fitting.signal.amplitudes import Amplitude
 from fitting.signal.scale import laboratory_maximum
@@ -32,12 +32,29 @@ SCALE_NAME = "ln_scale"
 
 @dataclass(frozen=True)
 class Noise:
-    """Declared noise in the campaign's unit, peak amplitudes; see `WrittenNoise`."""
+    """Declared noise in the campaign's unit, peak amplitudes; see `WrittenNoise`.
+
+    Raises:
+        BadInput: a share that is not from 0 to below 1, a negative or infinite ``absolute_v``,
+            other ``outliers`` than "keep" or "huber", a ``threshold`` that is not above zero.
+    """
 
     relative: float = 0.0
     absolute_v: float = 0.0
     outliers: str = "keep"
     threshold: float = 4.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.relative < 1.0:
+            raise BadInput(f"noise: relative {self.relative:g}, wanted a share from 0 to below 1")
+        if not 0.0 <= self.absolute_v < math.inf:
+            raise BadInput(f"noise: absolute {self.absolute_v:g}, wanted zero or more")
+        if self.outliers not in OUTLIERS:
+            raise BadInput(
+                f"noise: outliers '{self.outliers}', wanted one of {', '.join(OUTLIERS)}"
+            )
+        if not self.threshold > 0.0:
+            raise BadInput(f"noise: threshold {self.threshold:g}, wanted more than zero")
 
     @property
     def declared(self) -> bool:
