@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import shlex
 from pathlib import Path
 
@@ -14,20 +15,15 @@ from fitting.fmu.models import provide_fmu
 from fitting.inference.identification import IdentificationOptions, identify
 from fitting.inference.inference import BUDGET
 from fitting.inference.knowledge import Identification
-from fitting.report.figures.inference import knowledge_figures
-from fitting.report.figures.style import save, style
-from fitting.report.page import page
-from fitting.report.sections import Section, knowledge_section
-from fitting.report.tables import pairs_table
-from fitting.report.words.knowledge import knowledge_lines
-from fitting.text.files import write_whole
-from fitting.text.notation import number
+from fitting.report.table import text_lines
+from fitting.report.tables.inference import direction_table
+from fitting.report.words.inference import knowledge_lines
 from fitting.text.records import write_json
 
 NAME = "identify"
 SUMMARY = "what these data determine, before or after a fit: directions, intervals, verdicts"
 EXAMPLE = "fmu-fit identify data/string_q1/campaign.toml --out out/identify_q1"
-JSON_NAME, PAGE_NAME, FIGURES = "identify.json", "report.html", "figures"
+JSON_NAME = "identify.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,7 +96,9 @@ def run(args: argparse.Namespace) -> int:
     print("\n".join(table(found)))
     print(f"\nwritten: {out / JSON_NAME}")
     if not args.no_report:
-        print(f"report: {_report(found, out)}")
+        # matplotlib takes a second to import: only where something is drawn
+        report = importlib.import_module("fitting.report.identification")
+        print(f"report: {report.write_report(found, out)}")
     return 0
 
 
@@ -113,41 +111,10 @@ def table(found: Identification) -> list[str]:
         f"{kind}, set out from {found.at}",
         "",
     ]
-    lines.append(f"{'singular value':>15} {'per box':>10}  direction (x = (p - reference)/scale)")
-    for direction in found.knowledge.directions:
-        vector = ", ".join(f"{name} {number(v, 3)}" for name, v in direction.vector.items())
-        lines.append(f"{direction.singular:15.4g} {direction.share:10.3g}  {vector}")
+    directions = direction_table(found.knowledge)
+    if directions is not None:  # what was tried along them is told below
+        lines += text_lines(directions.without("what was tried"))
     return [*lines, "", *knowledge_lines(found.knowledge)]
-
-
-def _report(found: Identification, out: Path) -> Path:
-    drawn = knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
-    with style():
-        figures = tuple(save(drawing, out / FIGURES) for drawing in drawn)
-    section = knowledge_section(found.knowledge, figures)
-    origin = pairs_table(
-        "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
-    )
-    sections = [s for s in (section, Section("provenance", "Provenance", tables=(origin,))) if s]
-    open_ = [n for n, p in found.knowledge.profiles.items() if p.verdict != "determined"]
-    message = (
-        "Not or only partly determined: " + ", ".join(open_) + "."
-        if open_
-        else "These data determine every value."
-    )
-    path = out / PAGE_NAME
-    write_whole(
-        path,
-        page(
-            found.title,
-            "what the data determine",
-            sections,
-            synthetic=found.synthetic,
-            good=not open_,
-            status=("Identified", message),
-        ),
-    )
-    return path
 
 
 def _command(args: argparse.Namespace) -> str:

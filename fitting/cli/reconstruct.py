@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
-import math
 import shlex
 import sys
 from collections.abc import Sequence
@@ -21,22 +19,18 @@ from fitting.fit.evaluator import MISFITS
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.job import Options, job_of, options_of
 from fitting.fit.reconstruction import Hooks, Progress
-from fitting.fit.result import (
-    IDENTIFIABLE,
-    DerivedResult,
-    OffsetResult,
-    ParameterResult,
-    Result,
-    write_result,
-)
+from fitting.fit.result import Result, write_result
 from fitting.fit.sweep_line import line_sentences
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
 from fitting.inference import inference
 from fitting.inference.external import check_external, with_external
-from fitting.report.plan import plan_line
 from fitting.report.shown import shown_campaign
-from fitting.report.words.knowledge import knowledge_lines
+from fitting.report.table import text_lines
+from fitting.report.tables.values import values_table
+from fitting.report.words.agreement import agreement_sentences
+from fitting.report.words.inference import knowledge_lines
+from fitting.report.words.plan import plan_line
 from fitting.text.errors import BadInput
 
 NAME = "reconstruct"
@@ -189,12 +183,9 @@ def _command(args: argparse.Namespace) -> str:
 
 
 def _report(result: Result, bound: BoundCampaign, out: Path) -> None:
-    """Figures and report, where that part of the package is installed."""
-    if importlib.util.find_spec("fitting.report.page") is None:
-        return
-    data = shown_campaign(bound)
-    page = importlib.import_module("fitting.report.page").write_report(result, data, out)
-    print(f"report: {page}")
+    # matplotlib takes a second to import: only where something is drawn
+    report = importlib.import_module("fitting.report.reconstruction")
+    print(f"report: {report.write_report(result, shown_campaign(bound), out)}")
 
 
 class _Line:
@@ -223,36 +214,13 @@ class _Line:
             sys.stderr.flush()
 
 
-def _shown(value: float, form: str) -> str:
-    """A number in that form, a dash where there is none."""
-    return "-" if math.isnan(value) else f"{value:{form}}"
-
-
-def _error(std: float) -> str:
-    return _shown(std, ".2g")
-
-
-def _named(offset: OffsetResult) -> str:
-    return f"{'+'.join(offset.variables)} in {', '.join(offset.experiments)}"
-
-
 def table(result: Result) -> list[str]:
     """The result as lines of text."""
     marked = result.synthetic and "synthetic" not in result.title.lower()
     lines = [result.title + (" [synthetic]" if marked else ""), ""]
-    lines.append(f"{'parameter':12} {'value':>14} {'unit':5} {'std':>9} {'prior':>12}  by the data")
-    for name, p in result.parameters.items():
-        lines.append(_value_line(name, p, p.lower, p.upper, ".8g"))
-    for name, d in result.derived.items():
-        lines.append(_value_line(name, d, *d.box, ".9g"))
-    lines += [
-        f"{_named(o):12} {o.value:+14.5g} {o.unit:5} {_error(o.std):>9} {0.0:12.6g}  "
-        f"{o.identifiable} ({o.shrinkage:.2f})"
-        for o in result.offsets
-    ]
-    if result.joint is not None:
-        lines += ["", *(t.sentence for t in result.joint.tensions)]
-    lines += [test.sentence for test in result.external]
+    lines += text_lines(values_table(result))
+    agreement = agreement_sentences(result)
+    lines += ["", *agreement] if agreement else []
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
     for other in result.alternatives:
@@ -275,17 +243,3 @@ def table(result: Result) -> list[str]:
     lines += ["", f"{result.status}: {result.message}"]
     lines += [f"warning: {text}" for text in result.warnings]
     return lines
-
-
-def _value_line(
-    name: str, result: ParameterResult | DerivedResult, low: float, high: float, form: str
-) -> str:
-    """A row of the table; what the data do not determine is its range, and no value."""
-    value, note = _shown(result.value, form), f"{result.identifiable} ({result.shrinkage:.2f})"
-    if math.isnan(low):
-        note = "has no value at any parameters tried"
-    elif result.identifiable == IDENTIFIABLE[2]:
-        note += f": {low:.6g} to {high:.6g}" + (f", stopped at {value}" if value != "-" else "")
-        value = "-"
-    reference, error = _shown(result.reference, ".6g"), _error(result.std)
-    return f"{name:12} {value:>14} {result.unit:5} {error:>9} {reference:>12}  {note}"

@@ -1,4 +1,4 @@
-"""A result as one self-contained HTML file: figures embedded, nothing fetched from anywhere."""
+"""A page of this program: one self-contained HTML file, figures embedded, nothing fetched."""
 
 from __future__ import annotations
 
@@ -7,18 +7,45 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 import fitting
-from fitting.fit.result import STATUSES, Result
-from fitting.report.figures.reconstruction import write_figures
 from fitting.report.figures.style import FigureFile
-from fitting.report.sections import Section, sections_of
-from fitting.report.shown import ShownCampaign
+from fitting.report.table import Table, environment
 from fitting.text.files import write_whole
 
-TEMPLATES = Path(__file__).parent / "templates"
 NAME = "report.html"
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section: `id` for links, sentences, a list, tables, figures (in this order)."""
+
+    id: str
+    title: str
+    paragraphs: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    figures: tuple[FigureFile, ...] = ()
+
+
+@dataclass(frozen=True)
+class Status:
+    """How something ended: in a word or two, in a sentence, and whether that is `good`."""
+
+    words: str
+    message: str
+    good: bool
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: what it is about, its kind in the title bar, how it ended, warnings, sections."""
+
+    title: str
+    kind: str
+    status: Status
+    sections: tuple[Section, ...]
+    synthetic: bool
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -32,69 +59,29 @@ class Picture:
     caption: str
 
 
-def write_report(
-    result: Result,
-    data: ShownCampaign,
-    out_dir: Path,
-    figures: Sequence[FigureFile] | None = None,
-) -> Path:
+def write_page(page: Page, folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
 
-    Figures are drawn (`out_dir`/figures) unless they are handed in. The same result gives the same
-    bytes.
+    The same page gives the same bytes.
 
     Raises:
         BadInput: the folder cannot be written.
     """
-    drawn = write_figures(result, data, out_dir) if figures is None else figures
-    path = out_dir / NAME
-    write_whole(path, render(result, data, drawn))
+    path = folder / NAME
+    write_whole(path, render(page))
     return path
 
 
-def render(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) -> str:
-    """The report as HTML text."""
-    return page(
-        result.title,
-        "reconstruction",
-        sections_of(result, data, figures),
-        synthetic=result.synthetic,
-        good=result.status == STATUSES[0],
-        status=(result.status, result.message),
-        warnings=result.warnings,
-    )
-
-
-def page(
-    title: str,
-    kind: str,
-    sections: Sequence[Section],
-    *,
-    synthetic: bool,
-    good: bool,
-    status: tuple[str, str],
-    warnings: Sequence[str] = (),
-) -> str:
-    """Any report of this program as HTML text: sections under a status and its message."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["exact"] = repr
-    return environment.get_template("report.html.j2").render(
-        title=title,
-        kind=kind,
-        synthetic=synthetic,
-        converged=good,
-        status=status[0],
-        message=status[1],
-        warnings=warnings,
-        sections=_numbered(sections),
-        version=fitting.__version__,
+def render(page: Page) -> str:
+    """The page as HTML text."""
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            page=page,
+            sections=_numbered(page.sections),
+            version=fitting.__version__,
+        )
     )
 
 

@@ -19,10 +19,8 @@ from fitting.lab.tradeoff.tables import (
     words,
 )
 from fitting.report.figures.style import FigureFile
-from fitting.report.page import NAME, page
-from fitting.report.sections import Section
-from fitting.report.tables import Cell, Table
-from fitting.text.files import write_whole
+from fitting.report.page import Page, Section, Status, write_page
+from fitting.report.table import Cell, Head, Table, pairs_table
 
 
 def write_report(study: Study, figures: Sequence[FigureFile], folder: Path) -> Path:
@@ -31,26 +29,23 @@ def write_report(study: Study, figures: Sequence[FigureFile], folder: Path) -> P
     Raises:
         BadInput: the folder cannot be written.
     """
-    path = folder / NAME
-    write_whole(path, render(study, figures))
-    return path
+    return write_page(page_of(study, figures), folder)
 
 
-def render(study: Study, figures: Sequence[FigureFile]) -> str:
-    """The report as HTML text."""
+def page_of(study: Study, figures: Sequence[FigureFile]) -> Page:
+    """The report as a page."""
     sections = [_accuracies(study), _picture(figures), _fronts(study)]
     if study.notes:
         sections.append(Section("plan", "What the plan says", points=study.notes))
     sections.append(_origin(study))
     described = f"{study.description[0].upper()}{study.description[1:]}"
-    return page(
-        f"{study.title}: accuracy against cost",
-        "trade-off",
-        sections,
+    return Page(
+        title=f"{study.title}: accuracy against cost",
+        kind="trade-off",
+        status=Status(study.status, f"{described}. {study.message}", study.status == "finished"),
+        sections=tuple(sections),
         synthetic=study.synthetic,
-        good=study.status == "finished",
-        status=(study.status, f"{described}. {study.message}"),
-        warnings=_warnings(study),
+        warnings=tuple(_warnings(study)),
     )
 
 
@@ -73,7 +68,7 @@ def _accuracies(study: Study) -> Section:
         tables.append(
             Table(
                 f"For this accuracy: these settings ({quantity})",
-                tuple(Cell(head) for head in heads),
+                tuple(Head(head) for head in heads),
                 tuple(_row(row, len(heads)) for row in rows),
                 reference_sentence(study, quantity),
             )
@@ -105,7 +100,7 @@ def _picture(figures: Sequence[FigureFile]) -> Section:
 def _fronts(study: Study) -> Section:
     tables = []
     heads = tuple(
-        Cell(t) for t in ("error", "cost", "wall time", "FMU runs", "doStep", "getReal", "settings")
+        Head(t) for t in ("error", "cost", "wall time", "FMU runs", "doStep", "getReal", "settings")
     )
     for quantity in by_quantity(study):
         rows = tuple(
@@ -129,6 +124,5 @@ def _fronts(study: Study) -> Section:
 
 
 def _origin(study: Study) -> Section:
-    rows = tuple((Cell(key, head=True), Cell(value)) for key, value in study.provenance.items())
-    table = Table("Provenance", (Cell("what"), Cell("value")), rows)
+    table = pairs_table("Provenance", ("what", "value"), study.provenance)
     return Section("origin", "Where this comes from", tables=(table,))

@@ -13,8 +13,10 @@ import pytest
 from lxml import etree, html
 
 from fitting.fit.result import Result
+from fitting.report import table as tables
 from fitting.report.figures.style import FigureFile
-from fitting.report.page import render, write_report
+from fitting.report.page import render, write_page
+from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
 from fitting.text.errors import BadInput
 from tests.support import report_records as records
@@ -58,7 +60,7 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> list[FigureFile]:
 
 @pytest.fixture(scope="module")
 def page(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> Any:
-    return html.document_fromstring(render(result, data, figures))
+    return html.document_fromstring(render(page_of(result, data, figures)))
 
 
 def table(page: Any, caption: str) -> list[list[Any]]:
@@ -234,14 +236,14 @@ def test_warnings_plan_notes_and_provenance_are_told(page: Any, result: Result) 
 @pytest.mark.parametrize("synthetic", [True, False])
 def test_synthetic_data_are_called_so(synthetic: bool, figures: list[FigureFile]) -> None:
     data = records.campaign(synthetic=synthetic)
-    page = html.document_fromstring(render(records.result_for(data), data, figures))
+    page = html.document_fromstring(render(page_of(records.result_for(data), data, figures)))
     assert bool(page.find_class("synthetic")) is synthetic
     assert ("synthetic" in page.findtext(".//title")) is synthetic
 
 
 def test_a_bad_end_is_seen(result: Result, data: ShownCampaign, figures: list[FigureFile]) -> None:
     ended = replace(result, status="not converged", message="The last level stalled.", warnings=())
-    page = html.document_fromstring(render(ended, data, figures))
+    page = html.document_fromstring(render(page_of(ended, data, figures)))
     box = page.get_element_by_id("status")
     assert box.get("class") == "status bad"
     assert box.text_content() == "Not converged. The last level stalled."
@@ -265,7 +267,7 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
         alternatives=(),
         correlation=((1.0,),),
     )
-    text = render(hostile, data, [replace(f, alt=evil, caption=evil) for f in figures])
+    text = render(page_of(hostile, data, [replace(f, alt=evil, caption=evil) for f in figures]))
     page = html.document_fromstring(text)
     assert not list(page.iter("script"))
     assert page.findtext(".//h1") == evil
@@ -276,7 +278,7 @@ def test_names_from_outside_cannot_become_markup(figures: list[FigureFile]) -> N
 def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None:
     data = records.campaign(tones=[])
     result = replace(records.result_for(data), correlation=())
-    page = html.document_fromstring(render(result, data, figures[4:5]))
+    page = html.document_fromstring(render(page_of(result, data, figures[4:5])))
     captions = [t.findtext("caption") for t in page.iter("table")]
     assert "Fitted parameters" in captions
     assert not [c for c in captions if "Peaks" in c or "per experiment" in c]
@@ -299,12 +301,10 @@ def test_a_folder_in_the_way_is_bad_input_and_leaves_nothing(
 ) -> None:
     (tmp_path / "report.html").mkdir()
     with pytest.raises(BadInput, match=r"report\.html"):
-        write_report(result, data, tmp_path, figures)
+        write_page(page_of(result, data, figures), tmp_path)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
 
 def test_the_template_travels_with_the_package() -> None:
-    from fitting.report import page as report
-
-    assert (report.TEMPLATES / "report.html.j2").is_file()
-    assert report.TEMPLATES.parent == Path(report.__file__).parent
+    assert (tables.TEMPLATES / "report.html.j2").is_file()
+    assert tables.TEMPLATES.parent == Path(tables.__file__).parent

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.campaign import Drift
+from fitting.campaign import BoundCampaign, Drift
 from fitting.campaign.joint import join_campaigns
 from fitting.fit.joint_result import JointResult, SeriesPart
 from fitting.report.shown import shares_of, shown_campaign
@@ -16,7 +16,7 @@ from tests.support import closed_form
 from tests.support import report_records as records
 
 
-def campaign(folder: Path) -> closed_form.BoundCampaign:
+def campaign(folder: Path) -> BoundCampaign:
     """The closed-form string, noise-free, in a folder of its own."""
     folder.mkdir()
     response = closed_form.string_response()

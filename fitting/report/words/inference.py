@@ -11,6 +11,14 @@ from fitting.fit.result import IDENTIFIABLE
 from fitting.inference.knowledge import Bootstrap, Knowledge, Profile
 from fitting.text.notation import number, prefixed, span
 
+ENDS = {
+    "crossed": "ended by the data",
+    "bound": "bound of the box",
+    "round": "goes round",
+    "lost": "nothing found beyond",
+    "cost": "cut for its cost",
+}
+
 
 def profile_words(name: str, profile: Profile) -> str:
     """One value: its 95 % interval, or that it is not determined and what it could be."""
@@ -70,3 +78,39 @@ def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
             f"std {number(found.std, 2)}"
         )
     return lines
+
+
+def knowledge_words(knowledge: Knowledge) -> tuple[str, ...]:
+    """Paragraphs of the report's section."""
+    first = (
+        "Intervals and verdicts below come from the profile likelihood: every value is moved away "
+        "from the most likely point, all other parameters follow it as well as they can, until the "
+        "data object (Δχ² = 1 for 68 %, 3.84 for 95 %) or the box ends."
+    )
+    if not knowledge.data:
+        first += (
+            " No data were used: the measurements are taken to be those of the reference "
+            "parameters, so that this is what such a campaign could determine."
+        )
+    extra = () if knowledge.nu is None else knowledge.nu.sentences
+    return (first, *(typeset(said) for said in (*knowledge.sentences, *extra)))
+
+
+def typeset(said: str) -> str:
+    """A sentence of the terminal with the signs of print."""
+    for plain, printed in (("chi^2", "χ²"), (" sigma", " σ"), (" nu ", " ν "), (" nu:", " ν:")):
+        said = said.replace(plain, printed)
+    return said
+
+
+def end_words(end: str) -> str:
+    """What ended a branch of a profile."""
+    return ENDS.get(end, end)
+
+
+def open_values_sentence(knowledge: Knowledge) -> str:
+    """What the data leave open."""
+    names = [n for n, p in knowledge.profiles.items() if p.verdict != IDENTIFIABLE[0]]
+    if not names:
+        return "These data determine every value."
+    return f"Not or only partly determined: {', '.join(names)}."

@@ -1,0 +1,43 @@
+"""The report of an identification: what data determine, before or after a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fitting.fit.result import IDENTIFIABLE
+from fitting.inference.knowledge import Identification
+from fitting.report.figures.inference import knowledge_figures
+from fitting.report.figures.style import save, style
+from fitting.report.page import Page, Section, Status, write_page
+from fitting.report.reconstruction import knowledge_section
+from fitting.report.table import pairs_table
+from fitting.report.words.inference import open_values_sentence
+
+FIGURES = "figures"
+
+
+def write_report(found: Identification, out_dir: Path) -> Path:
+    """Draw the figures (`out_dir`/figures), write `report.html` and return its path.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    drawn = knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
+    with style():
+        figures = tuple(save(drawing, out_dir / FIGURES) for drawing in drawn)
+    origin = pairs_table(
+        "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
+    )
+    made = (
+        knowledge_section(found.knowledge, figures),
+        Section("provenance", "Provenance", tables=(origin,)),
+    )
+    open_ = any(p.verdict != IDENTIFIABLE[0] for p in found.knowledge.profiles.values())
+    page = Page(
+        title=found.title,
+        kind="what the data determine",
+        status=Status("Identified", open_values_sentence(found.knowledge), not open_),
+        sections=tuple(section for section in made if section is not None),
+        synthetic=found.synthetic,
+    )
+    return write_page(page, out_dir)

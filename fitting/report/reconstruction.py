@@ -1,0 +1,253 @@
+"""The report of a reconstruction: its sections, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from fitting.fit.result import STATUSES, DerivedResult, ParameterResult, Result
+from fitting.fit.sweep_line import line_sentences
+from fitting.inference.knowledge import Knowledge
+from fitting.report.figures.reconstruction import write_figures
+from fitting.report.figures.style import FigureFile
+from fitting.report.page import Page, Section, Status, write_page
+from fitting.report.shown import ShownCampaign
+from fitting.report.table import Table, pairs_table
+from fitting.report.tables.fit import alternative_table, ending_table, history_table, start_table
+from fitting.report.tables.inference import knowledge_tables
+from fitting.report.tables.joint import joint_tables
+from fitting.report.tables.plan import plan_table
+from fitting.report.tables.sweep import line_table
+from fitting.report.tables.tones import deviation_table, mean_deviation_table
+from fitting.report.tables.values import (
+    correlation_table,
+    derived_table,
+    offset_table,
+    parameter_table,
+    per_experiment_table,
+)
+from fitting.report.words.agreement import agreement_sentences
+from fitting.report.words.inference import knowledge_words
+from fitting.report.words.plan import remarks
+from fitting.report.words.sweep import scale_sentence
+from fitting.report.words.values import (
+    deviation_sentence,
+    equal_alternatives_sentence,
+    scalar_words,
+    settings_words,
+    tied_sentences,
+    value_sentence,
+)
+from fitting.text.notation import number
+
+Figures = tuple[FigureFile, ...]
+#: Names of figures by the section that they belong to; what is in none gets one of its own.
+DATA_FIGURES = ("1_drive", "2_spectra")
+DEVIATION_FIGURES = ("3_deviation_over_frequency", "4_improvement", "7_deviation_per_experiment")
+KNOWLEDGE_FIGURES = ("9_profiles", "10_together", "11_outputs", "12_nu")
+
+
+def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
+    """Draw the figures (`out_dir`/figures), write `report.html` and return its path.
+
+    The same result gives the same bytes.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    return write_page(page_of(result, data, write_figures(result, data, out_dir)), out_dir)
+
+
+def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) -> Page:
+    """The report as a page."""
+    return Page(
+        title=result.title,
+        kind="reconstruction",
+        status=Status(result.status, result.message, result.status == STATUSES[0]),
+        sections=sections_of(result, data, figures),
+        synthetic=result.synthetic,
+        warnings=result.warnings,
+    )
+
+
+def sections_of(
+    result: Result, data: ShownCampaign, figures: Sequence[FigureFile]
+) -> tuple[Section, ...]:
+    """All sections that this result has something for; every figure appears in one of them."""
+    shelf = {figure.name: figure for figure in figures}
+
+    def take(*names: str) -> Figures:
+        """Figures of that name, and of that name for each campaign of a joint fit."""
+        found = [n for name in names for n in shelf if n == name or n.startswith(f"{name}_")]
+        return tuple(shelf.pop(name) for name in found)
+
+    made = [
+        _found(result),
+        knowledge_section(result.knowledge, take(*KNOWLEDGE_FIGURES)),
+        _agreement(result),
+        _derived(result, data, take("6_derived_per_experiment")),
+        _experiments(result, data, take(*DATA_FIGURES)),
+        _response(result, take("8_frequency_response")),
+        _deviations(result, data, take(*DEVIATION_FIGURES)),
+        _convergence(result, take("5_convergence")),
+        _search(result),
+        _settings(result, data),
+        _plan(result, data),
+        _provenance(result),
+    ]
+    if shelf:
+        made.append(Section("figures", "Further figures", figures=tuple(shelf.values())))
+    return tuple(section for section in made if section is not None)
+
+
+def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section | None:
+    """What the data determine; None where no profiles were walked."""
+    if knowledge is None:
+        return None
+    return Section(
+        id="knowledge",
+        title="What the data determine",
+        paragraphs=knowledge_words(knowledge),
+        tables=knowledge_tables(knowledge),
+        figures=figures,
+    )
+
+
+def _existing(*tables: Table | None) -> tuple[Table, ...]:
+    return tuple(table for table in tables if table is not None)
+
+
+def _found(result: Result) -> Section:
+    said = [deviation_sentence(result)]
+    if result.alternative:
+        said.append(f"Reported alternative: {settings_words(result.alternative)}.")
+    every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
+    values = [value_sentence(name, value) for name, value in every.items()]
+    return Section(
+        id="found",
+        title="What was found, and what the data do not determine",
+        paragraphs=tuple(said),
+        points=(*values, *tied_sentences(result)),
+        tables=_existing(parameter_table(result), offset_table(result), correlation_table(result)),
+    )
+
+
+def _agreement(result: Result) -> Section | None:
+    """Campaigns that were fitted together, and values from elsewhere."""
+    said, shown = agreement_sentences(result), joint_tables(result)
+    if not said and not shown:
+        return None
+    return Section("agreement", "Do the measurements agree?", points=said, tables=shown)
+
+
+def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:
+    if not result.derived:
+        return None
+    return Section(
+        id="derived",
+        title="Derived quantities",
+        paragraphs=("Outputs of the FMU at the fitted parameters, read after initialisation.",),
+        tables=_existing(derived_table(result), per_experiment_table(result, data)),
+        figures=figures,
+    )
+
+
+def _experiments(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:
+    if not data.tones:
+        return None
+    spectra = sum(1 for tones in data.tones if tones.trace is not None)
+    read = "peaks given in the experiments file"
+    if spectra:
+        read = f"peaks read from {spectra} spectra, noise floor removed"
+    said = f"{len(data.tones)} experiments with {len(result.peaks)} {read}."
+    return Section("experiments", "Experiments and spectra", (said,), figures=figures)
+
+
+def _response(result: Result, figures: Figures) -> Section | None:
+    title = "Frequency response and scale"
+    if result.sweep is None:
+        said = ("Every campaign has a sweep and a scale of its own.",)
+        return Section("response", title, said, figures=figures) if figures else None
+    table, told = None, []
+    if result.line is not None:
+        table = line_table(result.line)
+        if table is None:
+            told.append(f"No resonance could be fitted to the sweep: {result.line.message}.")
+        else:
+            told += line_sentences(result.line)[1:]  # the table holds the first
+    told.append(scale_sentence(result.scale))
+    return Section("response", title, tuple(told), tables=_existing(table), figures=figures)
+
+
+def _deviations(result: Result, data: ShownCampaign, figures: Figures) -> Section:
+    said = (
+        f"Relative deviation |χz − z*|/z* of simulated (z) from measured amplitudes (z*). "
+        f"J_fit = {number(result.j_fit, 6)}, J_reg = {number(result.j_reg, 3)}."
+    )
+    return Section(
+        id="deviations",
+        title="Deviations",
+        paragraphs=(said,),
+        tables=_existing(mean_deviation_table(result, data), deviation_table(result, data)),
+        figures=figures,
+    )
+
+
+def _convergence(result: Result, figures: Figures) -> Section:
+    tables = (history_table(result), ending_table(result))
+    return Section("convergence", "Convergence", tables=tables, figures=figures)
+
+
+def _search(result: Result) -> Section | None:
+    if not result.alternatives:
+        return None
+    said = equal_alternatives_sentence(result)
+    return Section(
+        id="search",
+        title="Alternatives and starts",
+        paragraphs=(said,) if said else (),
+        tables=(alternative_table(result), start_table(result)),
+    )
+
+
+def _settings(result: Result, data: ShownCampaign) -> Section:
+    cost = result.evaluations
+    spent = (
+        f"{cost.objective} evaluations of the objective, {cost.jacobians} Jacobians, "
+        f"{cost.fmu_runs} simulation runs, {result.seconds:.1f} s"
+    )
+    chosen = {name: scalar_words(v) for name, v in result.provenance.settings.items()}
+    heads = ("setting", "value")
+    tables = (
+        pairs_table("Campaign", heads, {**data.settings, "cost": spent}),
+        pairs_table("Continuation", heads, chosen),
+    )
+    return Section("settings", "Settings", tables=tables)
+
+
+def _plan(result: Result, data: ShownCampaign) -> Section | None:
+    sentences = (*remarks(result.plan, result.provenance.plan), *data.notes)
+    if not sentences and result.plan is None:
+        return None
+    shown = () if result.plan is None else (plan_table(result.plan),)
+    return Section("plan", "What was simulated, and why so", points=sentences, tables=shown)
+
+
+def _provenance(result: Result) -> Section:
+    source = result.provenance
+    origin = {
+        "command": source.command,
+        "campaign": source.campaign,
+        "seed": str(source.seed),
+        "finished": source.finished,
+        "FMU": source.fmu_name,
+        "FMU file": source.fmu_file,
+        "FMU guid": source.fmu_guid,
+        "FMU sha256": source.fmu_sha256,
+    }
+    tables = (
+        pairs_table("Origin", ("what", "which"), origin),
+        pairs_table("Versions", ("program", "version"), source.versions),
+        pairs_table("Files read", ("file", "sha256"), source.files),
+    )
+    return Section("provenance", "Provenance", tables=tables)

@@ -1,0 +1,227 @@
+"""One description of a table for terminal, page and file: columns, and rows made from records.
+
+A column says what stands in it, in which unit, and how its numbers are written. Numbers keep their
+exact value beside what is shown of them: a page carries it along, a CSV file holds nothing else.
+"""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from fitting.text.notation import markup, number, prefixed, unit_text
+
+TEMPLATES = Path(__file__).parent / "templates"
+#: What a terminal is shown for signs that print has.
+_ASCII = str.maketrans({"\u00a0": " ", "−": "-", "–": "-", "∞": "inf"})
+_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_POWER = re.compile(r"(?:(\d[\d.]*)\s×\s)?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: `text` as shown, `value` the exact number behind it, `html` its markup if any.
+
+    `head` marks a cell that names its row; `mark` is a style class of the page.
+    """
+
+    text: str
+    value: float | None = None
+    html: str = ""
+    head: bool = False
+    mark: str = ""
+
+
+@dataclass(frozen=True)
+class Head:
+    """Head of a column: its name, the `unit` of its numbers, the unit in which they are `shown`.
+
+    `symbol`: the name is that of a quantity and is set as one, with the word `before` it.
+    """
+
+    name: str
+    unit: str = ""
+    shown: str = ""
+    symbol: bool = False
+    before: str = ""
+
+    @property
+    def text(self) -> str:
+        """The head as plain text."""
+        return f"{self.before}{self.name}{f' ({self.shown})' if self.shown else ''}"
+
+    @property
+    def html(self) -> str:
+        """The head as markup."""
+        name = markup(self.name) if self.symbol else html.escape(self.name)
+        shown = f" ({html.escape(self.shown)})" if self.shown else ""
+        return f"{html.escape(self.before)}{name}{shown}"
+
+
+@dataclass(frozen=True)
+class Column(Generic[Row]):
+    """What stands in a column: `of` a record its number, words or cell.
+
+    Numbers are in `unit` and written with so many `digits`, in the prefix that suits `size`, or by
+    the function `write`. `role` "name" marks the column that names the rows, "words" one of
+    sentences; `symbol` and `before` are those of the head.
+    """
+
+    name: str
+    of: Callable[[Row], float | str | Cell]
+    unit: str = ""
+    digits: int = 8
+    size: float | None = None
+    write: Callable[[float], str] | None = None
+    role: str = ""
+    symbol: bool = False
+    before: str = ""
+
+    @property
+    def scale(self) -> tuple[float, str]:
+        """Factor and unit in which the numbers are shown."""
+        return (1.0, unit_text(self.unit)) if self.size is None else prefixed(self.size, self.unit)
+
+    @property
+    def head(self) -> Head:
+        """The head of the column."""
+        return Head(self.name, unit_text(self.unit), self.scale[1], self.symbol, self.before)
+
+    def cell(self, row: Row) -> Cell:
+        """The cell of a record."""
+        found = self.of(row)
+        if isinstance(found, Cell):
+            cell = found
+        elif isinstance(found, str):
+            cell = Cell(found)
+        else:
+            cell = self._number(found)
+        if self.role == "name":
+            return replace(cell, head=True)
+        return replace(cell, mark=cell.mark or self.role)
+
+    def _number(self, value: float) -> Cell:
+        if isinstance(value, int):
+            return Cell(str(value), value)
+        shown = value / self.scale[0]
+        text = number(shown, self.digits) if self.write is None else self.write(shown)
+        return Cell(text, value) if math.isfinite(value) else Cell(number(value))
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: what it shows, the heads of its columns, rows of as many cells, a remark."""
+
+    caption: str
+    heads: tuple[Head, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.heads):
+                raise ValueError(f"{self.caption}: {len(row)} cells under {len(self.heads)} heads")
+
+    def without(self, *names: str) -> Table:
+        """The table without the columns of these names."""
+        kept = [k for k, head in enumerate(self.heads) if head.name not in names]
+        return replace(
+            self,
+            heads=tuple(self.heads[k] for k in kept),
+            rows=tuple(tuple(row[k] for k in kept) for row in self.rows),
+        )
+
+    def _repr_html_(self) -> str:
+        return html_table(self)
+
+
+def tabulate(
+    caption: str, columns: Sequence[Column[Row]], records: Iterable[Row], note: str = ""
+) -> Table:
+    """The table of records, a row each."""
+    return Table(
+        caption,
+        tuple(column.head for column in columns),
+        tuple(tuple(column.cell(record) for column in columns) for record in records),
+        note,
+    )
+
+
+def pairs_table(caption: str, heads: tuple[str, str], pairs: Mapping[str, str]) -> Table:
+    """Names and what belongs to them."""
+    columns: tuple[Column[tuple[str, str]], ...] = (
+        Column(heads[0], lambda pair: pair[0], role="name"),
+        Column(heads[1], lambda pair: pair[1], role="words"),
+    )
+    return tabulate(caption, columns, pairs.items())
+
+
+def symbol(name: str) -> Cell:
+    """A quantity by its name: set as a symbol on a page."""
+    return Cell(name, html=markup(name))
+
+
+def terminal_text(text: str) -> str:
+    """Text with the signs that every terminal has: "9.6 × 10⁻⁷" is 9.6e-7."""
+    plain = _POWER.sub(lambda m: f"{m[1] or 1}e{m[2].translate(_DIGITS)}", text)
+    return plain.translate(_ASCII)
+
+
+def text_lines(table: Table) -> list[str]:
+    """A table for a terminal: heads and rows, numbers to the right; neither caption nor note."""
+    heads = [terminal_text(head.text) for head in table.heads]
+    rows = [[terminal_text(cell.text) for cell in row] for row in table.rows]
+    right = [any(row[k].value is not None for row in table.rows) for k in range(len(heads))]
+    widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+    return [
+        "  ".join(
+            text.rjust(width) if to_right else text.ljust(width)
+            for text, width, to_right in zip(line, widths, right, strict=True)
+        ).rstrip()
+        for line in (heads, *rows)
+    ]
+
+
+def csv_text(table: Table) -> str:
+    """A table as CSV: exact numbers in the units of the heads, words as shown, dashes left out."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(f"{h.before}{h.name}{f' ({h.unit})' if h.unit else ''}" for h in table.heads)
+    for row in table.rows:
+        writer.writerow(c.text.strip("–") if c.value is None else exact_text(c.value) for c in row)
+    return text.getvalue()
+
+
+def exact_text(value: float) -> str:
+    """A number that gives itself back when it is read."""
+    return str(value) if isinstance(value, int) else repr(float(value))
+
+
+def html_table(table: Table) -> str:
+    """A table as HTML by itself, with the little style it needs and no page around it."""
+    return environment().get_template("table.html.j2").module.alone(table)  # type: ignore[attr-defined, no-any-return]
+
+
+def environment() -> Environment:
+    """The templates of this program: everything is escaped, nothing may be left undefined."""
+    made = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters["exact"] = exact_text
+    return made

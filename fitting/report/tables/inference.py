@@ -1,0 +1,155 @@
+"""Tables of what the data determine: profiles, directions, other minima, nu, bootstrap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from fitting.fit.result import IDENTIFIABLE
+from fitting.inference.knowledge import (
+    Direction,
+    Equivalent,
+    Knowledge,
+    NuChoice,
+    NuRow,
+    Percentiles,
+    Profile,
+)
+from fitting.report.table import Cell, Column, Table, symbol, tabulate
+from fitting.report.tables.values import interval, verdict
+from fitting.report.words.inference import end_words, typeset
+from fitting.text.notation import number, on_log_axis, unit_text
+
+Named = tuple[str, Profile]
+
+
+def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
+    """Profiles, directions, equivalent minima, choice of nu, bootstrap: those that exist."""
+    made = [profile_table(knowledge), direction_table(knowledge), equivalent_table(knowledge)]
+    if knowledge.nu is not None and knowledge.nu.rows:
+        made.append(nu_table(knowledge.nu))
+    made.append(bootstrap_table(knowledge))
+    return tuple(table for table in made if table is not None)
+
+
+def _best(profile: Profile) -> float | Cell:
+    """The most likely value, where the data determine one."""
+    return Cell("–") if profile.verdict == IDENTIFIABLE[2] else profile.best
+
+
+PROFILES: tuple[Column[Named], ...] = (
+    Column("value", lambda row: symbol(row[0]), role="name"),
+    Column("unit", lambda row: unit_text(row[1].unit)),
+    Column("most likely", lambda row: _best(row[1])),
+    Column("68 %", lambda row: interval(row[1].interval68)),
+    Column("95 %", lambda row: interval(row[1].interval95)),
+    Column("without data", lambda row: interval(row[1].box)),
+    Column("ends below", lambda row: end_words(row[1].ends[0])),
+    Column("ends above", lambda row: end_words(row[1].ends[1])),
+    Column("shrinkage", lambda row: row[1].shrinkage, digits=3),
+    Column("verdict", lambda row: verdict(row[1].verdict)),
+)
+
+
+def profile_table(knowledge: Knowledge) -> Table:
+    """A row per parameter and output: intervals, how they end, shrinkage, verdict."""
+    return tabulate(
+        "Profile likelihood",
+        PROFILES,
+        knowledge.profiles.items(),
+        "Shrinkage is 1 − (width of the 95 % interval over the width without data)²: 0, the data "
+        "say nothing; 1, they say all. Where a value is not determined, the 95 % interval is the "
+        "range that the box leaves and the most likely value is only where the search stood.",
+    )
+
+
+def direction_table(knowledge: Knowledge) -> Table | None:
+    """Singular values with their directions; what was tried along those that nothing sees."""
+    if not knowledge.directions:
+        return None
+    columns: list[Column[tuple[int, Direction]]] = [
+        Column("direction", lambda row: str(row[0]), role="name"),
+        Column("σ per unit of x", lambda row: row[1].singular, digits=3),
+        Column("σ per box", lambda row: row[1].share, digits=3),
+    ]
+    columns += [
+        Column(name, _component(name), digits=3, symbol=True)
+        for name in knowledge.directions[0].vector
+    ]
+    columns.append(
+        Column("what was tried", lambda row: typeset(row[1].sentence) or "seen", role="words")
+    )
+    return tabulate(
+        "Singular values of the sensitivities",
+        columns,
+        enumerate(knowledge.directions, start=1),
+        "x = (p − reference)/scale. A direction whose singular value is far below one per box "
+        "changes nothing that was measured; the change in the last column was simulated.",
+    )
+
+
+def _component(name: str) -> Callable[[tuple[int, Direction]], float]:
+    return lambda row: row[1].vector[name]
+
+
+EQUIVALENTS: tuple[Column[tuple[int, Equivalent]], ...] = (
+    Column("minimum", lambda row: str(row[0]), role="name"),
+    Column("found from", lambda row: row[1].origin),
+    Column("Δχ²", lambda row: row[1].delta, digits=2),
+    Column("where", lambda row: row[1].sentence, role="words"),
+)
+
+
+def equivalent_table(knowledge: Knowledge) -> Table | None:
+    """Other points that fit as well; None without any."""
+    if not knowledge.equivalents:
+        return None
+    return tabulate("Equivalent minima", EQUIVALENTS, enumerate(knowledge.equivalents, start=1))
+
+
+def nu_table(nu: NuChoice) -> Table:
+    """The result at every nu, with what the criteria say of it."""
+    columns: list[Column[NuRow]] = [
+        Column("ν", lambda row: row.nu, write=on_log_axis),
+        Column("J_fit", lambda row: row.j_fit, digits=6),
+        Column("|x|", lambda row: row.distance, digits=4),
+        Column("χ²", lambda row: row.chi_square, digits=4),
+    ]
+    columns += [
+        Column(name, _value(name), symbol=True)
+        for name in (*nu.rows[0].parameters, *nu.rows[0].derived)
+    ]
+    columns.append(Column("chosen by", lambda row: _criteria(nu, row)))
+    return tabulate(
+        "The result at every ν, and what would choose it",
+        columns,
+        nu.rows,
+        f"χ² is held against {number(nu.allowed, 4)}, which noise stays below in 95 % of cases.",
+    )
+
+
+def _value(name: str) -> Callable[[NuRow], float]:
+    return lambda row: {**row.derived, **row.parameters}.get(name, math.nan)
+
+
+def _criteria(nu: NuChoice, row: NuRow) -> str:
+    """What would choose this nu."""
+    chosen = {"L-curve": nu.corner, "discrepancy": nu.discrepancy, "schedule": nu.last}
+    return ", ".join(word for word, at in chosen.items() if row.nu == at)
+
+
+def bootstrap_table(knowledge: Knowledge) -> Table | None:
+    """Percentile intervals of the bootstrap beside those of the profiles; None without one."""
+    found = knowledge.bootstrap
+    if found is None or not found.values:
+        return None
+    profiles = knowledge.profiles
+    columns: tuple[Column[tuple[str, Percentiles]], ...] = (
+        Column("value", lambda row: symbol(row[0]), role="name"),
+        Column("unit", lambda row: unit_text(profiles[row[0]].unit)),
+        Column("median", lambda row: row[1].median),
+        Column("std", lambda row: row[1].std, digits=2),
+        Column("95 %, bootstrap", lambda row: interval(row[1].interval95)),
+        Column("95 %, profile", lambda row: interval(profiles[row[0]].interval95)),
+    )
+    return tabulate("Parametric bootstrap", columns, found.values.items(), found.sentence)

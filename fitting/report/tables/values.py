@@ -1,0 +1,232 @@
+"""Tables of values: fitted parameters, derived outputs, values of single experiments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fitting.fit.result import (
+    IDENTIFIABLE,
+    DerivedResult,
+    OffsetResult,
+    ParameterResult,
+    Result,
+)
+from fitting.report.shown import ShownCampaign
+from fitting.report.table import Cell, Column, Table, symbol, tabulate
+from fitting.report.words.values import verdict_words
+from fitting.text.notation import markup, number, span, unit_text
+
+Parameter = tuple[str, ParameterResult]
+Output = tuple[str, DerivedResult]
+
+
+@dataclass(frozen=True)
+class Value:
+    """Any value of a result in a row: `low` to `high` is what it could be without data."""
+
+    name: str
+    digits: int
+    low: float
+    high: float
+    reference: float
+    found: ParameterResult | DerivedResult | OffsetResult
+
+    @property
+    def open(self) -> bool:
+        """Whether the data leave it open: then no value is shown but the range."""
+        return self.found.identifiable == IDENTIFIABLE[2] and not self.offset
+
+    @property
+    def offset(self) -> bool:
+        """Whether it belongs to single experiments."""
+        return isinstance(self.found, OffsetResult)
+
+    @property
+    def value(self) -> Cell:
+        """The value as shown; none where the data leave it open."""
+        if self.open or not math.isfinite(self.found.value):
+            return Cell("–")
+        return Cell(number(self.found.value, self.digits), self.found.value)
+
+
+def verdict(identifiable: str) -> Cell:
+    """A verdict with its colour."""
+    marks = dict(zip(IDENTIFIABLE, ("yes", "partly", "no"), strict=True))
+    return Cell(identifiable, mark=marks.get(identifiable, ""))
+
+
+def interval(bounds: tuple[float, float]) -> Cell:
+    """An interval, a dash where it has no ends."""
+    return Cell(span(*bounds)) if all(map(math.isfinite, bounds)) else Cell("–")
+
+
+def values_of(result: Result) -> list[Value]:
+    """Every value of a result: parameters, derived outputs, values of single experiments."""
+    found = [
+        Value(name, 8, p.lower, p.upper, p.reference, p) for name, p in result.parameters.items()
+    ]
+    found += [Value(name, 9, *d.box, d.reference, d) for name, d in result.derived.items()]
+    found += [
+        Value(
+            f"{'+'.join(o.variables)} in {', '.join(o.experiments)}",
+            5,
+            math.nan,
+            math.nan,
+            0.0,
+            o,
+        )
+        for o in result.offsets
+    ]
+    return found
+
+
+VALUES: tuple[Column[Value], ...] = (
+    Column("parameter", lambda v: symbol(v.name), role="name"),
+    Column("value", lambda v: v.value),
+    Column("unit", lambda v: unit_text(v.found.unit)),
+    Column("std", lambda v: v.found.std, digits=2),
+    Column("prior", lambda v: v.reference, digits=6),
+    Column(
+        "by the data",
+        lambda v: verdict_words(v.found, (v.low, v.high), number(v.found.value, v.digits)),
+        role="words",
+    ),
+)
+
+
+def values_table(result: Result) -> Table:
+    """Everything that was fitted or derived, and what the data say of it, in short."""
+    return tabulate(result.title, VALUES, values_of(result))
+
+
+PARAMETERS: tuple[Column[Parameter], ...] = (
+    Column("parameter", lambda row: symbol(row[0]), role="name"),
+    Column("value", lambda row: row[1].value),
+    Column("unit", lambda row: unit_text(row[1].unit)),
+    Column("std", lambda row: row[1].std, digits=2),
+    Column("95 % interval", lambda row: interval(row[1].ci95)),
+    Column("reference", lambda row: row[1].reference),
+    Column("start", lambda row: row[1].start),
+    Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
+    Column("shrinkage", lambda row: row[1].shrinkage, digits=3),
+    Column("by the data", lambda row: verdict(row[1].identifiable)),
+)
+
+
+def parameter_table(result: Result) -> Table:
+    """Fitted parameters with unit, error, interval, prior, and what the data say of them."""
+    return tabulate(
+        "Fitted parameters",
+        PARAMETERS,
+        result.parameters.items(),
+        "std holds for data, box and Tikhonov term together, linearised at the solution, and so "
+        "does the interval where no profiles were walked. Shrinkage is the share of the variance "
+        "that the data answer for: 0, the prior spoke; 1, the data spoke.",
+    )
+
+
+def correlation_table(result: Result) -> Table | None:
+    """Correlations of the parameters' errors; None for a single parameter."""
+    names = list(result.parameters)
+    if len(names) < 2 or len(result.correlation) != len(names):
+        return None
+    columns: list[Column[int]] = [Column("correlation", lambda i: symbol(names[i]), role="name")]
+    columns += [
+        Column(name, _at(result.correlation, k), digits=3, symbol=True)
+        for k, name in enumerate(names)
+    ]
+    return tabulate("Correlations of the errors", columns, range(len(names)))
+
+
+def _at(rows: tuple[tuple[float, ...], ...], column: int) -> Callable[[int], float]:
+    return lambda row: rows[row][column]
+
+
+def _if_known(d: DerivedResult, shown: float | Cell) -> float | Cell:
+    """An error, where the data determine the value: elsewhere a small one would be a lie."""
+    return Cell("–") if d.identifiable == IDENTIFIABLE[2] else shown
+
+
+DERIVED: tuple[Column[Output], ...] = (
+    Column("output", lambda row: symbol(row[0]), role="name"),
+    Column("mean", lambda row: row[1].mean, digits=9),
+    Column("unit", lambda row: unit_text(row[1].unit)),
+    Column("spread", lambda row: row[1].spread, digits=2),
+    Column("std", lambda row: _if_known(row[1], row[1].std), digits=2),
+    Column("95 % interval", lambda row: _if_known(row[1], interval(row[1].ci95))),
+    Column("at the reference", lambda row: row[1].reference, digits=9),
+    Column("range over the box", lambda row: interval(row[1].box)),
+    Column("shrinkage", lambda row: row[1].shrinkage, digits=3),
+    Column("by the data", lambda row: verdict(row[1].identifiable)),
+)
+
+
+def derived_table(result: Result) -> Table:
+    """Derived outputs: mean, spread over the experiments, error, prior, what the data say."""
+    return tabulate(
+        "Derived outputs",
+        DERIVED,
+        result.derived.items(),
+        "Spread is the standard deviation over the experiments (drift), std the uncertainty of the "
+        "mean. Where the data do not determine a value, no error is given: the range over the box "
+        "of the parameters says what it could be.",
+    )
+
+
+def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
+    """Derived outputs of each experiment; None without experiments or outputs."""
+    outputs = {n: d for n, d in result.derived.items() if len(d.values) == len(data.labels)}
+    if not data.labels or not outputs:
+        return None
+    records = [
+        (label, 10, {n: d.values[i] for n, d in outputs.items()})
+        for i, label in enumerate(data.labels)
+    ]
+    records.append(("mean", 10, {n: d.mean for n, d in outputs.items()}))
+    records.append(("spread", 3, {n: d.spread for n, d in outputs.items()}))
+    columns: list[Column[tuple[str, int, dict[str, float]]]] = [
+        Column("experiment", lambda record: record[0], role="name")
+    ]
+    columns += [Column(n, _rounded(n), unit=d.unit, symbol=True) for n, d in outputs.items()]
+    return tabulate("Derived outputs per experiment", columns, records)
+
+
+def _rounded(name: str) -> Callable[[tuple[str, int, dict[str, float]]], Cell]:
+    """The value of that name, with the digits of its row."""
+
+    def cell(record: tuple[str, int, dict[str, float]]) -> Cell:
+        value = record[2][name]
+        return Cell(number(value, record[1]), value if math.isfinite(value) else None)
+
+    return cell
+
+
+OFFSETS: tuple[Column[OffsetResult], ...] = (
+    Column("experiment", lambda o: ", ".join(o.experiments), role="name"),
+    Column(
+        "added to",
+        lambda o: Cell(", ".join(o.variables), html=", ".join(markup(n) for n in o.variables)),
+    ),
+    Column("value", lambda o: o.value, digits=5),
+    Column("unit", lambda o: unit_text(o.unit)),
+    Column("std", lambda o: o.std, digits=2),
+    Column("95 % interval", lambda o: span(*o.ci95)),
+    Column("prior", lambda o: "–" if math.isnan(o.prior) else f"0 ± {number(o.prior, 3)}"),
+    Column("shrinkage", lambda o: o.shrinkage, digits=3),
+    Column("by the data", lambda o: o.identifiable),
+)
+
+
+def offset_table(result: Result) -> Table | None:
+    """Offset, error and prior of every state of the sample; None without fitted ones."""
+    if not result.offsets:
+        return None
+    return tabulate(
+        "Values of single experiments",
+        OFFSETS,
+        result.offsets,
+        "Offsets are counted from the drift interpolated between the values before and after the "
+        "series; the prior of a random walk is that of its last step.",
+    )

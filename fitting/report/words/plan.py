@@ -1,0 +1,30 @@
+"""The decisions of a plan in words."""
+
+from __future__ import annotations
+
+from fitting.simulate.budget import Decision, PlanRecord, told
+
+
+def choice_words(decision: Decision) -> str:
+    """What was chosen, and whether the user asked for it or forbade it."""
+    marks = ["as asked for"] if decision.forced and decision.taken else []
+    marks += [] if decision.taken else ["forbidden" if decision.forced else "not taken"]
+    return f"{decision.choice} ({', '.join(marks)})" if marks else decision.choice
+
+
+def plan_line(plan: PlanRecord) -> str:
+    """The plan in one line for a terminal."""
+    taken = ", ".join(f"{d.subject} {d.choice}" for d in plan.decisions if d.taken)
+    return f"plan: amplitudes within {plan.promised:.1e}, wanted {plan.wanted:.1e} ({taken})"
+
+
+def remarks(plan: PlanRecord | None, sentences: tuple[str, ...]) -> tuple[str, ...]:
+    """Sentences of a plan that its table does not hold."""
+    if plan is None:
+        return sentences
+    held = {told(decision).lower() for decision in plan.decisions}
+    return tuple(
+        text
+        for text in sentences
+        if text.lower().removesuffix(".") not in held and not text.startswith("In all: ")
+    )

@@ -1,0 +1,127 @@
+"""One description of a table, read back from terminal, page and file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import html
+
+from fitting.report.table import (
+    Cell,
+    Column,
+    Head,
+    Table,
+    csv_text,
+    html_table,
+    symbol,
+    tabulate,
+    terminal_text,
+    text_lines,
+)
+from fitting.report.tables.values import values_table
+from fitting.text.notation import number
+from tests.support import report_records as records
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode with a name, a frequency, a share and a remark."""
+
+    name: str
+    frequency_hz: float
+    share: float
+    remark: str
+
+
+MODES = (
+    Mode("eta_plus", 6940260.125, 9.6e-7, "seen"),
+    Mode("eta_minus", 7027600.5, math.nan, "<not> seen"),
+)
+COLUMNS: tuple[Column[Mode], ...] = (
+    Column("mode", lambda m: symbol(m.name), role="name"),
+    Column("frequency", lambda m: m.frequency_hz, unit="Hz", digits=7, size=7e6),
+    Column("share", lambda m: m.share, digits=2),
+    Column("remark", lambda m: m.remark, role="words"),
+)
+TABLE = tabulate("Modes", COLUMNS, MODES, "A note & more.")
+
+
+def test_a_terminal_gets_aligned_columns_in_plain_signs() -> None:
+    assert text_lines(TABLE) == [
+        "mode       frequency (MHz)   share  remark",
+        "eta_plus           6.94026  9.6e-7  seen",
+        "eta_minus         7.027601       -  <not> seen",
+    ]
+
+
+def test_a_file_gets_exact_numbers_in_the_unit_of_its_head() -> None:
+    rows = list(csv.reader(io.StringIO(csv_text(TABLE))))
+    assert rows[0] == ["mode", "frequency (Hz)", "share", "remark"]
+    assert [float(row[1]) for row in rows[1:]] == [m.frequency_hz for m in MODES]
+    assert [row[2] for row in rows[1:]] == ["9.6e-07", ""]
+
+
+def test_a_page_gets_symbols_and_both_the_shown_and_the_exact_number() -> None:
+    root = html.fromstring(html_table(TABLE))
+    (table,) = root.iter("table")
+    assert table.findtext("caption") == "Modes"
+    assert [h.text_content() for h in table.findall("thead/tr/th")] == [
+        "mode",
+        "frequency (MHz)",
+        "share",
+        "remark",
+    ]
+    first, second = table.findall("tbody/tr")
+    assert first[0].text_content() == "η+"
+    assert first[0].get("scope") == "row"
+    assert first[1].text_content() == "6.94026"
+    assert float(first[1].find("data").get("value")) == MODES[0].frequency_hz
+    assert second[2].find("data") is None
+    assert second[3].text_content() == "<not> seen"
+    assert not list(root.iter("script"))
+    assert root.find("p").text_content() == "A note & more."
+
+
+def test_a_notebook_shows_a_table_by_itself() -> None:
+    assert TABLE._repr_html_() == html_table(TABLE)
+
+
+def test_names_cannot_become_markup() -> None:
+    evil = "<script>alert(1)</script>"
+    made = tabulate(evil, (Column(evil, lambda m: evil, symbol=True),), MODES, evil)
+    root = html.fromstring(html_table(made))
+    assert not list(root.iter("script"))
+    assert root.find("table/caption").text == evil
+
+
+def test_columns_can_be_left_out() -> None:
+    kept = TABLE.without("share", "remark")
+    assert [head.name for head in kept.heads] == ["mode", "frequency"]
+    assert [len(row) for row in kept.rows] == [2, 2]
+
+
+def test_rows_must_fill_their_columns() -> None:
+    with pytest.raises(ValueError, match="Modes: 1 cells under 2 heads"):
+        Table("Modes", (Head("a"), Head("b")), ((Cell("only"),),))
+
+
+@given(st.floats(-1e300, 1e300), st.integers(1, 12))
+def test_a_terminal_s_number_is_the_number_to_its_digits(value: float, digits: int) -> None:
+    shown = float(terminal_text(number(value, digits)))
+    assert shown == pytest.approx(value, rel=0.51 * 10.0 ** (1 - digits), abs=5e-324)
+
+
+def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
+    data = records.campaign()
+    lines = text_lines(values_table(records.result_for(data)))
+    assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "prior"]
+    told = {line.split()[0]: line.split() for line in lines[1:]}
+    assert told["theta"][1] == "-"
+    assert " ".join(told["lambda"][5:]).startswith("not determined (0.00): 63313.9 to 780999, ")
+    assert told["d1"][1:6] == ["93.424576", "Hz", "0.24", "94", "determined"]
