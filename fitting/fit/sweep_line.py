@@ -138,7 +138,7 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
     said = []
     chosen = fits.get(line.background)
     if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
-        said.append(f"SweepData by itself: {_structure_words(chosen)}.")
+        said.append(f"Sweep by itself: {_structure_words(chosen)}.")
     if len(fits) == len(BACKGROUNDS) and _disagree(line):
         plain, full = fits["none"], fits["complex"]
         shift = full.frequency_hz - plain.frequency_hz
@@ -156,9 +156,9 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
 def line_sentences(line: SweepLine) -> list[str]:
     """The line, the instrument's own estimate, its residuals, its other fit, in a sentence each."""
     if math.isnan(line.frequency_hz):
-        return [f"SweepData by itself: {line.message}."]
+        return [f"Sweep by itself: {line.message}."]
     said = [
-        f"SweepData by itself: f = {line.frequency_hz:.9g} +- {line.frequency_std_hz:.2g} Hz, "
+        f"Sweep by itself: f = {line.frequency_hz:.9g} +- {line.frequency_std_hz:.2g} Hz, "
         f"width {line.width_hz:.6g} +- {line.width_std_hz:.2g} Hz, "
         f"Q = {line.q:.5g} +- {line.q_std:.2g}, "
         f"A = {line.amplitude:.5g} +- {line.amplitude_std:.2g} {line.unit}, "
