@@ -236,7 +236,7 @@ def information_of_data(
     measured, experiments = series.measured, series.bound.experiments
     count = rows.amplitude_v.size
     fitted = {name for parameter in series.bound.parameters for name in parameter.adds_to}
-    held = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
+    errors = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
     index = np.repeat(np.arange(len(experiments)), [len(e.peaks_v) for e in experiments])
     residuals = np.concatenate([rows.residuals, rows.swept_residuals])
     given = measured.rows_sigma
@@ -245,7 +245,7 @@ def information_of_data(
     )
     covariance = np.diag(sigmas**2)
     same = np.equal.outer(index, index).astype(float)
-    covariance[:count, :count] = noise_covariance(sigmas[:count], rows.by_setting, held, same)
+    covariance[:count, :count] = noise_covariance(sigmas[:count], rows.by_setting, errors, same)
     # d residual = (1 + residual) d ln(chi z) for a peak; a fitted sweep is relative to its maximum
     peaks = _with_scale(rows.by_x) * (1.0 + rows.residuals[:, np.newaxis])
     swept = rows.swept_residuals
@@ -269,9 +269,9 @@ def information_of_setups(
         setting_sigmas: errors of settings that drift, in the FMU's units.
     """
     tones = relative.shape[1]
-    held = np.array(list(setting_sigmas.values()))
+    errors = np.array(list(setting_sigmas.values()))
     shape = (rows.amplitude_v.size // tones, tones)
     by_setting = rows.by_setting.reshape(*shape, rows.by_setting.shape[1])[list(kept)]
     by_x = rows.by_x.reshape(*shape, rows.by_x.shape[1])[list(kept)]
-    covariance = noise_covariance(relative, by_setting, held, np.ones((tones, tones)))
+    covariance = noise_covariance(relative, by_setting, errors, np.ones((tones, tones)))
     return information(_with_scale(by_x), covariance)

@@ -190,16 +190,16 @@ def _known(
     given, others = _equal_fits(series, goal, prior, steps, limits)
     spread_values = _values(data, goal.target, [given, *others])
     useful = [p for p, v in zip(others, spread_values[1:], strict=True) if np.isfinite(v)]
-    judged = useful if goal.criterion == "target" else others
-    places = spread_out(parameters, given, judged, PLACES, prior)
+    eligible = useful if goal.criterion == "target" else others
+    places = spread_out(parameters, given, eligible, PLACES, prior)
     progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
     gradients = _gradients(data, goal.target, places)
     unit = np.append(prior, _scale_sigma(data))
-    told = np.stack([_information_at(series, place, steps, limits) for place in places])
+    data_information = np.stack([_information_at(series, place, steps, limits) for place in places])
     return _Known(
         places=tuple(places),
         unit=unit,
-        base=np.eye(len(unit)) + told * np.outer(unit, unit),
+        base=np.eye(len(unit)) + data_information * np.outer(unit, unit),
         gradients=np.column_stack([gradients * prior, np.zeros(len(places))]),
         values=_values(data, goal.target, places),
         spread_values=spread_values,

@@ -229,11 +229,11 @@ def other_minima(
     likelihood = optimum.likelihood
     lower, upper = search_bounds(likelihood.parameters)
     generator = np.random.default_rng(seed)
-    held = (
-        likelihood.inverse_prior_sigma > 0.0
-    )  # what has a prior of its own is looked for near the best
+    # what has a prior of its own is looked for near the best
+    has_prior = likelihood.inverse_prior_sigma > 0.0
     starts = [
-        np.where(held, optimum.expansion.x, generator.uniform(lower, upper)) for _ in range(number)
+        np.where(has_prior, optimum.expansion.x, generator.uniform(lower, upper))
+        for _ in range(number)
     ]
 
     def search(x: FloatArray) -> Task[Expansion | None]:

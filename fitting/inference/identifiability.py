@@ -117,13 +117,13 @@ def _same_rows(
     m = likelihood.whitening.shape[0]
     left = np.linalg.solve(likelihood.whitening, expansion.sample.rows[:m])
     # data that the model meets exactly at the optimum
-    held = replace(likelihood, shift=likelihood.shift + left)
+    noiseless = replace(likelihood, shift=likelihood.shift + left)
 
     def search() -> Task[Expansion | None]:
-        here = yield from expansion_at(held, begin, False)
-        return (yield from descend(held, here, promise=1e-6))
+        here = yield from expansion_at(noiseless, begin, False)
+        return (yield from descend(noiseless, here, promise=1e-6))
 
-    kept, evaluator.likelihood = evaluator.likelihood, held
+    kept, evaluator.likelihood = evaluator.likelihood, noiseless
     try:
         found = run_in_lockstep([search()], evaluator)[0]
     finally:
