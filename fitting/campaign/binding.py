@@ -145,7 +145,6 @@ class BoundCampaign:
     files: tuple[Path, ...]
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)
-    members: tuple[BoundCampaign, ...] = ()
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:

@@ -1,74 +1,63 @@
-"""Several campaigns of one sample as one: shared parameters by name, the rest each its own."""
+"""Several campaigns of one sample: parameters shared by name, the rest each its own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fitting.campaign.binding import BoundCampaign, Drift
+from fitting.campaign.binding import BoundCampaign
 from fitting.campaign.parameters import Parameter
 from fitting.text.errors import BadInput
 
 
-def join_campaigns(bounds: Sequence[BoundCampaign]) -> BoundCampaign:
-    """One campaign with the experiments of all; ``members`` are those that it is made of.
+def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, ...], list[str]]:
+    """Parameters of campaigns that are fitted together, and notes where these begin elsewhere.
 
     Parameters of a whole campaign are shared by name and must have the same unit, box, period and
     prior; where start, reference or scale differ, those of the first campaign are taken, and a note
-    says so. Drift offsets, other values of single experiments and fitted scales stay apart. Names
-    and labels are told apart by the campaigns' folders.
+    says so. Drift offsets, other values of single experiments and fitted scales stay apart.
 
     Raises:
         BadInput: parameters, alternatives or units that contradict each other; names both files.
     """
-    first = bounds[0]
     for other in bounds[1:]:
-        _check_alike(first, other)
+        _check_alike(bounds[0], other)
     shared: dict[str, tuple[Parameter, BoundCampaign]] = {}
+    own: list[Parameter] = []
     notes: list[str] = []
     for bound in bounds:
         for parameter in bound.parameters:
             if is_shared(parameter):
                 known = shared.setdefault(parameter.name, (parameter, bound))
                 notes += _compared(*known, parameter, bound)
-    names = series_names(bounds)
-    own = [
-        _apart(p, name)
-        for bound, name in zip(bounds, names, strict=True)
-        for p in bound.parameters
-        if not is_shared(p)
-    ]
-    return replace(
-        first,
-        title=" + ".join(bound.title for bound in bounds),
-        synthetic=any(bound.synthetic for bound in bounds),
-        experiments=tuple(
-            replace(e, label=f"{name}/{e.label}", output=e.output or bound.setup.output)
-            for bound, name in zip(bounds, names, strict=True)
-            for e in bound.experiments
-        ),
-        sweep=None,
-        parameters=(*(p for p, _ in shared.values()), *own),
-        derived=tuple(dict.fromkeys(name for bound in bounds for name in bound.derived)),
-        drift=Drift(),
-        notes=(*notes, *dict.fromkeys(note for bound in bounds for note in bound.notes)),
-        files=tuple(dict.fromkeys(f for bound in bounds for f in (bound.path, *bound.files))),
-        members=tuple(bounds),
+            else:
+                own.append(parameter)
+    return (*(p for p, _ in shared.values()), *own), notes
+
+
+def named_apart(bounds: Sequence[BoundCampaign]) -> tuple[tuple[str, BoundCampaign], ...]:
+    """Campaigns by a short name, which labels and parameters of their own carry; one has none."""
+    if len(bounds) == 1:
+        return (("", bounds[0]),)
+    return tuple(
+        (
+            name,
+            replace(
+                bound,
+                experiments=tuple(
+                    replace(e, label=f"{name}/{e.label}", output=e.output or bound.setup.output)
+                    for e in bound.experiments
+                ),
+                parameters=tuple(p if is_shared(p) else _apart(p, name) for p in bound.parameters),
+            ),
+        )
+        for name, bound in zip(series_names(bounds), bounds, strict=True)
     )
 
 
 def is_shared(parameter: Parameter) -> bool:
     """Whether campaigns that are fitted together share the parameter."""
     return parameter.role == "model" and not parameter.experiments
-
-
-def columns_of(joint: BoundCampaign) -> tuple[tuple[int, ...], ...]:
-    """Positions of every member's parameters among those of the joint campaign."""
-    place = {p.name: i for i, p in enumerate(joint.parameters)}
-    return tuple(
-        tuple(place[p.name if is_shared(p) else _suffixed(p.name, name)] for p in bound.parameters)
-        for bound, name in zip(joint.members, series_names(joint.members), strict=True)
-    )
 
 
 def series_names(bounds: Sequence[BoundCampaign]) -> tuple[str, ...]:

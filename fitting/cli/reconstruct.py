@@ -11,13 +11,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from fitting.campaign import BoundCampaign, Campaign, bind, read_campaign
-from fitting.campaign.joint import join_campaigns
+from fitting.campaign import Campaign, ContinuationSettings, bind, read_campaign
 from fitting.cli.options import default_workers, relative_accuracy, whole_number
 from fitting.fit import checkpoint
 from fitting.fit.evaluator import MISFITS
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.job import Options, job_of, options_of
+from fitting.fit.problem import Problem, problem_of
 from fitting.fit.reconstruction import Hooks, Progress
 from fitting.fit.result import Result, write_result
 from fitting.fit.sweep_line import line_sentences
@@ -25,7 +25,7 @@ from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
 from fitting.inference import inference
 from fitting.inference.external import check_external, with_external
-from fitting.report.shown import shown_campaign
+from fitting.report.shown import shown_problem
 from fitting.report.table import text_lines
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
@@ -95,11 +95,11 @@ def run(args: argparse.Namespace) -> int:
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
     count = args.workers or default_workers()
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
-        bound = _bound(args, campaigns, workers)
-        check_external(args.external, [*(p.name for p in bound.parameters), *bound.derived])
+        problem = _problem(args, campaigns, workers)
+        check_external(args.external, [*(p.name for p in problem.parameters), *problem.outputs])
         identity = identify_fmu(workers.description, _command(args))
-        options = _options(args, bound)
-        job = job_of(bound, identity, options)
+        options = _options(args, campaigns[0].file.continuation)
+        job = job_of(problem, identity, options)
         memory = checkpoint.resume(out, job) if args.resume else checkpoint.begin(out, job)
         if args.resume:
             print(memory.resumed("levels"))
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
             if not args.no_profiles:
                 inform = partial(inference.inform, bootstrap=args.bootstrap or 0)
             hooks = Hooks(progress=shown, memory=memory, inform=inform)
-            result = reconstruct_through(workers, bound, identity, options, hooks)
+            result = reconstruct_through(workers, problem, identity, options, hooks)
         except KeyboardInterrupt:
             shown.end()
             print("interrupted before the first level was finished: nothing to report")
@@ -124,20 +124,20 @@ def run(args: argparse.Namespace) -> int:
         return 1
     memory.remove()
     if not args.no_report:
-        _report(result, bound, out)
+        _report(result, problem, out)
     return 0 if result.status == "converged" else 1
 
 
-def _bound(
+def _problem(
     args: argparse.Namespace, campaigns: Sequence[Campaign], workers: FmuWorkers
-) -> BoundCampaign:
-    """The campaign, or all of them as one, in the units of the FMU."""
+) -> Problem:
+    """The campaigns together, in the units of the FMU."""
     bounds = [bind(campaign, workers.description.variables) for campaign in campaigns]
     if args.accuracy is not None:
         bounds = [
             replace(bound, setup=replace(bound.setup, accuracy=args.accuracy)) for bound in bounds
         ]
-    return bounds[0] if len(bounds) == 1 else join_campaigns(bounds)
+    return problem_of(bounds)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> Campaign:
@@ -156,8 +156,8 @@ def one_fmu(campaigns: Sequence[Campaign]) -> Campaign:
     return first
 
 
-def _options(args: argparse.Namespace, bound: BoundCampaign) -> Options:
-    options = options_of(bound, quick=args.quick)
+def _options(args: argparse.Namespace, chosen: ContinuationSettings) -> Options:
+    options = options_of(chosen, quick=args.quick)
     schedule = options.schedule
     if args.seed is not None:
         schedule = replace(schedule, seed=args.seed)
@@ -182,10 +182,10 @@ def _command(args: argparse.Namespace) -> str:
     return shlex.join(words)
 
 
-def _report(result: Result, bound: BoundCampaign, out: Path) -> None:
+def _report(result: Result, problem: Problem, out: Path) -> None:
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.reconstruction")
-    print(f"report: {report.write_report(result, shown_campaign(bound), out)}")
+    print(f"report: {report.write_report(result, shown_problem(problem), out)}")
 
 
 class _Line:

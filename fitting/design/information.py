@@ -20,17 +20,20 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import UNIFORM_WIDTH, Parameter, search_bounds
 from fitting.fit.differences import central
-from fitting.fit.job import measured_of
 from fitting.fit.linearisation import information, row_sigmas
-from fitting.fit.noise import chi_sigmas, strongest
 from fitting.fit.objective import (
-    Measured,
     Objective,
+    Point,
     evaluate_many,
     make_objective,
 )
+from fitting.fit.problem import problem_of
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.measurement import Measurement
 from fitting.measurements.planning import plan_campaign
+from fitting.measurements.tones import Tones
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray, Scalar
 
@@ -66,33 +69,36 @@ class Rows:
 class Series:
     """Experiments of a campaign - those measured, or setups not measured yet - and their FMU."""
 
-    def __init__(self, bound: BoundCampaign, workers: Workers, measured: Measured) -> None:
-        self.bound, self.workers, self.measured = bound, workers, measured
+    def __init__(self, bound: BoundCampaign, workers: Workers) -> None:
+        self.bound, self.workers = bound, workers
+        self.data = problem_of([bound]).data
         self.plan = plan_campaign(bound)
         self._steps: FloatArray | None = None
 
     def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
-        """The FMU as the response of one alternative.
-
-        Args:
-            alternative: settings of the FMU, in its units.
-        """
-        return FmuResponse(self.bound, self.workers, self.plan, alternative)
+        """The FMU as the response of one alternative."""
+        bound = self.bound
+        return FmuResponse(
+            workers=self.workers,
+            parameters=bound.parameters,
+            measurements=self.data.measurements,
+            models={"": DrivenModel(bound.setup, bound.parameters, self.plan, alternative)},
+            derived={"": bound.derived},
+        )
 
     def objective(self, alternative: Mapping[str, Scalar], steps: FloatArray) -> Objective:
-        """The objective of one alternative with given difference steps.
+        """The objective of one alternative with given difference steps."""
+        return Objective(self.response(alternative), self.bound.parameters, self.data, steps)
 
-        Args:
-            alternative: settings of the FMU, in its units.
-            steps: difference steps in x, shape (n,).
-        """
-        return Objective(self.response(alternative), self.bound.parameters, self.measured, steps)
+    def peaks(self, point: Point) -> FloatArray:
+        """Scaled amplitudes of all tones at a point, shape (m,)."""
+        return self.data.peaks(point.scaled)
 
     def steps(self) -> FloatArray:
         """Difference steps in x that suit this series, found once."""
         if self._steps is None:
             made = make_objective(
-                self.response(self.bound.alternatives[0]), self.bound.parameters, self.measured
+                self.response(self.bound.alternatives[0]), self.bound.parameters, self.data
             )
             self._steps = made.steps
         return self._steps
@@ -117,10 +123,11 @@ class Series:
             self._by_setting(place, steps, name, SHIFT * sigma)
             for name, sigma in setting_sigmas.items()
         ]
-        count = here.simulated_v.size
+        amplitude_v = self.peaks(here)
+        count = amplitude_v.size
         return Rows(
-            here.simulated_v,
-            around.quotients([node.simulated_v for node in nodes], log_ratio),
+            amplitude_v,
+            around.quotients([self.peaks(node) for node in nodes], log_ratio),
             np.stack(shifted, axis=1) if shifted else np.zeros((count, 0)),
             here.residuals[:count],
             here.residuals[count:],
@@ -132,11 +139,19 @@ class Series:
         ends = []
         objective, own = self.objective(place.alternative, steps), self.response(place.alternative)
         for sign in (1.0, -1.0):
-            moved = tuple(_shifted(e, name, sign * shift) for e in self.bound.experiments)
-            response = replace(own, bound=replace(self.bound, experiments=moved))
+            moved = tuple(_moved(m, name, sign * shift) for m in self.data.measurements)
+            response = replace(own, measurements=moved)
             point = evaluate_many(replace(objective, response=response), [place.x])[0]
-            ends.append(point.simulated_v)
+            ends.append(self.peaks(point))
         return log_ratio(ends[0], ends[1]) / (2.0 * shift)
+
+
+def _moved(measurement: Measurement, name: str, shift: float) -> Measurement:
+    """The measurement with a setting of every experiment moved; a sweep stays."""
+    if not isinstance(measurement, Tones):
+        return measurement
+    experiments = tuple(_shifted(e, name, shift) for e in measurement.experiments)
+    return replace(measurement, experiments=experiments)
 
 
 def _shifted(experiment: Experiment, name: str, shift: float) -> Experiment:
@@ -157,15 +172,14 @@ def log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     return np.asarray(np.log(np.where(silent, 1.0, above) / np.where(silent, 1.0, below)))
 
 
-def unmeasured(bound: BoundCampaign, peaks: int) -> Measured:
-    """What an objective of setups wants: peaks of one, and the campaign's own scale.
-
-    Args:
-        bound: the campaign that is to be continued.
-        peaks: their number.
-    """
-    own = measured_of(bound)
-    return replace(own, peaks_v=np.ones(peaks), sigmas_v=np.zeros(peaks), fit_sweep=False)
+def unmeasured(bound: BoundCampaign) -> BoundCampaign:
+    """The campaign with peaks of one in place of measured ones, its sweep for the scale only."""
+    ones = tuple(
+        replace(e, peaks_v=np.ones(len(e.read_hz)), sigmas_v=np.zeros(len(e.read_hz)))
+        for e in bound.experiments
+    )
+    sweep = None if bound.sweep is None else replace(bound.sweep, use="scale")
+    return replace(bound, experiments=ones, sweep=sweep)
 
 
 def prior_sigmas_in_box(parameters: Sequence[Parameter]) -> FloatArray:
@@ -188,13 +202,9 @@ def prior_sigmas_in_box(parameters: Sequence[Parameter]) -> FloatArray:
     return np.asarray(1.0 / np.sqrt((UNIFORM_WIDTH / widths) ** 2 + gaussian))
 
 
-def scale_sigma(measured: Measured) -> float:
-    """Relative standard deviation of the scale; zero without one, and where it is fitted.
-
-    Args:
-        measured: the data, for its scale.
-    """
-    return strongest(chi_sigmas(measured))
+def scale_sigma(data: Dataset) -> float:
+    """Relative standard deviation of the scale; zero without one, and where it is fitted."""
+    return max(data.scale_sigmas, default=0.0)
 
 
 def noise_covariance(
@@ -233,13 +243,13 @@ def information_of_data(
         rows: its rows at a place.
         setting_sigmas: errors of settings that drift, in the FMU's units.
     """
-    measured, experiments = series.measured, series.bound.experiments
+    experiments = series.bound.experiments
     count = rows.amplitude_v.size
     fitted = {name for parameter in series.bound.parameters for name in parameter.adds_to}
     errors = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
     index = np.repeat(np.arange(len(experiments)), [len(e.peaks_v) for e in experiments])
     residuals = np.concatenate([rows.residuals, rows.swept_residuals])
-    given = measured.rows_sigma
+    given = series.data.sigma
     sigmas = np.concatenate(
         [row_sigmas(given[part], residuals[part]) for part in (slice(count), slice(count, None))]
     )
@@ -250,7 +260,7 @@ def information_of_data(
     peaks = _with_scale(rows.by_x) * (1.0 + rows.residuals[:, np.newaxis])
     swept = rows.swept_residuals
     if swept.size:
-        swept = swept + measured.sweep_v / measured.maximum_v
+        swept = swept + series.data.level[series.data.curve_rows]
     columns = np.concatenate([peaks, np.column_stack([rows.swept_by_x, swept])])
     return information(columns, covariance), covariance, columns
 

@@ -29,7 +29,6 @@ from fitting.design.information import (
 )
 from fitting.design.points import WhitenedData, equal_fits, nearest_fit, spread_out
 from fitting.fit.differences import central
-from fitting.fit.job import measured_of
 from fitting.fit.linearisation import SMALLEST_SIGMA, information
 from fitting.fit.objective import evaluate_many
 from fitting.fit.outputs import output_means
@@ -168,7 +167,7 @@ def weigh(
         FmuFailure: the FMU failed.
     """
     _check_target(bound, goal.target)
-    data = Series(bound, workers, measured_of(bound))
+    data = Series(bound, workers)
     series = (data, *(_alike(other, bound, workers) for other in also))
     steps = data.steps()
     known = _known(series, steps, goal, limits, progress)
@@ -215,7 +214,7 @@ def _alike(other: BoundCampaign, bound: BoundCampaign, workers: Workers) -> Seri
             f"{', '.join(sorted(wanted))}; wanted the same parameters"
         )
     same = replace(other, parameters=bound.parameters, alternatives=bound.alternatives)
-    return Series(same, workers, measured_of(same))
+    return Series(same, workers)
 
 
 def _information_at(
@@ -229,7 +228,7 @@ def _information_at(
         if k == 0:
             total += found
         else:
-            own = scale_sigma(series.measured) * columns[:, -1]
+            own = scale_sigma(series.data) * columns[:, -1]
             total[:-1, :-1] += information(columns[:, :-1], covariance + np.outer(own, own))
     return total
 
@@ -247,7 +246,7 @@ def _scale_sigma(data: Series) -> float:
     """Prior of the scale's logarithm; next to nothing where there is none or where it is fitted."""
     if any(parameter.role == "scale" for parameter in data.bound.parameters):
         return 1e-9
-    return max(scale_sigma(data.measured), 1e-9)
+    return max(scale_sigma(data.data), 1e-9)
 
 
 def _equal_fits(
@@ -269,7 +268,7 @@ def _equal_fits(
     for series in known:
         first = series.rows([start], steps, limits.setting_sigmas)[0]
         covariance = information_of_data(series, first, limits.setting_sigmas)[1]
-        blocks.append(covariance + scale_sigma(series.measured) ** 2)
+        blocks.append(covariance + scale_sigma(series.data) ** 2)
     whitened = WhitenedData(known, block_diag(*blocks), prior, steps)
     given = nearest_fit(whitened, start)
     others: list[Place] = []
@@ -337,7 +336,7 @@ def _simulated(
     if not linear:
         highest = _unmeasured(bound, workers, [s for s in setups if s.level == levels[-1]])
         low, high = (
-            evaluate_many(s.objective(places[0].alternative, steps), [places[0].x])[0].simulated_v
+            s.peaks(evaluate_many(s.objective(places[0].alternative, steps), [places[0].x])[0])
             for s in (series, highest)
         )
         ratio = levels[-1] / levels[0]
@@ -363,8 +362,7 @@ def _simulated(
 
 
 def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup]) -> Series:
-    peaks = sum(len(setup.experiment.read_hz) for setup in setups)
-    return Series(as_campaign(bound, setups), workers, unmeasured(bound, peaks))
+    return Series(unmeasured(as_campaign(bound, setups)), workers)
 
 
 def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:

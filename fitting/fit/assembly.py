@@ -19,7 +19,8 @@ from fitting.campaign.parameters import (
 from fitting.fit.continuation import Chain, ContinuationStep, Outcome, Schedule, distance, equal_j
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.noise import noise_of
-from fitting.fit.objective import Measured, Objective, Point, j_reg, weights
+from fitting.fit.objective import Objective, Point, j_reg, weights
+from fitting.fit.problem import Problem
 from fitting.fit.result import (
     IDENTIFIABLE,
     AlternativeResult,
@@ -33,6 +34,7 @@ from fitting.fit.result import (
 from fitting.fit.symmetry import secants
 from fitting.inference.ranges import output_ranges
 from fitting.inference.uncertainty import Covariance, covariance, in_words
+from fitting.measurements.dataset import Dataset
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.notation import probability
@@ -73,30 +75,27 @@ class Solution:
 
 
 def solution_of(
-    evaluator: Evaluator,
-    chain: Chain,
-    schedule: Schedule,
-    scale_sigma: float,
-    misfit: str = "slack",
+    evaluator: Evaluator, chain: Chain, schedule: Schedule, misfit: str = "slack"
 ) -> Solution:
     """Evaluate start and end of a chain, with Jacobian and covariance at the end."""
     objective = evaluator.objective
     parameters = objective.parameters
-    initial = evaluator.point(to_search(parameters, starts(parameters)))
+    begun = to_search(parameters, starts(parameters))
     x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
     nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
-    final, matrix = evaluator.point(x), evaluator.jacobian(x)
-    structure = _sweep_structure(objective.measured, final, matrix)
+    initial, final = evaluator.whole([begun, x])
+    matrix = evaluator.jacobian(x)
+    structure = _curve_structure(objective.data, final, matrix)
     common = noise_of(objective, final).common
     seen, beside = secants(evaluator, x, matrix)
     errors = covariance(
         seen,
         final.residuals,
-        objective.measured.rows_sigma,
+        objective.data.sigma,
         prior_widths(parameters),
         nu,
-        scale_sigma,
-        slice(objective.measured.peaks_v.size, None),
+        0.0,
+        objective.data.curve_rows,
         structure.widening if structure is not None else 1.0,
         common,
     )
@@ -104,13 +103,14 @@ def solution_of(
     return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held, beside)
 
 
-def _sweep_structure(measured: Measured, final: Point, matrix: FloatArray) -> Structure | None:
-    """Structure of the fitted sweep's residuals; a scale fitted to it is one more unknown."""
-    if not measured.fit_sweep:
+def _curve_structure(data: Dataset, final: Point, matrix: FloatArray) -> Structure | None:
+    """Structure of the residuals along curves; a scale taken from them is one more unknown."""
+    mine = data.curve_rows
+    rows, columns = final.residuals[mine], matrix[mine]
+    if not rows.size:
         return None
-    rows, columns = final.residuals[measured.peaks_v.size :], matrix[measured.peaks_v.size :]
-    if measured.scale == "fit":  # d r/d ln chi
-        columns = np.column_stack([columns, rows + measured.sweep_v / measured.maximum_v])
+    if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
+        columns = np.column_stack([columns, rows + data.level[mine]])  # d r/d ln chi
     return residual_structure(rows, columns)
 
 
@@ -226,23 +226,27 @@ def _within(box: tuple[float, float], value: float, std: float) -> tuple[float, 
     return max(value - 1.96 * std, box[0]), min(value + 1.96 * std, box[1])
 
 
-def deviations(solution: Solution, tones: Sequence[int]) -> Deviations:
-    """Relative deviations before and after; `tones` is the number of peaks per experiment.
+def deviations(problem: Problem, solution: Solution) -> Deviations:
+    """Relative deviations before and after, by peak and by experiment; of curves without peaks.
 
     Source: the paper's Definition of the relative deviation and of its mean.
     """
-    before = _deviation_set(solution, solution.initial, tones)
-    after = _deviation_set(solution, solution.final, tones)
+    before = _deviation_set(problem, solution.initial)
+    after = _deviation_set(problem, solution.final)
     gain = 100.0 * (1.0 - after.mean / before.mean) if before.mean > 0.0 else 0.0
     return Deviations(before, after, gain)
 
 
-def _deviation_set(solution: Solution, point: Point, tones: Sequence[int]) -> DeviationSet:
-    count = solution.objective.measured.peaks_v.size
-    rows = np.abs(point.residuals[:count] if count else point.residuals)
-    groups = np.split(rows, np.cumsum(tones)[:-1]) if count else [rows]
+def _deviation_set(problem: Problem, point: Point) -> DeviationSet:
+    rows = [np.abs(point.residuals[k]) for k in problem.data.slices]
+    peaks = problem.data.peaks(rows)
+    everything = peaks if peaks.size else np.concatenate(rows)
+    counts = [e.peaks_v.size for e in problem.experiments]
+    groups = np.split(everything, np.cumsum(counts)[:-1]) if counts else [everything]
     return DeviationSet(
-        tuple(map(float, rows)), tuple(_mean(group) for group in groups), _mean(rows)
+        tuple(map(float, everything)),
+        tuple(_mean(group) for group in groups),
+        _mean(everything),
     )
 
 
@@ -382,11 +386,12 @@ def warning_sentences(
             "model, or the interpolated drift, does not describe these data; errors are widened."
         )
     told = solution.structure
+    count = solution.final.residuals[solution.objective.data.curve_rows].size
     if told is not None and told.widening > 1.5:
         said.append(
             "The residuals of the fitted sweep are not noise, they hang together "
             f"({probability(told.p_value)} for white noise): its "
-            f"{solution.objective.measured.sweep_v.size} points are worth {told.points:.2g} "
+            f"{count} points are worth {told.points:.2g} "
             f"independent ones, and errors are {told.widening:.3g} times as wide for it."
         )
     said += _other_minima(solution, outcome)

@@ -10,6 +10,7 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import Parameter, prior_widths
 from fitting.fit.assembly import Solution
 from fitting.fit.noise import noise_of, outlier_sentences, prior_precision
+from fitting.fit.problem import Problem
 from fitting.fit.result import OffsetResult
 from fitting.inference.uncertainty import in_words
 from fitting.text.errors import BadInput
@@ -55,12 +56,12 @@ def offset_results(solution: Solution) -> tuple[OffsetResult, ...]:
     return tuple(found)
 
 
-def outlier_warnings(bound: BoundCampaign, solution: Solution) -> list[str]:
+def outlier_warnings(problem: Problem, solution: Solution) -> list[str]:
     """Peaks that the fit misses by much more than their noise, by name."""
     point = solution.final
     sigma = noise_of(solution.objective, point).sigma
     precision = prior_precision(prior_widths(solution.parameters), solution.nu)
-    return outlier_sentences(bound, point.residuals, sigma, solution.matrix, precision)
+    return outlier_sentences(problem, point.residuals, sigma, solution.matrix, precision)
 
 
 def _goes_to(parameter: Parameter) -> tuple[str, ...]:

@@ -54,6 +54,13 @@ class Evaluator:
             self._remember(self._points, key, self._evaluate([x])[0])
         return self._points[key]
 
+    def whole(self, xs: Sequence[FloatArray]) -> list[Point]:
+        """Points with predictions of everything that was measured, in one batch."""
+        points = self._evaluate(xs, whole=True)
+        for point in points:
+            self._remember(self._points, point.x.tobytes(), point)
+        return points
+
     def jacobian(self, x: FloatArray) -> FloatArray:
         """dr/dx at x, shape (n_rows, n), one batch."""
         key = x.tobytes()
@@ -63,8 +70,8 @@ class Evaluator:
             self._remember(self._jacobians, key, matrix)
         return self._jacobians[key]
 
-    def _evaluate(self, xs: Sequence[FloatArray]) -> list[Point]:
-        points = evaluate_many(self.objective, xs)
+    def _evaluate(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
+        points = evaluate_many(self.objective, xs, whole=whole)
         self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
         return points
 
@@ -76,7 +83,7 @@ class Evaluator:
 
 
 def misfit_value(point: Point, misfit: str) -> float:
-    """Misfit: sum |r| for "slack" and "absolute", `Measured.squares` for "squares"."""
+    """Misfit: sum |r| for "slack" and "absolute", `Dataset.squares` for "squares"."""
     if misfit == "squares":
         return point.squares
     return point.j_fit

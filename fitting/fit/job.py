@@ -12,17 +12,12 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 import fitting
-from fitting.campaign import BoundCampaign
-from fitting.campaign.noise import maximum_sigma, sweep_sigmas
+from fitting.campaign import BoundCampaign, ContinuationSettings
 from fitting.fit.continuation import Schedule
 from fitting.fit.interior_point import SolveSettings
-from fitting.fit.noise import peak_sigmas
-from fitting.fit.objective import Measured
+from fitting.fit.problem import Problem
 from fitting.fit.result import Provenance
-from fitting.measurements.measured import join_measured
 from fitting.text.records import to_plain
 
 
@@ -47,9 +42,8 @@ class Options:
     solve: SolveSettings = field(default_factory=SolveSettings)
 
 
-def options_of(bound: BoundCampaign, *, quick: bool = False) -> Options:
+def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
     """The campaign's own settings; `quick` takes its own start alone and looser tolerances."""
-    chosen = bound.continuation
     schedule = Schedule(
         chosen.nu_start,
         chosen.beta,
@@ -65,46 +59,20 @@ def options_of(bound: BoundCampaign, *, quick: bool = False) -> Options:
     return Options(schedule, solve)
 
 
-def measured_of(bound: BoundCampaign) -> Measured:
-    """Peaks and sweep of a campaign as the objective wants them."""
-    if bound.members:
-        return join_measured([measured_of(member) for member in bound.members])
-    peaks = [e.peaks_v for e in bound.experiments]
-    sweep, noise = bound.sweep, bound.noise
-    return Measured(
-        peaks_v=np.concatenate(peaks) if peaks else np.empty(0),
-        sigmas_v=peak_sigmas(bound)[0],
-        sweep_v=sweep.amplitude_v if sweep is not None else np.empty(0),
-        scale=sweep.scale if sweep is not None else "none",
-        fit_sweep=sweep is not None and sweep.use == "fit",
-        weigh=noise.declared
-        or noise.outliers != "keep"
-        or any(p.prior_sigma is not None for p in bound.parameters),
-        outliers=noise.outliers,
-        sweep_sigmas_v=sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
-        if sweep is not None
-        else np.empty(0),
-        sweep_known=noise.declared,
-        maximum_sigma=maximum_sigma(sweep.frequency_hz, sweep.amplitude_v, noise)
-        if sweep is not None
-        else 0.0,
-    )
-
-
-def job_of(bound: BoundCampaign, identity: Identity, options: Options) -> str:
+def job_of(problem: Problem, identity: Identity, options: Options) -> str:
     """Fingerprint of everything that a finished level depends on."""
     content = {
-        "files": _files(bound),
+        "files": _files(problem),
         "fmu": identity.sha256,
         "options": to_plain(options),
-        "accuracy": bound.setup.accuracy,
+        "accuracy": problem.accuracy,
         "version": fitting.__version__,
         "versions": {name: version(name) for name in ("numpy", "scipy")},
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) -> Provenance:
+def provenance_of(problem: Problem, identity: Identity, options: Options) -> Provenance:
     """Where a result of this job comes from, finished now."""
     schedule, solve = options.schedule, options.solve
     packages = ("fmpy", "numpy", "scipy")
@@ -115,8 +83,8 @@ def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) ->
         fmu_file=identity.file,
         fmu_guid=identity.guid,
         fmu_sha256=identity.sha256,
-        campaign=str(bound.path),
-        files=_files(bound),
+        campaign=str(_first(problem).path),
+        files=_files(problem),
         versions=versions,
         command=identity.command,
         seed=schedule.seed,
@@ -127,7 +95,7 @@ def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) ->
             "tolerance": schedule.tolerance,
             "starts": schedule.starts,
             "misfit": solve.misfit,
-            "peak_noise": peak_sigmas(bound)[1],
+            "peak_noise": " ".join(dict.fromkeys(t.noise_told for t in problem.data.tones)),
             "optimality_absolute": solve.absolute,
             "optimality_relative": solve.relative,
         },
@@ -136,13 +104,15 @@ def provenance_of(bound: BoundCampaign, identity: Identity, options: Options) ->
     )
 
 
-def _files(bound: BoundCampaign) -> dict[str, str]:
-    """SHA-256 of every file read, by its path as seen from the campaign's folder."""
-    folder = bound.path.parent
-    return {
-        Path(os.path.relpath(path, folder)).as_posix(): _sha256(path)
-        for path in (bound.path, *bound.files)
-    }
+def _first(problem: Problem) -> BoundCampaign:
+    return next(iter(problem.campaigns.values()))
+
+
+def _files(problem: Problem) -> dict[str, str]:
+    """SHA-256 of every file read, by its path as seen from the first campaign's folder."""
+    folder = _first(problem).path.parent
+    paths = [path for bound in problem.campaigns.values() for path in (bound.path, *bound.files)]
+    return {Path(os.path.relpath(path, folder)).as_posix(): _sha256(path) for path in paths}
 
 
 def _sha256(path: Path) -> str:

@@ -9,15 +9,14 @@ column.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
-from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter, sweep_scale_sigma
-from fitting.fit.objective import Measured, Objective, Point
+from fitting.fit.objective import Objective, Point
+from fitting.fit.problem import Problem
 from fitting.inference.uncertainty import row_sigmas
+from fitting.measurements.dataset import Dataset
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz
 
@@ -43,83 +42,25 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
 
     Rows whose noise nobody knows have the scatter of such rows.
     """
-    measured = objective.measured
-    sigma = row_sigmas(measured.rows_sigma, point.residuals)
+    data = objective.data
+    sigma = row_sigmas(data.sigma, point.residuals)
     columns = [
-        error * _along_scale(measured, point, part)
-        for part, error in enumerate(chi_sigmas(measured))
+        error * _along_scale(data, point, series)
+        for series, error in enumerate(data.scale_sigmas)
         if error > 0.0
     ]
     common = np.stack(columns, axis=1) if columns else np.empty((sigma.size, 0))
     return RowNoise(sigma, common)
 
 
-def chi_sigmas(measured: Measured) -> tuple[float, ...]:
-    """Relative standard deviation of chi, of each campaign of a joint fit; zero if it is fitted."""
-    parts = measured.parts or (measured,)
-    return tuple(
-        0.0
-        if part.scale == "free"
-        else part.maximum_sigma
-        if part.scale == "maximum" and part.maximum_sigma > 0.0
-        else sweep_scale_sigma(part.sweep_v, part.sweep_sigmas_v, part.scale)
-        for part in parts
-    )
-
-
-def _along_scale(measured: Measured, point: Point, part: int) -> FloatArray:
-    """dr/d ln chi of one part: 1 + r for peaks, r + measured/maximum for points of the sweep."""
-    column = point.residuals + measured.level
-    if measured.parts:
-        column = np.where(measured.part_of_rows == part, column, 0.0)
-    return np.asarray(column)
-
-
-def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
-    """Standard deviations of all peaks (n_peaks,), NaN where unknown, and a sentence on them."""
-    if bound.members:
-        each = [peak_sigmas(member) for member in bound.members]
-        told = dict.fromkeys(sentence for _, sentence in each)
-        return np.concatenate([sigmas for sigmas, _ in each]), " ".join(told)
-    floors = [e.sigmas_v for e in bound.experiments]
-    peaks = [e.peaks_v for e in bound.experiments]
-    if not peaks:
-        return np.empty(0), ""
-    noise, said = bound.noise, []
-    if any(np.any(np.nan_to_num(f, nan=0.0) > 0.0) for f in floors):
-        said.append("the floor of the spectra, or the columns given")
-    if noise.relative == 0.0:
-        scatter, freedom = repeat_scatter(_repeats(bound), peaks, floors)
-        if freedom >= ENOUGH_REPEATS and scatter > 0.0:
-            noise = Noise(scatter, noise.absolute_v)
-            said.append(f"{100 * scatter:.3g} % from repeats ({freedom} degrees of freedom)")
-    elif noise.declared:
-        said.append(f"{100 * noise.relative:.3g} % as declared")
-    if noise.absolute_v > 0.0:
-        said.append(f"{noise.absolute_v:.3g} {bound.amplitude_unit} as declared")
-    sigmas = [noise.beside(p, f) for p, f in zip(peaks, floors, strict=True)]
-    sentence = (
-        f"Standard deviations of the peaks: {', '.join(said)}, in quadrature."
-        if said
-        else ("Standard deviations of the peaks are not known: their residuals tell them.")
-    )
-    return np.concatenate(sigmas), sentence
-
-
-def _repeats(bound: BoundCampaign) -> list[object]:
-    """What tells experiments apart: settings, output, lines, and values that are theirs alone."""
-    own = {
-        e.label: tuple(p.name for p in bound.parameters if e.label in p.experiments)
-        for e in bound.experiments
-    }
-    return [
-        (frozenset(e.settings.items()), e.output, e.read_hz, own[e.label])
-        for e in bound.experiments
-    ]
+def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:
+    """dr/d ln chi of one series: 1 + r for peaks, r + measured/maximum for points of a sweep."""
+    column = point.residuals + data.level
+    return np.asarray(np.where(data.series_of_rows == series, column, 0.0))
 
 
 def outlier_sentences(
-    bound: BoundCampaign,
+    problem: Problem,
     residuals: FloatArray,
     sigma: FloatArray,
     matrix: FloatArray,
@@ -133,27 +74,20 @@ def outlier_sentences(
     white = matrix / sigma[:, np.newaxis]
     leverage = np.sum((white @ np.linalg.inv(white.T @ white + np.diag(precision))) * white, axis=1)
     scores = residuals / sigma / np.sqrt(np.maximum(1.0 - leverage, 0.05))
-    lines = [f"{e.label} at {hertz(f)}" for e in bound.experiments for f in e.read_hz]
+    lines = [f"{e.label} at {hertz(f)}" for e in problem.experiments for f in e.read_hz]
     scores = scores[: len(lines)]
     if scores.size < 4:
         return []
     wide = max(1.0, float(np.median(np.abs(scores))) / 0.6745)
-    far = [
-        int(k) for k in np.argsort(-np.abs(scores)) if abs(scores[k]) > bound.noise.threshold * wide
-    ]
+    far = [int(k) for k in np.argsort(-np.abs(scores)) if abs(scores[k]) > problem.threshold * wide]
     if not far:
         return []
     named = ", ".join(f"{lines[k]} ({scores[k]:+.3g})" for k in far[:MOST_NAMED])
     more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
-    tamed = ' They count less (outliers = "huber").' if bound.noise.outliers == "huber" else ""
+    tamed = ' They count less (outliers = "huber").' if problem.data.outliers == "huber" else ""
     return [f"Outliers, in standard deviations of their residual: {named}{more}.{tamed}"]
 
 
 def prior_precision(widths: FloatArray, nu: float) -> FloatArray:
     """Precision of the priors in x (n,), from `fitting.campaign.parameters.prior_widths`."""
     return np.asarray(12.0 / widths**2 + nu)
-
-
-def strongest(sigmas: Sequence[float]) -> float:
-    """The largest of some standard deviations, zero for none."""
-    return max(sigmas, default=0.0)

@@ -19,18 +19,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
-from fitting.measurements.measured import Measured as Measured
-from fitting.measurements.response import Evaluation, Response
-from fitting.signal.scale import chi_of_maxima, chi_of_sweep, chi_robust
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Evaluation, Response
 from fitting.text.arrays import FloatArray
 
 #: A weight for all variables, or one for each, (n,).
 Nu = float | FloatArray
 
-#: Share of the data that may be left where a point still counts as following them.
-PLATEAU = 0.5
-#: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
-SMALLEST_MISFIT = 1e-3
 #: Relative noise of a row, for the weight of a prior, where nobody knows it.
 ASSUMED_NOISE = 0.01
 
@@ -41,29 +36,34 @@ class Objective:
 
     response: Response
     parameters: tuple[Parameter, ...]
-    measured: Measured
+    data: Dataset
     steps: FloatArray
 
 
 @dataclass(frozen=True)
 class Point:
-    """One evaluated search vector: `residuals` (n_rows,), `simulated_v` = chi z (n_peaks,).
+    """One evaluated search vector.
 
-    `scale_bias` is the relative error that the simulated grid leaves in chi, `runs` the number of
-    simulations it took; `squares` and `row_weights` (n_rows,) are those of `Measured.squares`;
-    `chis` the scales of all campaigns of a joint fit, `chi` the first.
+    `residuals` (m,) of all measurements; `chis` the scale of every series; `scaled` chi times what
+    the model predicts, one array per measurement; `scale_bias` the relative error that simulated
+    grids leave in chi, at most; `runs` the number of simulations; `squares` and `row_weights` (m,)
+    are those of `Dataset.squares`.
     """
 
     x: FloatArray
     parameters: FloatArray
     residuals: FloatArray
-    chi: float
-    simulated_v: FloatArray
+    chis: tuple[float, ...]
+    scaled: tuple[FloatArray, ...]
     scale_bias: float
     runs: int = 0
     squares: float = float("nan")
     row_weights: FloatArray = field(default_factory=lambda: np.empty(0))
-    chis: tuple[float, ...] = ()
+
+    @property
+    def chi(self) -> float:
+        """Scale of the first series."""
+        return self.chis[0]
 
     @property
     def j_fit(self) -> float:
@@ -82,7 +82,7 @@ def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
     With a prior: 2 sigma^2 for "squares", sqrt(2/pi) sigma for sums of absolute values, sigma the
     relative noise of the rows (see the module).
     """
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     known = sigma[sigma > 0.0]
     if known.size == 0:
         known = np.array([ASSUMED_NOISE])
@@ -102,97 +102,38 @@ def tikhonov_rows(x: FloatArray, nu: Nu) -> FloatArray:
     return rows
 
 
-def scale_factor(measured: Measured, evaluation: Evaluation) -> tuple[float, float]:
-    """chi(p) of one evaluation and the relative bias its grid leaves.
-
-    Raises:
-        ValueError: the evaluation lacks what the chosen scale needs.
-
-    Source: the paper's Algorithm 1; computed anew for every p.
-    """
-    if measured.scale == "none":
-        return 1.0, 0.0
-    if measured.scale in ("fit", "free"):
-        return chi_of_sweep(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
-    if measured.scale == "robust":
-        return chi_robust(measured.sweep_v, evaluation.sweep_amplitudes), 0.0
-    maximum = evaluation.sweep_maximum
-    if maximum is None:
-        raise ValueError("the response has no sweep maximum, which the scale needs")
-    bias = maximum.bias if maximum.bracketed else 0.0
-    return chi_of_maxima(measured.maximum_v, maximum.value), bias
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Rows of one campaign at one point, with its scale."""
-
-    peaks: FloatArray
-    sweep: FloatArray
-    simulated_v: FloatArray
-    chi: float
-    bias: float
-
-
-def _rows(measured: Measured, evaluation: Evaluation, factor: float) -> _Rows:
-    chi, bias = scale_factor(measured, evaluation)
-    chi *= factor
-    simulated = chi * evaluation.peaks
-    sweep = np.empty(0)
-    if measured.fit_sweep:
-        # relative to the maximum: the far wings of a resonance are noise, not information
-        sweep = (chi * evaluation.sweep_amplitudes - measured.sweep_v) / measured.maximum_v
-    peaks = (simulated - measured.peaks_v) / measured.peaks_v
-    return _Rows(peaks, sweep, simulated, chi, bias)
-
-
 def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
-    measured, p = objective.measured, to_model(objective.parameters, x)
-    parts, answers = measured.parts or (measured,), evaluation.parts or (evaluation,)
-    free = iter(
-        [float(v) for q, v in zip(objective.parameters, p, strict=True) if q.role == "scale"]
-    )
-    factors = [float(np.exp(next(free))) if part.scale == "free" else 1.0 for part in parts]
-    made = [_rows(*each) for each in zip(parts, answers, factors, strict=True)]
-    rows = np.concatenate([*(m.peaks for m in made), *(m.sweep for m in made)])
-    squares = measured.squares(rows)
+    data, p = objective.data, to_model(objective.parameters, x)
+    pairs = zip(objective.parameters, p, strict=True)
+    free = [float(value) for parameter, value in pairs if parameter.role == "scale"]
+    scales = data.scales(evaluation.predictions, free)
+    chi = {name: scale.value for name, scale in zip(data.series, scales, strict=True)}
+    answers = list(zip(data.measurements, evaluation.predictions, strict=True))
+    rows = np.concatenate([m.residuals(q, chi[m.series]) for m, q in answers])
+    squares, row_weights = data.squares(rows)
     return Point(
-        x.copy(),
-        p,
-        rows,
-        made[0].chi,
-        np.concatenate([m.simulated_v for m in made]),
-        max(m.bias for m in made),
-        evaluation.runs,
-        *squares,
-        tuple(m.chi for m in made),
+        x=x.copy(),
+        parameters=p,
+        residuals=rows,
+        chis=tuple(scale.value for scale in scales),
+        scaled=tuple(np.asarray(chi[m.series] * q.values) for m, q in answers),
+        scale_bias=max(scale.bias for scale in scales),
+        runs=evaluation.runs,
+        squares=squares,
+        row_weights=row_weights,
     )
 
 
-def evaluate_many(objective: Objective, xs: Sequence[FloatArray]) -> list[Point]:
-    """Points at several search vectors, in one batch of simulations."""
-    ps = [to_model(objective.parameters, x) for x in xs]
-    answers = objective.response.evaluate_many(ps)
-    return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
+def evaluate_many(
+    objective: Objective, xs: Sequence[FloatArray], *, whole: bool = False
+) -> list[Point]:
+    """Points at several search vectors, in one batch of simulations.
 
-
-def unexplained(measured: Measured, point: Point) -> str:
-    """What says that a point does not follow the data at all; empty where it does.
-
-    A fit that ends far from any solution may sit on a plateau: flat, and so stationary. Peaks that
-    are half their size off on average, or a fitted sweep of whose variance less than half is
-    explained, are no description of the data, whatever the optimiser says.
+    `whole`: with a prediction of everything that was measured, also of what the fit needs not.
     """
-    count = measured.peaks_v.size
-    peaks, sweep = point.residuals[:count], point.residuals[count:]
-    if count and float(np.mean(np.abs(peaks))) > PLATEAU:
-        return f"the peaks are {100.0 * float(np.mean(np.abs(peaks))):.0f} % off on average"
-    if sweep.size:
-        shape = measured.sweep_v / measured.maximum_v
-        spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(sweep @ sweep)
-        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * sweep.size:
-            return "the simulated sweep does not follow the measured one"
-    return ""
+    ps = [to_model(objective.parameters, x) for x in xs]
+    answers = objective.response.evaluate_many(ps, whole=whole)
+    return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
 
 
 def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
@@ -225,7 +166,7 @@ def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
 
 
 def make_objective(
-    response: Response, parameters: tuple[Parameter, ...], measured: Measured
+    response: Response, parameters: tuple[Parameter, ...], data: Dataset
 ) -> Objective:
     """Objective whose difference steps suit the response at the start and at the reference.
 
@@ -237,7 +178,7 @@ def make_objective(
     longest = np.minimum(1.0, 0.1 * (upper - lower))
     start = to_search(parameters, starts(parameters))
     middle = np.clip(np.zeros_like(start), lower, upper)
-    draft = Objective(response, parameters, measured, 1e-3 * longest)
+    draft = Objective(response, parameters, data, 1e-3 * longest)
     points = evaluate_many(draft, [*stencil(draft, start), *stencil(draft, middle)])
     half = len(points) // 2
     slopes = np.maximum(
@@ -246,7 +187,7 @@ def make_objective(
     )
     lengths = np.minimum(longest, 1.0 / np.maximum(slopes, np.finfo(float).tiny))
     unit = float(np.cbrt(3.0 * noise_level(draft, middle, lengths)))
-    return Objective(response, parameters, measured, min(max(unit, 1e-5), 1e-2) * lengths)
+    return Objective(response, parameters, data, min(max(unit, 1e-5), 1e-2) * lengths)
 
 
 def noise_level(objective: Objective, x: FloatArray, lengths: FloatArray) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, to_model
-from fitting.measurements.response import Response
+from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
 
 

@@ -13,14 +13,13 @@ from typing import Protocol
 import numpy as np
 
 from fitting.campaign import BoundCampaign
-from fitting.campaign.joint import series_names
 from fitting.fit import assembly, corrections
 from fitting.fit.choice import chosen
 from fitting.fit.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
 from fitting.fit.evaluator import Counts, Evaluator
-from fitting.fit.job import Identity, Options, measured_of, provenance_of
-from fitting.fit.noise import chi_sigmas, strongest
-from fitting.fit.objective import Measured, Objective, make_objective, unexplained
+from fitting.fit.job import Identity, Options, provenance_of
+from fitting.fit.objective import Objective, make_objective
+from fitting.fit.problem import Problem
 from fitting.fit.result import (
     STATUSES,
     AlternativeResult,
@@ -30,13 +29,12 @@ from fitting.fit.result import (
     Result,
     Scale,
     SweepCurves,
-    SweepLine,
 )
 from fitting.fit.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.equivalent_fits import with_equivalent_fits
 from fitting.measurements.data_warnings import data_warnings
-from fitting.measurements.response import Response
+from fitting.measurements.measurement import Response
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import Scalar
 
@@ -90,7 +88,7 @@ class Hooks:
 
 
 def reconstruct(
-    bound: BoundCampaign,
+    problem: Problem,
     respond: Callable[[Mapping[str, Scalar]], Response],
     identity: Identity,
     options: Options,
@@ -109,13 +107,14 @@ def reconstruct(
     """
     hooks = hooks or Hooks()
     begun = hooks.clock()
-    measured = measured_of(bound)
-    watch = _Watch(len(bound.alternatives), options.schedule, hooks, begun)
+    watch = _Watch(len(problem.alternatives), options.schedule, hooks, begun)
     objectives: list[Objective] = []
     outcomes: list[Outcome] = []
-    for k, alternative in enumerate(bound.alternatives):
+    for k, alternative in enumerate(problem.alternatives):
         try:
-            objectives.append(make_objective(respond(alternative), bound.parameters, measured))
+            objectives.append(
+                make_objective(respond(alternative), problem.parameters, problem.data)
+            )
         except KeyboardInterrupt:
             break
         journal = Journal(watch.recall, watch.record, watch.entering, hooks.clock)
@@ -127,10 +126,10 @@ def reconstruct(
     if not outcomes:
         raise KeyboardInterrupt
     del objectives[len(outcomes) :]
-    result, solution = _finish(bound, identity, options, objectives, outcomes)
-    if bound.members:
-        joint = consistency(bound, solution)
-        said = (*warnings_of(joint), *result.warnings, *bound.notes)
+    result, solution = _finish(problem, identity, options, objectives, outcomes)
+    if problem.is_joint:
+        joint = consistency(problem, solution)
+        said = (*warnings_of(joint), *result.warnings, *problem.notes)
         result = replace(result, joint=joint, warnings=said)
     if hooks.inform is not None and result.status != STATUSES[2]:
         result = hooks.inform(result, solution)
@@ -201,7 +200,7 @@ class _Watch:
 
 
 def _finish(
-    bound: BoundCampaign,
+    problem: Problem,
     identity: Identity,
     options: Options,
     objectives: list[Objective],
@@ -209,71 +208,73 @@ def _finish(
 ) -> tuple[Result, assembly.Solution]:
     outcomes, reported = chosen(objectives, outcomes)
     objective, outcome = objectives[reported], outcomes[reported]
-    maximum = _maximum(bound)
+    maximum = _maximum(problem)
     chain = outcome.best or outcome.chains[0]
     evaluator, misfit = Evaluator(objective), options.solve.misfit
-    sigma = strongest(chi_sigmas(objective.measured))
-    solution = assembly.solution_of(evaluator, chain, options.schedule, sigma, misfit)
+    solution = assembly.solution_of(evaluator, chain, options.schedule, misfit)
     parameters = assembly.parameter_results(solution)
     derived = assembly.derived_results(solution, identity.units, options.schedule.seed)
-    alternatives = assembly.alternative_results(objectives, outcomes, bound.alternatives, reported)
+    alternatives = assembly.alternative_results(
+        objectives, outcomes, problem.alternatives, reported
+    )
     parameters, derived, told = with_equivalent_fits(
-        parameters, derived, bound.parameters, alternatives
+        parameters, derived, problem.parameters, alternatives
     )
     said = assembly.warning_sentences(solution, outcome, parameters, derived) + told
-    line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
+    line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
     offsets = corrections.offset_results(solution)
-    said += _drift_warnings(bound, offsets, line)
-    warnings = data_warnings(bound, maximum, solution.final.scale_bias)
-    warnings += [*said, *corrections.outlier_warnings(bound, solution), *_ties(alternatives)]
-    warnings += line_warnings(line, fitted=objective.measured.fit_sweep) if line else []
+    said += _drift_warnings(problem, offsets)
+    warnings = data_warnings(tuple(problem.campaigns.values()), maximum, solution.final.scale_bias)
+    warnings += [*said, *corrections.outlier_warnings(problem, solution), *_ties(alternatives)]
+    warnings += (
+        line_warnings(line, fitted=any(m.rows for m in problem.measurements if m.is_curve))
+        if line
+        else []
+    )
     status, message = _status(solution, outcomes)
     last = solution.last
     result = Result(
-        title=bound.title,
-        synthetic=bound.synthetic,
+        title=problem.title,
+        synthetic=problem.synthetic,
         status=status,
         message=message,
         parameters=parameters,
         derived=derived,
-        alternative=dict(bound.alternatives[reported]),
-        deviations=assembly.deviations(solution, [len(e.read_hz) for e in bound.experiments]),
+        alternative=dict(problem.alternatives[reported]),
+        deviations=assembly.deviations(problem, solution),
         j_fit=solution.final.j_fit,
         j_reg=last.j_reg if last is not None else float("nan"),
         optimality=last.optimality if last is not None else float("nan"),
-        scale=_scale(objective.measured, solution, maximum),
-        peaks=_peaks(bound, solution),
-        sweep=_sweep(bound, solution),
+        scale=_scale(problem, solution, maximum),
+        peaks=_peaks(problem, solution),
+        sweep=_sweep(problem, solution),
         history=assembly.history_rows(solution),
         alternatives=alternatives,
         correlation=_correlation(solution),
         evaluations=_cost(outcomes, evaluator.counts),
         seconds=float("nan"),
         warnings=tuple(warnings),
-        provenance=provenance_of(bound, identity, options),
+        provenance=provenance_of(problem, identity, options),
         line=line,
         offsets=offsets,
     )
     return result, solution
 
 
-def _drift_warnings(
-    bound: BoundCampaign, offsets: tuple[OffsetResult, ...], line: SweepLine | None
-) -> list[str]:
-    """Of a campaign, or of each campaign of a joint one."""
-    if not bound.members:
-        return corrections.drift_warnings(bound, offsets, _width_hz(bound, line))
+def _drift_warnings(problem: Problem, offsets: tuple[OffsetResult, ...]) -> list[str]:
+    """Of every campaign, by its name where there are several."""
     said = []
-    for name, member in zip(series_names(bound.members), bound.members, strict=True):
-        own = tuple(o for o in offsets if o.experiments[0].startswith(f"{name}/"))
-        shape = line_of_sweep(member.sweep) if member.sweep is not None else None
-        told = corrections.drift_warnings(member, own, _width_hz(member, shape))
-        said += [f"{name}: {text}" for text in told]
+    for name, bound in problem.campaigns.items():
+        labels = {e.label for e in bound.experiments}
+        own = tuple(o for o in offsets if o.experiments[0] in labels)
+        told = corrections.drift_warnings(bound, own, _width_hz(bound))
+        said += [f"{name}: {text}" if name else text for text in told]
     return said
 
 
-def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
+def _width_hz(bound: BoundCampaign) -> float:
     """Line width: of the sweep's fit, else the declared one; NaN where neither is known."""
+    line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     if line is not None and line.width_hz > 0.0:
         return line.width_hz
     return bound.setup.line_width_hz or float("nan")
@@ -287,7 +288,7 @@ def _status(solution: assembly.Solution, outcomes: list[Outcome]) -> tuple[str, 
     if last is None:
         return STATUSES[1], "No level of nu was done."
     where = f"J_fit = {last.j_fit:.6g}, J_reg = {last.j_reg:.3g} at nu = {last.nu:.1e}"
-    missed = unexplained(solution.objective.measured, solution.final)
+    missed = solution.objective.data.unexplained(solution.final.residuals)
     if missed:
         return STATUSES[1], (
             f"The fit does not describe the data: {missed}; {where}. Wanted a start nearer to the "
@@ -302,17 +303,18 @@ def _status(solution: assembly.Solution, outcomes: list[Outcome]) -> tuple[str, 
     )
 
 
-def _maximum(bound: BoundCampaign) -> LaboratoryMaximum | None:
-    if bound.sweep is None:
+def _maximum(problem: Problem) -> LaboratoryMaximum | None:
+    if problem.sweep is None:
         return None
-    return laboratory_maximum(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
+    return laboratory_maximum(problem.sweep.frequency_hz, problem.sweep.amplitude_v)
 
 
 def _scale(
-    measured: Measured, solution: assembly.Solution, maximum: LaboratoryMaximum | None
+    problem: Problem, solution: assembly.Solution, maximum: LaboratoryMaximum | None
 ) -> Scale:
+    own = problem.sweep.scale if problem.sweep is not None else "none"
     return Scale(
-        kind="one per campaign" if measured.parts else measured.scale,
+        kind="one per campaign" if problem.is_joint else own,
         initial=solution.initial.chi,
         final=solution.final.chi,
         grid_bias=solution.final.scale_bias,
@@ -322,33 +324,31 @@ def _scale(
     )
 
 
-def _peaks(bound: BoundCampaign, solution: assembly.Solution) -> tuple[Peak, ...]:
-    rows = []
-    k = 0
-    sigmas = solution.objective.measured.sigmas_v
-    for experiment in bound.experiments:
-        for i, tone in enumerate(experiment.read_hz):
-            rows.append(
-                Peak(
-                    experiment.label,
-                    float(tone),
-                    float(experiment.peaks_v[i]),
-                    float(sigmas[k]),
-                    float(solution.initial.simulated_v[k]),
-                    float(solution.final.simulated_v[k]),
-                )
-            )
-            k += 1
-    return tuple(rows)
+def _peaks(problem: Problem, solution: assembly.Solution) -> tuple[Peak, ...]:
+    data = problem.data
+    lines = [(e.label, float(f)) for e in problem.experiments for f in e.read_hz]
+    columns = (
+        np.concatenate([np.empty(0), *(t.peaks_v for t in data.tones)]),
+        np.concatenate([np.empty(0), *(t.sigmas_v for t in data.tones)]),
+        data.peaks(solution.initial.scaled),
+        data.peaks(solution.final.scaled),
+    )
+    return tuple(
+        Peak(label, frequency_hz, *map(float, values))
+        for (label, frequency_hz), *values in zip(lines, *columns, strict=True)
+    )
 
 
-def _sweep(bound: BoundCampaign, solution: assembly.Solution) -> SweepCurves | None:
-    if bound.sweep is None:
+def _sweep(problem: Problem, solution: assembly.Solution) -> SweepCurves | None:
+    if problem.sweep is None:
         return None
-    response = solution.objective.response
-    initial = solution.initial.chi * response.sweep(solution.initial.parameters)
-    final = solution.final.chi * response.sweep(solution.final.parameters)
-    columns = (bound.sweep.frequency_hz, bound.sweep.amplitude_v, initial, final)
+    [k] = [k for k, m in enumerate(problem.measurements) if m.is_curve]
+    columns = (
+        problem.sweep.frequency_hz,
+        problem.sweep.amplitude_v,
+        solution.initial.scaled[k],
+        solution.final.scaled[k],
+    )
     return SweepCurves(*(tuple(map(float, column)) for column in columns))
 
 

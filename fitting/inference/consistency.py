@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtri
 
 from fitting.campaign import BoundCampaign
-from fitting.campaign.joint import is_shared, series_names
+from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import prior_sigmas, search_bounds
 from fitting.fit.assembly import Solution
 from fitting.fit.differences import central
@@ -30,7 +30,7 @@ from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point
 from fitting.fit.outputs import output_means
-from fitting.measurements.joint_response import JointResponse
+from fitting.fit.problem import Problem
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
@@ -69,25 +69,25 @@ class _System:
         return max(rows - least.rank, 1)
 
 
-def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
+def consistency(problem: Problem, solution: Solution) -> JointResult:
     """Each campaign alone, against the rest and against each other one.
 
     Residuals beyond a campaign's noise widen its errors first.
 
     Args:
-        bound: the campaigns that were fitted together.
+        problem: several campaigns of one sample.
         solution: the end of their joint fit.
     """
     gradients = _gradients(solution)
-    names = series_names(bound.members)
-    system, inflation = _whitened(solution, bound)
+    names = tuple(problem.campaigns)
+    system, inflation = _whitened(solution)
     everything = tuple(range(len(names)))
     minima = [system.minimum([k]) for k in everything]
     series = tuple(
         SeriesPart(
             name=name,
-            campaign=str(bound.members[k].path),
-            scale_kind=solution.objective.measured.parts[k].scale,
+            campaign=str(problem.campaigns[name].path),
+            scale_kind=_scale_kind(problem.campaigns[name]),
             chi=solution.final.chis[k],
             rows=system.parts[k].rows.size,
             determined=minima[k].rank,
@@ -95,8 +95,8 @@ def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
             chi_square_alone=minima[k].chi_square,
             inflation=inflation[k],
             alone=_alone(minima[k], gradients),
-            swept_initial_v=_swept(bound, solution.initial, solution, k),
-            swept_final_v=_swept(bound, solution.final, solution, k),
+            swept_initial_v=_swept(solution, solution.initial, name),
+            swept_final_v=_swept(solution, solution.final, name),
         )
         for k, name in enumerate(names)
     )
@@ -109,13 +109,16 @@ def consistency(bound: BoundCampaign, solution: Solution) -> JointResult:
     return JointResult(series, tensions)
 
 
-def _swept(bound: BoundCampaign, point: Point, solution: Solution, k: int) -> tuple[float, ...]:
-    """A campaign's sweep as the model gives it at a point, scaled."""
-    response = solution.objective.response
-    if bound.members[k].sweep is None or not isinstance(response, JointResponse):
-        return ()
-    own = point.parameters[list(response.columns[k])]
-    return tuple(float(a) for a in point.chis[k] * response.members[k].sweep(own))
+def _scale_kind(bound: BoundCampaign) -> str:
+    return bound.sweep.scale if bound.sweep is not None else "none"
+
+
+def _swept(solution: Solution, point: Point, series: str) -> tuple[float, ...]:
+    """A series' sweep as the model gives it at a point, scaled."""
+    pairs = zip(solution.objective.data.measurements, point.scaled, strict=True)
+    return tuple(
+        float(a) for m, scaled in pairs if m.series == series and m.is_curve for a in scaled
+    )
 
 
 def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
@@ -141,16 +144,16 @@ def warnings_of(joint: JointResult) -> list[str]:
     return [t.sentence for t in joint.tensions if t.sigmas > WORTH_A_WARNING]
 
 
-def _whitened(solution: Solution, bound: BoundCampaign) -> tuple[_System, list[float]]:
+def _whitened(solution: Solution) -> tuple[_System, list[float]]:
     """The system of all campaigns, residuals beyond a campaign's noise widened; and by how much."""
-    point, measured = solution.final, solution.objective.measured
+    point, data = solution.final, solution.objective.data
     noise = noise_of(solution.objective, point).covariance
     prior = prior_sigmas(solution.parameters)
     inverse = [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
     own_priors = Linearisation(np.array(inverse) * point.x, np.diag(inverse), prior)
     parts, owners = [], []
-    for k in range(len(bound.members)):
-        mine = measured.part_of_rows == k
+    for k in range(len(data.series)):
+        mine = data.series_of_rows == k
         own = noise[np.ix_(mine, mine)]
         rows, matrix = point.residuals[mine], solution.matrix[mine]
         parts.append(Linearisation(whitened(rows, own), whitened(matrix, own), prior))

@@ -9,10 +9,11 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import references, search_bounds, starts, to_model, to_search
-from fitting.fit.job import measured_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.outputs import output_means
+from fitting.fit.planned_fmu import plan_problem
+from fitting.fit.problem import problem_of
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
 from fitting.inference.descent import most_likely
@@ -20,8 +21,6 @@ from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Equivalent, Knowledge
 from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.profiles import ROOT_95
-from fitting.measurements.campaign_plan import measured_plan
-from fitting.measurements.fmu_response import FmuResponse
 from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -60,12 +59,11 @@ def identify(
         BadInput: the campaign cannot be planned, or the result is another campaign's.
         FmuFailure: the FMU failed.
     """
-    plan = measured_plan(bound, workers, workers.description.variables)
-    measured = measured_of(bound)
+    problem = problem_of([bound])
+    planned = plan_problem(problem, workers)
 
     def objective_of(alternative: Mapping[str, Scalar]) -> Objective:
-        response = FmuResponse(bound, workers, plan, alternative)
-        return make_objective(response, bound.parameters, measured)
+        return make_objective(planned.response(alternative), problem.parameters, problem.data)
 
     chosen = bound.alternatives[0] if request.result is None else request.result.alternative
     objective = objective_of(chosen)
@@ -127,21 +125,21 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     """Noise of the rows near the data: at the most likely point, for rows of unknown noise."""
     [point] = evaluate_many(objective, [begin])
     noise = noise_of(objective, point)
-    if expected or np.all(objective.measured.rows_sigma > 0.0):
+    if expected or np.all(objective.data.sigma > 0.0):
         return noise
     evaluator = LikelihoodEvaluator(likelihood_of(objective, noise.sigma, noise.common))
     optimum = most_likely(evaluator, [begin])
     [point] = evaluate_many(objective, [evaluator.likelihood.folded(optimum.expansion.x)])
     noise = noise_of(objective, point)
-    if not objective.measured.fit_sweep:
+    curves = objective.data.curve_rows
+    if not point.residuals[curves].size:
         return noise
-    first = objective.measured.peaks_v.size
     rows = np.linalg.solve(
         evaluator.likelihood.whitening, optimum.expansion.matrix[: noise.sigma.size]
     )
-    found = residual_structure(point.residuals[first:], np.asarray(rows[first:]))
+    found = residual_structure(point.residuals[curves], np.asarray(rows[curves]))
     sigma = noise.sigma.copy()
-    sigma[first:] *= found.widening
+    sigma[curves] *= found.widening
     return RowNoise(sigma, noise.common)
 
 

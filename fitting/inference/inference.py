@@ -219,7 +219,7 @@ def noise_at(solution: Solution) -> RowNoise:
     if solution.structure is None:
         return noise
     sigma = noise.sigma.copy()
-    sigma[solution.objective.measured.peaks_v.size :] *= solution.structure.widening
+    sigma[solution.objective.data.curve_rows] *= solution.structure.widening
     return RowNoise(sigma, noise.common)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
 from fitting.fit.outputs import output_means
-from fitting.measurements.response import Response
+from fitting.measurements.measurement import Response
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Seeded points of the box, and the most points of a grid over it, which holds its corners.

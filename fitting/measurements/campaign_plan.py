@@ -11,8 +11,9 @@ from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import references, starts
 from fitting.fmu.accuracy import Hints
 from fitting.fmu.variables import VariableLike
-from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.planning import Plan, known_width_hz, plan_campaign, with_windows
+from fitting.measurements.sweep import swept_amplitudes
 from fitting.signal.scale import FINE_POINTS, Maximum, bend_of, refine_maximum
 from fitting.simulate.budget import Budget, Decision
 from fitting.simulate.probe import Probe, Shot, Workers
@@ -49,8 +50,8 @@ def measured_plan(
         FmuFailure: the FMU failed at the start.
     """
     draft = plan_campaign(bound)
-    response = FmuResponse(bound, workers, draft, bound.alternatives[0])
-    shots = _shots(response, workers)
+    model = DrivenModel(bound.setup, bound.parameters, draft, bound.alternatives[0])
+    shots = _shots(bound, model, workers)
     if not shots:
         return draft
     hints = _applicable(bound, bound.setup.hints.over(own or Hints()))
@@ -61,7 +62,7 @@ def measured_plan(
     drive = replace(drive, order=max(drive.order, found.order))
     bound = replace(bound, setup=replace(bound.setup, drive=drive))
     plan = with_windows(bound, settle_s, _told_anew(found, settle_s), found.settings)
-    return _few_nodes(replace(response, bound=bound, plan=plan))
+    return _few_nodes(bound, replace(model, setup=bound.setup, plan=plan), workers)
 
 
 def _applicable(bound: BoundCampaign, hints: Hints) -> Hints:
@@ -100,18 +101,24 @@ def _longer(decision: Decision, settle_s: float) -> Decision:
     return replace(decision, choice=f"{settle_s:.4g} s", sentence=why)
 
 
-def _few_nodes(response: FmuResponse) -> Plan:
+def _few_nodes(bound: BoundCampaign, model: DrivenModel, workers: Workers) -> Plan:
     """The plan with three sweep points instead of five, where they are proven to do.
 
     1/A^2 is a quartic through the five points at start and reference; its third derivative over
     its second, times a safety factor, bounds what a parabola through three points may be off by.
     """
-    plan, bound = response.plan, response.bound
-    if len(plan.nodes_hz) != FINE_POINTS or plan.maximum_bias is None or plan.budget is None:
+    plan = model.plan
+    if (
+        bound.sweep is None
+        or len(plan.nodes_hz) != FINE_POINTS
+        or plan.maximum_bias is None
+        or plan.budget is None
+    ):
         return plan
     nodes = np.array(plan.nodes_hz)
     points = [starts(bound.parameters), _reference(bound)]
-    found = [bend_of(nodes, response.amplitudes_at(p, nodes)) for p in points]
+    settings = bound.sweep.settings
+    found = [bend_of(nodes, swept_amplitudes(model, settings, p, nodes, workers)) for p in points]
     bend = SAFETY * max(bend for bend, _ in found)
     if not np.isfinite(bend):
         return plan
@@ -155,9 +162,8 @@ def _reference(bound: BoundCampaign) -> FloatArray:
     return np.clip(references(bound.parameters), lower, upper)
 
 
-def _shots(response: FmuResponse, workers: Workers) -> tuple[Shot, ...]:
+def _shots(bound: BoundCampaign, model: DrivenModel, workers: Workers) -> tuple[Shot, ...]:
     """Drives to measure with: first and last experiment (or sweep point), at some points."""
-    bound = response.bound
     parameters = bound.parameters
     lower = np.array([p.lower for p in parameters])
     upper = np.array([p.upper for p in parameters])
@@ -167,8 +173,8 @@ def _shots(response: FmuResponse, workers: Workers) -> tuple[Shot, ...]:
         points += list(rng.uniform(lower, upper, (SEEDED, len(parameters))))
     shots: list[Shot] = []
     for k, point in enumerate(points):
-        these = [_shot(response, point, e) for e in _ends(bound.experiments)]
-        these = these or _swept_shots(response, point)
+        these = [_shot(model, point, e) for e in _ends(bound.experiments)]
+        these = these or _swept_shots(bound, model, point)
         if k > 0 and not _runs(these, workers):
             continue  # the FMU may refuse a part of the box
         shots += these
@@ -179,13 +185,13 @@ def _ends(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
     return experiments[:1] if len(experiments) < 2 else (experiments[0], experiments[-1])
 
 
-def _shot(response: FmuResponse, p: FloatArray, experiment: Experiment) -> Shot:
-    drive = response.bound.setup.drive
+def _shot(model: DrivenModel, p: FloatArray, experiment: Experiment) -> Shot:
+    drive = model.setup.drive
     held = drive.kind == "input"
     return Shot(
-        response.values(p, experiment.label, experiment.settings),
+        model.values(p, experiment.label, experiment.settings),
         tuple(experiment.read_hz),
-        (experiment.output or response.bound.setup.output,),
+        (experiment.output or model.setup.output,),
         drive.input if held else None,
         drive.level,
         drive.samples_per_period if held else 0,
@@ -194,18 +200,18 @@ def _shot(response: FmuResponse, p: FloatArray, experiment: Experiment) -> Shot:
     )
 
 
-def _swept_shots(response: FmuResponse, p: FloatArray) -> list[Shot]:
+def _swept_shots(bound: BoundCampaign, model: DrivenModel, p: FloatArray) -> list[Shot]:
     """First, largest and last point of a sweep that is fitted by itself."""
-    sweep, drive = response.bound.sweep, response.bound.setup.drive
+    sweep, drive = bound.sweep, model.setup.drive
     if sweep is None:
         return []
     held = drive.kind == "input"
     top = sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))]
     return [
         Shot(
-            response.sweep_values(p, tone),
+            model.single_tone_values(p, sweep.settings, tone),
             (tone,),
-            (response.bound.setup.output,),
+            (model.setup.output,),
             drive.input if held else None,
             drive.level,
             drive.samples_per_period if held else 0,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from fitting.campaign import BoundCampaign
+from fitting.campaign import BoundCampaign, Experiment
 from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum
 from fitting.text.notation import hertz
@@ -14,15 +15,16 @@ MOST_NAMED = 3
 
 
 def data_warnings(
-    bound: BoundCampaign, maximum: LaboratoryMaximum | None, scale_bias: float
+    campaigns: Sequence[BoundCampaign], maximum: LaboratoryMaximum | None, scale_bias: float
 ) -> list[str]:
     """Sentences on peaks, on the measured maximum and on the simulated one's bias."""
-    said = weak_peaks(bound)
-    if maximum is None and not bound.members:
+    said = weak_peaks([e for bound in campaigns for e in bound.experiments])
+    sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
+    if len(campaigns) == 1 and not sweeps:
         said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
-    elif maximum is not None and bound.sweep is not None and bound.sweep.scale == "maximum":
+    elif maximum is not None and sweeps[0].scale == "maximum":
         said += maximum_warnings(maximum)
-    wanted = bound.setup.accuracy
+    wanted = min(bound.setup.accuracy for bound in campaigns)
     if scale_bias > wanted:
         said.append(
             f"The simulated maximum is known to {scale_bias:.1e} only, wanted {wanted:.1e}."
@@ -30,11 +32,11 @@ def data_warnings(
     return said
 
 
-def weak_peaks(bound: BoundCampaign) -> list[str]:
+def weak_peaks(experiments: Sequence[Experiment]) -> list[str]:
     """Ready peaks below what a reader of spectra would have refused (`fitting.signal.peaks`)."""
     weak = [
         f"{experiment.label} at {hertz(tone)}"
-        for experiment in bound.experiments
+        for experiment in experiments
         for tone, peak, sigma in zip(
             experiment.read_hz, experiment.peaks_v, experiment.sigmas_v, strict=True
         )

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
-from fitting.campaign.joint import series_names
+from fitting.fit.problem import Problem
 from fitting.fit.result import DeviationSet, Result, SweepCurves
 from fitting.report.words.values import settings_words
 from fitting.signal.peaks import Resonance, fit_resonance
@@ -92,28 +92,26 @@ class ShownCampaign:
         return tuple(tone.label for tone in self.tones)
 
 
+def shown_problem(problem: Problem) -> ShownCampaign:
+    """All that the report shows of a problem: of its campaign, or of all together and of each."""
+    if not problem.is_joint:
+        return shown_campaign(problem.together)
+    series = {name: shown_campaign(bound) for name, bound in problem.campaigns.items()}
+    return replace(shown_campaign(problem.together), series=series)
+
+
 def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
-    """All that the report shows of a campaign, or of several that were fitted together."""
-    tones = tuple(_shown_tones(e, bound) for e in bound.experiments)
-    names = series_names(bound.members) if bound.members else ()
-    series = {
-        name: replace(
-            shown_campaign(member),
-            tones=tuple(tone for tone in tones if tone.label.startswith(f"{name}/")),
-        )
-        for name, member in zip(names, bound.members, strict=True)
-    }
+    """All that the report shows of one campaign."""
     return ShownCampaign(
         title=bound.title,
         synthetic=bound.synthetic,
         unit=bound.amplitude_unit,
         drive=bound.setup.drive.input or "b",
-        tones=tones,
+        tones=tuple(_shown_tones(e, bound) for e in bound.experiments),
         sweep=None if bound.sweep is None else _shown_sweep(bound.sweep),
         drift_hz=_drift_hz(bound),
         settings=_settings(bound),
         notes=bound.notes,
-        series=series,
     )
 
 

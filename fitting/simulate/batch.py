@@ -59,6 +59,8 @@ class Batch:
         times = (window.settle_s, window.step_s, window.samples, signal)
         key = (frozenset(values.items()), *times)
         k = self._index.setdefault(key, len(self._runs))
+        if k < len(self._answers) and output not in self._runs[k][3]:
+            k = self._index[key] = len(self._runs)  # simulated already, without this output
         if k == len(self._runs):
             self._runs.append((dict(values), window, signal, []))
             self.owners.append(owner)
@@ -67,7 +69,7 @@ class Batch:
         return k
 
     def simulate(self, workers: Workers) -> None:
-        """Run all that was asked for, in one batch."""
+        """Run all that was asked for since the last call, in one batch."""
         runs = [
             Run(
                 values,
@@ -77,9 +79,9 @@ class Batch:
                 tuple(outputs),
                 input_signal=signal,
             )
-            for values, window, signal, outputs in self._runs
+            for values, window, signal, outputs in self._runs[len(self._answers) :]
         ]
-        self._answers = workers.run(runs) if runs else []
+        self._answers += workers.run(runs) if runs else []
 
     def samples(self, k: int, output: str) -> FloatArray:
         """One output of a simulated run, shape (samples,)."""

@@ -26,9 +26,9 @@ import numpy as np
 import build_fmu
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import references, to_search
-from fitting.fit.job import measured_of
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, make_objective
+from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
 from fitting.inference.inference import InferenceOptions, know
@@ -37,10 +37,10 @@ from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
-from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.measurement import Response
 from fitting.measurements.planning import plan_campaign
-from fitting.measurements.response import Response
 from fitting.text.files import write_all
+from tests.support.datasets import through
 from tests.support.phasors import PhasorResponse
 
 Variables = Mapping[str, VariableLike]
@@ -192,7 +192,7 @@ def ask(
     bound = laboratory.bound
     names = tuple(laboratory.truth)
     bound = replace(bound, derived=tuple(name for name in bound.derived if name in names))
-    objective = make_objective(respond(bound), bound.parameters, measured_of(bound))
+    objective = make_objective(respond(bound), bound.parameters, problem_of([bound]).data)
     p = references(bound.parameters)
     for k, parameter in enumerate(bound.parameters):
         p[k] = laboratory.start.get(parameter.name, p[k])
@@ -240,16 +240,16 @@ class Count:
 Counts = dict[str, Count]
 
 
-def coverage(setting: Setting, seeds: Sequence[int], fmu: Path, *, through: bool) -> Counts:
+def coverage(setting: Setting, seeds: Sequence[int], fmu: Path, *, by_fmu: bool) -> Counts:
     """Count over laboratories of these seeds, by value; drift offsets are counted together."""
     variables = read_description(fmu).variables
     counts: Counts = {}
-    with FmuWorkers(fmu, workers=2) if through else nullcontext() as workers:
+    with FmuWorkers(fmu, workers=2) if by_fmu else nullcontext() as workers:
 
         def respond(bound: BoundCampaign) -> Response:
             if workers is None:
                 return PhasorResponse(bound)
-            return FmuResponse(bound, workers, plan_campaign(bound), bound.alternatives[0])
+            return through(workers, bound, plan_campaign(bound), bound.alternatives[0])
 
         for seed in seeds:
             with tempfile.TemporaryDirectory() as folder:
@@ -262,10 +262,10 @@ def coverage(setting: Setting, seeds: Sequence[int], fmu: Path, *, through: bool
     return counts
 
 
-def share(setting: str, seeds: Sequence[int], fmu: Path, through: bool) -> Counts:
+def share(setting: str, seeds: Sequence[int], fmu: Path, by_fmu: bool) -> Counts:
     """`coverage` by the setting's name, for a process of its own."""
     [chosen] = [s for s in SETTINGS if s.name == setting]
-    return coverage(chosen, seeds, fmu, through=through)
+    return coverage(chosen, seeds, fmu, by_fmu=by_fmu)
 
 
 def added(parts: Sequence[Counts]) -> Counts:

@@ -19,11 +19,11 @@ import build_fmu
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.binding import Experiment
 from fitting.campaign.parameters import Parameter
-from fitting.fit.job import measured_of
 from fitting.fit.objective import Objective, evaluate_many, stencil
+from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
+from tests.support.datasets import through
 
 CAMPAIGN = Path(__file__).parents[2] / "data/string_q1/campaign.toml"
 COUNTS = (5, 50, 200, 1000)
@@ -71,9 +71,9 @@ def main() -> None:
 
 
 def _row(bound: BoundCampaign, workers: FmuWorkers) -> None:
-    response = FmuResponse(bound, workers, plan_campaign(bound), bound.alternatives[0])
+    response = through(workers, bound, plan_campaign(bound), bound.alternatives[0])
     objective = Objective(
-        response, bound.parameters, measured_of(bound), np.full(len(bound.parameters), 1e-3)
+        response, bound.parameters, problem_of([bound]).data, np.full(len(bound.parameters), 1e-3)
     )
     x = np.zeros(len(bound.parameters))
     evaluate_many(objective, [x])

@@ -36,13 +36,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import starts, to_search
-from fitting.fit.job import measured_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective, stencil
+from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, Run, read_hints
 from fitting.fmu.models import provide_fmu
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.planning import plan_campaign
+from fitting.measurements.planning import Plan, plan_campaign
+from tests.support.datasets import through
 
 DENSE_POINTS = 41
 PER_PERIOD = 16
@@ -193,14 +194,14 @@ def memory(objective: Objective, evaluations: int) -> list[tuple[str, float, flo
     return [(name, *table_row) for (name, _), *table_row in zip(people, *table, strict=True)]
 
 
-def dense(response: FmuResponse, bound: BoundCampaign) -> FmuResponse:
-    """The same response with a sweep of 41 points over the middle of the laboratory's sweep."""
+def dense(plan: Plan, bound: BoundCampaign) -> Plan:
+    """The same plan with a sweep of 41 points over the middle of the laboratory's sweep."""
     if bound.sweep is None:
         raise SystemExit("the campaign has no sweep to make dense")
     f = bound.sweep.frequency_hz
     centre = float(f[np.argmax(bound.sweep.amplitude_v)])
     nodes = centre + np.linspace(-0.25, 0.25, DENSE_POINTS) * float(np.ptp(f))
-    return replace(response, plan=replace(response.plan, nodes_hz=tuple(map(float, nodes))))
+    return replace(plan, nodes_hz=tuple(map(float, nodes)))
 
 
 def promise(kept: bool, text: str) -> bool:
@@ -251,9 +252,9 @@ def bench_of(bound: BoundCampaign, workers: FmuWorkers) -> Bench:
     """Objectives of a campaign on running workers."""
     variables, own = workers.description.variables, read_hints(workers.description)
     plan = measured_plan(bound, workers, variables, own)
-    response = FmuResponse(bound, workers, plan, bound.alternatives[0])
-    adaptive = make_objective(response, bound.parameters, measured_of(bound))
-    wide = dense(replace(response, plan=plan_campaign(bound)), bound)
+    response = through(workers, bound, plan, bound.alternatives[0])
+    adaptive = make_objective(response, bound.parameters, problem_of([bound]).data)
+    wide = through(workers, bound, dense(plan_campaign(bound), bound), bound.alternatives[0])
     return Bench(workers, response, adaptive, replace(adaptive, response=wide))
 
 

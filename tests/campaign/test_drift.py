@@ -18,15 +18,18 @@ from fitting.fit.corrections import drift_warnings
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.job import Options, measured_of, options_of
-from fitting.fit.objective import Measured, Objective, weights
+from fitting.fit.job import Options, options_of
+from fitting.fit.objective import Objective, weights
+from fitting.fit.problem import problem_of
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers, read_description
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
-from fitting.measurements.response import Evaluation
+from fitting.measurements.measurement import Evaluation
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from tests.support.datasets import answer, dataset
 
 OFFSETS = 'model = "offsets"\nprior = "30 Hz"\n'
 
@@ -56,7 +59,7 @@ def series_of(curvature_hz: float, seed: int) -> Series:
 
 def quickly(bound: BoundCampaign) -> Options:
     """One start and two nu: enough for what is determined."""
-    options = options_of(bound)
+    options = options_of(bound.continuation)
     schedule = replace(options.schedule, starts=1, levels=2, nu_start=1e-2)
     return Options(schedule, replace(options.solve, misfit="squares", restarts=0))
 
@@ -64,7 +67,7 @@ def quickly(bound: BoundCampaign) -> Options:
 def fitted(workers: FmuWorkers, bound: BoundCampaign) -> Result:
     bound = replace(bound, alternatives=bound.alternatives[:1])
     identity = identify_fmu(workers.description, "test")
-    return reconstruct_through(workers, bound, identity, quickly(bound))
+    return reconstruct_through(workers, problem_of([bound]), identity, quickly(bound))
 
 
 def true_offsets(series: Series) -> np.ndarray:
@@ -87,7 +90,7 @@ def test_offsets_take_up_a_drift_that_is_not_linear(oscillator_fmu: Path, tmp_pa
             bound = bound_to(oscillator_fmu, path)
             result = fitted(workers, bound)
             assert result.status == "converged", result.message
-            noise = float(np.mean(measured_of(bound).rows_sigma))
+            noise = float(np.mean(problem_of([bound]).data.sigma))
             assert result.deviations.final.mean < 1.5 * noise
             truth = true_offsets(series)
             away += [(o.value - t) / o.std for o, t in zip(result.offsets, truth, strict=True)]
@@ -215,16 +218,10 @@ class Line:
 
     slopes = np.array([1.0, 2.0])
 
-    def evaluate_many(self, ps: Sequence[np.ndarray]) -> list[Evaluation]:
-        return [Evaluation(1.0 + self.slopes * (p[0] + p[1:]), np.empty(0), None) for p in ps]
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        return [answer(1.0 + self.slopes * (p[0] + p[1:])) for p in ps]
 
-    def peaks(self, p: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
-
-    def sweep(self, p: np.ndarray) -> np.ndarray:
-        raise NotImplementedError
-
-    def derived_many(self, ps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         return [{} for _ in ps]
 
 
@@ -241,7 +238,7 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
         ),
     )
     data = np.array([0.7, -0.2])  # peaks 1 + data, relative errors sigma
-    measured = Measured(1.0 + data, sigma * (1.0 + data), np.empty(0), scale="none", weigh=True)
+    measured = dataset(1.0 + data, sigma * (1.0 + data), weigh=True)
     objective = Objective(Line(), parameters, measured, np.full(3, 1e-3))
     matrix = np.array([[1.0, 1.0, 0.0], [2.0, 0.0, 2.0]])
     precision = np.diag(1.0 / np.array([2.0, prior, prior]) ** 2)
@@ -251,5 +248,5 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
         evaluator = Evaluator(objective)
         held = weights(objective, nu, "squares")
         settings = SolveSettings(misfit="squares", absolute=1e-9, relative=1e-9)
-        answer = solve(evaluator, np.zeros(3), held, settings, np.random.default_rng(1))
-        assert evaluator.point(answer.x).parameters == pytest.approx(truth, abs=1e-5)
+        found = solve(evaluator, np.zeros(3), held, settings, np.random.default_rng(1))
+        assert evaluator.point(found.x).parameters == pytest.approx(truth, abs=1e-5)

@@ -13,21 +13,31 @@ from fitting.campaign.file import WrittenNoise
 from fitting.campaign.noise import Noise, repeat_scatter, sweep_scale_sigma, sweep_sigmas
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.job import measured_of
-from fitting.fit.noise import noise_of, outlier_sentences, peak_sigmas
+from fitting.fit.noise import noise_of, outlier_sentences
 from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.problem import problem_of
 from fitting.fmu import read_description
-from fitting.measurements.measured import Measured, join_measured
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.sweep import Sweep
+from fitting.measurements.tones import peak_sigmas
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
 from tests.support.closed_form import (
     measured_by,
+    measured_peaks,
     string_campaign,
     string_parameters,
     string_response,
 )
+from tests.support.datasets import dataset, peaks_measurement
 
 STRING_Q1 = Path(__file__).parents[2] / "data/string_q1"
+
+
+def swept(data: Dataset) -> Sweep:
+    """The only sweep of some measurements."""
+    [sweep] = [m for m in data.measurements if isinstance(m, Sweep)]
+    return sweep
 
 
 def string_q1(fmu: Path, folder: Path, noise: str) -> BoundCampaign:
@@ -53,12 +63,13 @@ def test_declared_parts_add_in_quadrature_to_the_floor(
     assert sigmas == pytest.approx(np.sqrt(floor**2 + (0.01 * peaks) ** 2 + 0.4e-6**2))
     assert "1 % as declared" in sentence
     assert "floor" in sentence
-    assert np.array_equal(measured_of(both).rows_sigma, sigmas / peaks)
+    data = problem_of([both]).data
+    assert np.array_equal(data.sigma, sigmas / peaks)
     assert np.array_equal(peak_sigmas(plain)[0], floor)
     sweep = both.sweep
     assert sweep is not None
     declared = np.sqrt((0.01 * sweep.amplitude_v) ** 2 + 0.4e-6**2)
-    assert measured_of(both).sweep_sigmas_v == pytest.approx(declared)
+    assert swept(data).sigmas_v == pytest.approx(declared)
 
 
 @pytest.mark.parametrize(
@@ -109,54 +120,61 @@ def test_the_error_of_the_scale_moves_rows_as_it_should(tmp_path: Path) -> None:
     """U is the change of the rows when the measured sweep changes by one standard deviation."""
     response = string_response(drift_hz=80.0, with_sweep=True)
     for scale, fit_sweep in (("maximum", False), ("fit", False), ("maximum", True)):
-        measured = measured_by(response, noise=0.01, scale=scale, fit_sweep=fit_sweep)
-        top = float(np.max(measured.sweep_v))
-        spread = np.full(measured.sweep_v.size, 0.02 * top)
-        measured = replace(measured, sweep_sigmas_v=spread)
-        objective = Objective(response, string_parameters(), measured, np.full(3, 1e-3))
+        made = measured_by(response, noise=0.01, scale=scale, fit_sweep=fit_sweep)
+        [tones] = made.tones
+        amplitude_v = swept(made).amplitude_v
+        spread = np.full(amplitude_v.size, 0.02 * float(np.max(amplitude_v)))
+        sweep = replace(swept(made), sigmas_v=spread)
+        data = Dataset((tones, sweep))
+        objective = Objective(response, string_parameters(), data, np.full(3, 1e-3))
         x = np.array([-0.1, 0.3, 0.1])
         [point] = evaluate_many(objective, [x])
         noise = noise_of(objective, point)
-        sigma = sweep_scale_sigma(measured.sweep_v, spread, scale)
+        sigma = sweep_scale_sigma(amplitude_v, spread, scale)
         louder = replace(
-            objective,
-            measured=replace(
-                measured,
-                sweep_v=measured.sweep_v * (1.0 + sigma),
-                maximum_v=measured.maximum_v * (1.0 + sigma if not fit_sweep else 1.0),
-            ),
+            sweep,
+            amplitude_v=amplitude_v * (1.0 + sigma),
+            maximum_v=sweep.maximum_v * (1.0 + sigma if not fit_sweep else 1.0),
         )
-        [moved] = evaluate_many(louder, [x])
-        count = measured.peaks_v.size
+        [moved] = evaluate_many(replace(objective, data=Dataset((tones, louder))), [x])
+        count = tones.rows
         if not fit_sweep:
             change = moved.residuals - point.residuals
             assert noise.common[:, 0] == pytest.approx(change, rel=1e-6)
         else:
-            rows = point.chi * response.sweep(point.parameters) / measured.maximum_v
+            rows = point.chi * response.sweep(point.parameters) / sweep.maximum_v
             assert noise.common[count:, 0] == pytest.approx(sigma * rows)
         assert noise.covariance.shape == (point.residuals.size,) * 2
 
 
 def test_scale_errors_of_joined_campaigns_stay_apart() -> None:
     response = string_response(with_sweep=True)
-    one = measured_by(response, noise=0.01, scale="fit")
-    one = replace(one, sweep_sigmas_v=0.01 * one.sweep_v)
-    two = replace(one, peaks_v=one.peaks_v[:4], sigmas_v=one.sigmas_v[:4], fit_sweep=True)
-    joint = join_measured([one, two])
-    assert joint.part_of_rows.tolist() == [0] * 10 + [1] * 4 + [1] * one.sweep_v.size
+    made = measured_by(response, noise=0.01, scale="fit")
+    sweep = swept(made)
+    one = peaks_measurement(made.tones[0].peaks_v, made.tones[0].sigmas_v, series="one")
+    two = peaks_measurement(one.peaks_v[:4], one.sigmas_v[:4], series="two")
+    spread = 0.01 * sweep.amplitude_v
+    joint = Dataset(
+        (
+            one,
+            two,
+            replace(sweep, series="one", sigmas_v=spread),
+            replace(sweep, series="two", sigmas_v=spread, fitted=True),
+        )
+    )
+    count = sweep.amplitude_v.size
+    assert joint.series_of_rows.tolist() == [0] * 10 + [1] * 4 + [1] * count
     assert joint.level[:14] == pytest.approx(1.0)
-    assert joint.rows_sigma.size == joint.level.size
+    assert joint.sigma.size == joint.level.size
 
 
 def with_an_outlier(outliers: str) -> tuple[Objective, np.ndarray]:
     response = string_response(drift_hz=80.0)
-    measured = measured_by(response, noise=0.01, seed=4)
-    peaks = measured.peaks_v.copy()
+    made = measured_by(response, noise=0.01, seed=4)
+    peaks = measured_peaks(made)
     peaks[3] *= 1.4
-    measured = replace(
-        measured, peaks_v=peaks, sigmas_v=0.01 * peaks, weigh=True, outliers=outliers
-    )
-    return make_objective(response, string_parameters(), measured), measured.rows_sigma
+    data = dataset(peaks, 0.01 * peaks, swept(made), weigh=True, outliers=outliers)
+    return make_objective(response, string_parameters(), data), data.sigma
 
 
 def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
@@ -169,10 +187,10 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
         point = evaluator.point(x)
         theta, d1, d2 = point.parameters
         widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2
-        bound = string_campaign(objective.measured, string_response(drift_hz=80.0), tmp_path)
-        bound = replace(bound, noise=Noise(outliers=outliers))
+        bound = string_campaign(objective.data, string_response(drift_hz=80.0), tmp_path)
+        problem = problem_of([replace(bound, noise=Noise(outliers=outliers))])
         said = outlier_sentences(
-            bound, point.residuals, sigma, evaluator.jacobian(x), np.full(3, 0.1)
+            problem, point.residuals, sigma, evaluator.jacobian(x), np.full(3, 0.1)
         )
         assert len(said) == 1
         assert "pair2 at 6.94034 MHz" in said[0]
@@ -192,12 +210,10 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
             p.scale for p in string_parameters()
         ]
         evaluator = Evaluator(objective)
-        bound = string_campaign(measured, response, tmp_path)
+        problem = problem_of([string_campaign(measured, response, tmp_path)])
         rows = evaluator.point(x).residuals
         named += len(
-            outlier_sentences(
-                bound, rows, measured.rows_sigma, evaluator.jacobian(x), np.full(3, 0.1)
-            )
+            outlier_sentences(problem, rows, measured.sigma, evaluator.jacobian(x), np.full(3, 0.1))
         )
     assert named <= 1
 
@@ -205,7 +221,7 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
 def test_weights_follow_the_noise() -> None:
     """Weighted squares are chi square in units of the mean precision; Huber is linear far out."""
     sigma = np.array([0.01, 0.02, 0.04])
-    measured = Measured(np.ones(3), sigma, np.empty(0), scale="none", weigh=True)
+    measured = dataset(np.ones(3), sigma, weigh=True)
     rows = np.array([0.03, -0.01, 0.02])
     value, weights = measured.squares(rows)
     mean = np.mean(sigma**-2)

@@ -123,7 +123,7 @@ def test_a_search_that_is_there_already_asks_for_nothing() -> None:
 @pytest.fixture(scope="module")
 def line() -> tuple[Optimum, Knowledge]:
     objective = single_line.line_objective(sigma=SIGMA, span=SPAN)
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)), ("Q",))
     optimum = most_likely(LikelihoodEvaluator(likelihood), [np.zeros(3)])
     return optimum, know(objective, optimum.expansion.x, RowNoise(sigma, np.zeros((sigma.size, 0))))
@@ -166,7 +166,7 @@ def test_nothing_is_resampled_that_the_data_do_not_determine(
     line: tuple[Optimum, Knowledge],
 ) -> None:
     objective = single_line.line_objective(sigma=50.0, span=SPAN)
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     noise = RowNoise(sigma, np.zeros((sigma.size, 0)))
     knowledge = know(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
     assert knowledge.parameters["w"].verdict == "not determined"

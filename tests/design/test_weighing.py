@@ -130,7 +130,7 @@ def log_amplitudes(setups: list[Setup], p: np.ndarray, shift_hz: float = 0.0) ->
 def test_derivatives_of_setups(bound: BoundCampaign, workers: FmuWorkers, limits: Limits) -> None:
     """By parameters and by what drifts, against the closed form at another step."""
     setups = list(setups_of(bound, limits))[::17]
-    series = Series(as_campaign(bound, setups), workers, unmeasured(bound, 2 * len(setups)))
+    series = Series(unmeasured(as_campaign(bound, setups)), workers)
     place = Place(bound.alternatives[0], to_search(bound.parameters, TRUTH))
     rows = series.rows([place], np.full(3, 1e-4), {"eta_plus": 5.0})[0]
     for i, h in enumerate((1e-3, 0.03, 0.03)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,25 +23,28 @@ from fitting.fit.continuation import (
 from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.interior_point import SolveSettings, solve
 from fitting.fit.linear_program import follow, promised_decrease
-from fitting.fit.objective import Measured, Objective, evaluate_many, make_objective
-from tests.support import closed_form
+from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Evaluation
+from fitting.text.arrays import FloatArray
+from tests.support import closed_form, datasets
 
 TRUTH: tuple[float, float, float] = (1.9498, 120.0, 90.0)
 WIDTH = float(closed_form.damping(*TRUTH, reflection=False)[0, 0])
 
 
-def objective_of(measured: Measured, *, reflection: bool = False) -> Objective:
+def objective_of(measured: Dataset, *, reflection: bool = False) -> Objective:
     response = closed_form.string_response(reflection=reflection)
     return make_objective(response, closed_form.string_parameters(), measured)
 
 
 @pytest.fixture(scope="module")
-def clean() -> Measured:
+def clean() -> Dataset:
     return closed_form.measured_by(closed_form.string_response())
 
 
 @pytest.fixture(scope="module")
-def noisy() -> Measured:
+def noisy() -> Dataset:
     return closed_form.measured_by(closed_form.string_response(), noise=0.01)
 
 
@@ -50,7 +54,7 @@ def width_of(outcome: Outcome, *, reflection: bool = False) -> float:
     return float(closed_form.damping(theta, d1, d2, reflection)[0, 0])
 
 
-def test_clean_data_give_the_width_back_and_both_forms_fit_alike(clean: Measured) -> None:
+def test_clean_data_give_the_width_back_and_both_forms_fit_alike(clean: Dataset) -> None:
     ends = []
     for reflection in (False, True):
         objective = objective_of(clean, reflection=reflection)
@@ -69,7 +73,7 @@ def test_clean_data_give_the_width_back_and_both_forms_fit_alike(clean: Measured
 
 
 def test_a_damping_held_wrong_leaves_a_misfit_and_a_coupling_held_wrong_does_not(
-    clean: Measured,
+    clean: Dataset,
 ) -> None:
     names = closed_form.string_parameters()
     wrong = {"damping": {"d1": 160.0, "d2": 140.0}, "coupling": {"theta": 1.7}}
@@ -87,7 +91,7 @@ def test_a_damping_held_wrong_leaves_a_misfit_and_a_coupling_held_wrong_does_not
 
 
 def test_the_paper_start_is_a_stationary_point_of_the_misfit_that_the_prior_leaves(
-    noisy: Measured,
+    noisy: Dataset,
 ) -> None:
     objective = objective_of(noisy)
     outcome = run_alternative(objective, Schedule(starts=1, levels=1), SolveSettings())
@@ -125,9 +129,7 @@ def referee(evaluator: Evaluator, x: np.ndarray, nu: float) -> float:
 
 
 @pytest.mark.parametrize("nu", [0.1, 1e-3])
-def test_the_interior_point_reaches_what_a_second_solver_reaches(
-    noisy: Measured, nu: float
-) -> None:
+def test_the_interior_point_reaches_what_a_second_solver_reaches(noisy: Dataset, nu: float) -> None:
     objective = objective_of(noisy)
     start = start_vectors(objective.parameters, Schedule())[0]
     evaluator = Evaluator(objective)
@@ -137,7 +139,7 @@ def test_the_interior_point_reaches_what_a_second_solver_reaches(
     assert reached <= best + 1e-7 + 1e-4 * best
 
 
-def test_squares_agree_with_least_squares(noisy: Measured) -> None:
+def test_squares_agree_with_least_squares(noisy: Dataset) -> None:
     objective = objective_of(noisy)
     evaluator, nu = Evaluator(objective), 0.1
     start = np.array([-0.5, 0.3, 0.3])
@@ -161,7 +163,7 @@ def test_squares_agree_with_least_squares(noisy: Measured) -> None:
     )
 
 
-def test_plain_sum_of_absolute_values_is_slower_and_says_so(noisy: Measured) -> None:
+def test_plain_sum_of_absolute_values_is_slower_and_says_so(noisy: Dataset) -> None:
     objective = objective_of(noisy)
     start = start_vectors(objective.parameters, Schedule())[0]
     ends = {}
@@ -178,20 +180,25 @@ def test_plain_sum_of_absolute_values_is_slower_and_says_so(noisy: Measured) -> 
     assert (kinked.status == "optimal") == (promise <= 1e-7 + 1e-4 * ends["absolute"][1])
 
 
+class Underived:
+    """A response without derived outputs."""
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        return [{} for _ in ps]
+
+
 def test_the_optimality_measure_is_zero_only_at_a_minimum() -> None:
     """|x - 1| + |x + 2 y| has its minimum 0 at (1, -1/2); the promise at (3, 0) is known."""
 
-    class Lines:
-        def evaluate_many(self, ps):  # type: ignore[no-untyped-def]
-            from fitting.measurements.response import Evaluation
+    class Lines(Underived):
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
+            return [datasets.answer(np.array([p[0], p[0] + 2 * p[1] + 5.0])) for p in ps]
 
-            return [
-                Evaluation(np.array([p[0], p[0] + 2 * p[1] + 5.0]), np.empty(0), None) for p in ps
-            ]
-
-    measured = Measured(np.array([1.0, 5.0]), np.ones(2), np.empty(0), "none")
+    data = datasets.dataset(np.array([1.0, 5.0]), np.ones(2))
     box = (Parameter("x", "1", -9, 9, 3, 0, 1), Parameter("y", "1", -9, 9, 0, 0, 1))
-    evaluator = Evaluator(make_objective(Lines(), box, measured))  # type: ignore[arg-type]
+    evaluator = Evaluator(make_objective(Lines(), box, data))
     # rows x - 1 and (x + 2 y)/5: at (3, 0) one unit of -x gives 1 + 1/5, one of -y 2/5
     there = promised_decrease(evaluator, np.array([3.0, 0.0]), 0.0, "slack")
     assert there == pytest.approx(1.6, rel=1e-6)
@@ -203,7 +210,7 @@ def test_the_optimality_measure_is_zero_only_at_a_minimum() -> None:
 # --- guards ---------------------------------------------------------------------------------------
 
 
-def test_a_start_on_a_bound_does_not_stall(noisy: Measured) -> None:
+def test_a_start_on_a_bound_does_not_stall(noisy: Dataset) -> None:
     objective = objective_of(noisy)
     lower, upper = search_bounds(objective.parameters)
     inner = run_alternative(objective, Schedule(starts=1, levels=2), SolveSettings())
@@ -222,7 +229,7 @@ def test_a_start_on_a_bound_does_not_stall(noisy: Measured) -> None:
 
 @pytest.mark.parametrize("claim", ["nothing done", "NaN", "outside"])
 def test_a_false_success_of_the_solver_is_not_believed(
-    noisy: Measured, claim: str, monkeypatch: pytest.MonkeyPatch
+    noisy: Dataset, claim: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The known false successes of trust-constr, put in its place: J still gets to its minimum."""
 
@@ -250,7 +257,7 @@ def test_a_false_success_of_the_solver_is_not_believed(
         assert total(evaluator.point(answer.x), 0.1, "slack") == pytest.approx(least, rel=1e-3)
 
 
-def test_a_solve_never_ends_above_its_start(noisy: Measured) -> None:
+def test_a_solve_never_ends_above_its_start(noisy: Dataset) -> None:
     objective = objective_of(noisy)
     for misfit in ("slack", "absolute", "squares"):
         evaluator = Evaluator(objective)
@@ -264,7 +271,7 @@ def test_a_solve_never_ends_above_its_start(noisy: Measured) -> None:
 # --- schedule, stopping rules, starts -------------------------------------------------------------
 
 
-def test_the_schedule_and_both_stopping_rules(noisy: Measured) -> None:
+def test_the_schedule_and_both_stopping_rules(noisy: Dataset) -> None:
     objective = objective_of(noisy)
     full = run_alternative(objective, Schedule(starts=1), SolveSettings())
     assert full.best is not None
@@ -301,7 +308,7 @@ def test_distance_knows_periods() -> None:
 
 
 def test_an_interruption_keeps_what_is_done_and_a_recalled_run_goes_on_bit_for_bit(
-    noisy: Measured,
+    noisy: Dataset,
 ) -> None:
     schedule = Schedule(starts=2, levels=5)
     whole: list[ContinuationStep] = []
@@ -341,15 +348,15 @@ def timeless(chains: tuple[Chain, ...]) -> list[Chain]:
 def test_minima_apart_are_kept_apart() -> None:
     """(p^2 - 4)^2 from both sides: two minima of equal J that must not be merged."""
 
-    class Double:
-        def evaluate_many(self, ps):  # type: ignore[no-untyped-def]
-            from fitting.measurements.response import Evaluation
+    class Double(Underived):
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
+            return [datasets.answer(np.array([p[0] ** 2])) for p in ps]
 
-            return [Evaluation(np.array([p[0] ** 2]), np.empty(0), None) for p in ps]
-
-    measured = Measured(np.array([4.0]), np.ones(1), np.empty(0), "none")
+    data = datasets.dataset(np.array([4.0]), np.ones(1))
     box = (Parameter("p", "1", -5.0, 5.0, 3.0, 0.0, 1.0),)
-    objective = make_objective(Double(), box, measured)  # type: ignore[arg-type]
+    objective = make_objective(Double(), box, data)
     outcome = run_alternative(objective, Schedule(starts=6, seed=2), SolveSettings())
     ends = sorted({round(c.steps[-1].parameters[0], 4) for c in outcome.chains if c.joined is None})
     assert ends == [-2.0, 2.0]
@@ -357,7 +364,7 @@ def test_minima_apart_are_kept_apart() -> None:
     assert outcome.best.start == 0  # of equals, the campaign's own
 
 
-def test_evaluations_stay_within_the_budget(noisy: Measured) -> None:
+def test_evaluations_stay_within_the_budget(noisy: Dataset) -> None:
     objective = objective_of(noisy)
     outcome = run_alternative(objective, Schedule(), SolveSettings())
     spent = sum(step.evaluations for chain in outcome.chains for step in chain.steps)

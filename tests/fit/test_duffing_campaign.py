@@ -17,6 +17,7 @@ from fitting.campaign import BoundCampaign, read_campaign
 from fitting.campaign.binding import bind
 from fitting.cli.main import main
 from fitting.fit.job import Identity, options_of
+from fitting.fit.problem import problem_of
 from fitting.fit.reconstruction import reconstruct
 from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
@@ -26,9 +27,9 @@ from fitting.lab.duffing import steady_lines
 from fitting.lab.sample import Drive
 from fitting.lab.writer import campaign_files
 from fitting.measurements.campaign_plan import measured_plan
-from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import Plan, plan_campaign
 from fitting.text.files import write_all
+from tests.support.datasets import through
 
 SHIPPED = Path(__file__).parents[2] / "data" / "duffing_string"
 
@@ -51,8 +52,9 @@ def test_peaks_through_the_fmu_are_those_of_the_laboratory(workers: FmuWorkers) 
     width = lab.modes.widths_hz()[0]
     plan = measured_plan(bound, workers, workers.description.variables)
     assert plan.promised < 1e-3
-    response = FmuResponse(bound, workers, plan, {})
-    found = response.peaks(np.array([width, lab.modes.eta_plus_hz, DUFFING_CUBIC.alpha1]))
+    truth = np.array([width, lab.modes.eta_plus_hz, DUFFING_CUBIC.alpha1])
+    [answer] = through(workers, bound, plan, {}).evaluate_many([truth])
+    found = np.asarray(answer.predictions[0].values, dtype=float)
     wanted = []
     for pair, level in zip(lab.pairs_hz, lab.levels, strict=True):
         lines = steady_lines(lab.modes, DUFFING_CUBIC, Drive.equal(pair, level))
@@ -90,10 +92,10 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
     write_all(folder, campaign_files(measured, f"seed {seed}"))
     bound = bound_at(folder, workers)
     return reconstruct(
-        bound,
-        lambda alternative: FmuResponse(bound, workers, plan, alternative),
+        problem_of([bound]),
+        lambda alternative: through(workers, bound, plan, alternative),
         Identity(),
-        options_of(bound, quick=True),
+        options_of(bound.continuation, quick=True),
     )
 
 

@@ -7,22 +7,24 @@ test of agreement are held to those of a chi square.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.campaign.joint import columns_of, join_campaigns, series_names
+from fitting.campaign.joint import series_names
 from fitting.fit.assembly import solution_of
 from fitting.fit.continuation import Schedule, run_alternative
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.interior_point import SolveSettings
-from fitting.fit.job import measured_of, options_of
+from fitting.fit.job import options_of
 from fitting.fit.joint_result import JointResult
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.problem import Problem, problem_of
 from fitting.fit.result import Result, read_result, write_result
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.consistency import consistency
@@ -31,12 +33,17 @@ from fitting.lab.bench import measure
 from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.writer import campaign_files
-from fitting.measurements.joint_response import JointResponse
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.measurement import Evaluation
+from fitting.measurements.planning import plan_campaign
+from fitting.measurements.sweep import Sweep
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import closed_form
 from tests.support.closed_form import (
     ClosedFormResponse,
     measured_by,
+    measured_peaks,
     string_campaign,
     string_parameters,
     string_response,
@@ -57,6 +64,14 @@ def shipped(oscillator_fmu: Path) -> Campaigns:
     return one, two
 
 
+def acting(problem: Problem, series: str) -> dict[str | None, list[int]]:
+    """Positions of the parameters that act in a series: in its sweep (None), in an experiment."""
+    bound = problem.campaigns[series]
+    model = DrivenModel(bound.setup, problem.parameters, plan_campaign(bound))
+    labels = {e.label.removeprefix(f"{series}/"): e.label for e in bound.experiments}
+    return {None: model.columns(None), **{k: model.columns(v) for k, v in labels.items()}}
+
+
 def test_campaigns_share_by_name_and_keep_what_is_theirs(shipped: Campaigns) -> None:
     offset = replace(
         shipped[0].parameters[1],
@@ -66,18 +81,21 @@ def test_campaigns_share_by_name_and_keep_what_is_theirs(shipped: Campaigns) -> 
         adds_to=("eta_plus",),
     )
     one = replace(shipped[0], parameters=(*shipped[0].parameters, offset))
-    joint = join_campaigns([one, shipped[1]])
+    joint = problem_of([one, shipped[1]])
     assert [p.name for p in joint.parameters] == [
         "theta",
         "d1",
         "d2",
         "offset[string_q1/pair2]",
     ]
-    assert columns_of(joint) == ((0, 1, 2, 3), (0, 1, 2))
+    shared = {key: [0, 1, 2] for key in (None, *(f"pair{m}" for m in range(1, 6)))}
+    assert acting(joint, "string_q1") == shared | {"pair2": [0, 1, 2, 3]}
+    assert acting(joint, "string_q2") == shared
     assert joint.parameters[3].experiments == ("string_q1/pair2",)
     assert [e.label for e in joint.experiments][:6:5] == ["string_q1/pair1", "string_q2/pair1"]
     assert {e.output for e in joint.experiments} == {"q1_hybrid", "q2_hybrid"}
-    assert measured_of(joint).peaks_v.size == 20
+    assert measured_peaks(joint.data).size == 20
+    assert joint.data.series == ("string_q1", "string_q2")
     # the damping of either is that of its own sweep: the first one's is taken, and told
     assert any("'d1' has start 94.18 and 100" in note for note in joint.notes)
 
@@ -98,7 +116,7 @@ def test_contradictions_name_both_files(shipped: Campaigns, field: str) -> None:
     else:
         two = replace(two, parameters=(changed[field], *two.parameters[1:]))
     with pytest.raises(BadInput) as caught:
-        join_campaigns([one, two])
+        problem_of([one, two])
     assert str(two.path) in str(caught.value)
     assert field in ("twice",) or str(one.path) in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -122,49 +140,107 @@ def series(
     return bound, response
 
 
+@dataclass(frozen=True)
+class SideBySide:
+    """Responses of single series as that of all: first everybody's peaks, then the sweeps."""
+
+    members: tuple[ClosedFormResponse, ...]
+
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        answers = [member.evaluate_many(ps, whole=whole) for member in self.members]
+        return [
+            Evaluation(tuple(part.predictions[k] for k in range(2) for part in parts))
+            for parts in zip(*answers, strict=True)
+        ]
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        answers = [member.derived_many(ps) for member in self.members]
+        return [
+            {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            for parts in zip(*answers, strict=True)
+        ]
+
+
 def joined(
     folder: Path, modes: tuple[int, int], seed: int, other: tuple[float, float, float] = TRUTH
-) -> tuple[BoundCampaign, Objective]:
+) -> tuple[list[BoundCampaign], Problem, Objective]:
+    """Two campaigns, the problem of both, and its objective with maxima that are known."""
     one, first = series(folder, "one", modes[0], 2 * seed, TRUTH)
     two, second = series(folder, "two", modes[1], 2 * seed + 1, other)
-    joint = join_campaigns([one, two])
-    response = JointResponse((first, second), columns_of(joint))
-    measured = measured_of(joint)
+    joint = problem_of([one, two])
     exact = tuple(
-        replace(part, maximum_sigma=1e-9, maximum_v=whole.maximum_v)
-        for part, whole in zip(measured.parts, measured.parts, strict=True)
+        replace(m, maximum_sigma=1e-9) if isinstance(m, Sweep) else m for m in joint.measurements
     )
-    return joint, Objective(
-        response, string_parameters(), replace(measured, parts=exact), np.full(3, 1e-3)
-    )
+    data = replace(joint.data, measurements=exact)
+    response = SideBySide((first, second))
+    return [one, two], joint, Objective(response, string_parameters(), data, np.full(3, 1e-3))
 
 
 def test_joint_rows_are_those_of_each_campaign(tmp_path: Path) -> None:
-    joint, objective = joined(tmp_path, (0, 1), 3)
+    bounds, joint, objective = joined(tmp_path, (0, 1), 3)
+    assert isinstance(objective.response, SideBySide)
+    assert joint.parameters == string_parameters()
     x = np.array([0.1, 0.2, -0.1])
     [both] = evaluate_many(objective, [x])
-    for k, member in enumerate(joint.members):
-        alone = Objective(
-            objective.response.members[k],  # type: ignore[attr-defined]
-            string_parameters(),
-            measured_of(member),
-            objective.steps,
+    for k, (bound, response) in enumerate(zip(bounds, objective.response.members, strict=True)):
+        data = problem_of([bound]).data
+        [point] = evaluate_many(
+            Objective(response, string_parameters(), data, objective.steps), [x]
         )
-        [point] = evaluate_many(alone, [x])
-        mine = objective.measured.part_of_rows == k
+        mine = objective.data.series_of_rows == k
+        assert np.count_nonzero(mine) == 10
         assert both.residuals[mine] == pytest.approx(point.residuals, rel=1e-12)
         assert both.chis[k] == pytest.approx(point.chi)
+        assert objective.data.sigma[mine] == pytest.approx(data.sigma, rel=1e-12)
+    assert both.chis[0] != pytest.approx(both.chis[1])
+
+
+def test_fitted_sweeps_and_scales_of_a_joint_fit_stay_with_their_series(tmp_path: Path) -> None:
+    """Peaks of all stand before the sweeps, and each series has the scale that it has alone."""
+    made = [series(tmp_path, name, mode, 7, TRUTH) for mode, name in enumerate(("one", "two"))]
+    kinds = ("fit", "robust")
+    bounds = [
+        replace(bound, sweep=replace(bound.sweep, use="fit", scale=kind))
+        for (bound, _), kind in zip(made, kinds, strict=True)
+        if bound.sweep is not None
+    ]
+    members = tuple(replace(response, with_sweep=True) for _, response in made)
+    joint = problem_of(bounds)
+    steps, x = np.full(3, 1e-3), np.array([0.1, 0.2, -0.1])
+    whole = Objective(SideBySide(members), joint.parameters, joint.data, steps)
+    [both] = evaluate_many(whole, [x])
+    assert joint.data.series_of_rows.tolist() == [0] * 10 + [1] * 10 + [0] * 41 + [1] * 41
+    for k, (bound, response) in enumerate(zip(bounds, members, strict=True)):
+        data = problem_of([bound]).data
+        [alone] = evaluate_many(Objective(response, bound.parameters, data, steps), [x])
+        mine = joint.data.series_of_rows == k
+        assert both.residuals[mine] == pytest.approx(alone.residuals, rel=1e-12)
+        assert joint.data.level[mine] == pytest.approx(data.level, rel=1e-12)
+        assert both.chis[k] == pytest.approx(alone.chi, rel=1e-12)
+        assert joint.data.scale_sigmas[k] == pytest.approx(data.scale_sigmas[0], rel=1e-12)
+    assert both.chis[0] != pytest.approx(both.chis[1])
+
+
+def test_series_keep_the_order_of_their_campaigns(shipped: Campaigns) -> None:
+    """Peaks stand before sweeps in the rows, also those of a later campaign."""
+    first, second = shipped
+    assert first.sweep is not None
+    swept = replace(first, experiments=(), sweep=replace(first.sweep, use="fit"))
+    data = problem_of([swept, second]).data
+    assert data.series == ("string_q1", "string_q2")
+    assert [m.series for m in data.measurements] == ["string_q2", "string_q1", "string_q2"]
+    assert set(data.series_of_rows[data.curve_rows]) == {0}
 
 
 def agreement(
     folder: Path, modes: tuple[int, int], seed: int, other: tuple[float, float, float] = TRUTH
 ) -> JointResult:
-    joint, objective = joined(folder, modes, seed, other)
+    _, joint, objective = joined(folder, modes, seed, other)
     evaluator = Evaluator(objective)
     schedule = Schedule(nu_start=1e-3, levels=1, starts=1)
     outcome = run_alternative(objective, schedule, SolveSettings(misfit="squares"))
     assert outcome.best is not None
-    return consistency(joint, solution_of(evaluator, outcome.best, schedule, 0.0, "squares"))
+    return consistency(joint, solution_of(evaluator, outcome.best, schedule, "squares"))
 
 
 def test_series_of_one_sample_differ_as_chi_square_does(tmp_path: Path) -> None:
@@ -203,23 +279,25 @@ def test_series_that_see_different_things_cannot_contradict(tmp_path: Path) -> N
 # --- through the FMU ------------------------------------------------------------------------------
 
 
-def quickly(workers: FmuWorkers, bound: BoundCampaign, levels: int = 2) -> Result:
+def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 2) -> Result:
     """One alternative, one start, one or two nu, least squares."""
-    bound = replace(bound, alternatives=bound.alternatives[:1])
-    options = options_of(bound)
+    problem = problem_of(bounds)
+    problem = replace(problem, alternatives=problem.alternatives[:1])
+    options = options_of(bounds[0].continuation)
     options = replace(
         options,
         schedule=replace(options.schedule, starts=1, levels=levels, nu_start=1e-2, beta=1e-3),
         solve=replace(options.solve, misfit="squares", restarts=0),
     )
-    return reconstruct_through(workers, bound, identify_fmu(workers.description, "test"), options)
+    identity = identify_fmu(workers.description, "test")
+    return reconstruct_through(workers, problem, identity, options)
 
 
 def test_the_shipped_series_together_hold_the_widths_alone(
     oscillator_fmu: Path, shipped: Campaigns, tmp_path: Path
 ) -> None:
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        result = quickly(workers, join_campaigns(shipped), levels=1)
+        result = quickly(workers, shipped, levels=1)
     assert result.parameters["theta"].identifiable == "not determined"
     assert result.derived["lambda"].identifiable == "not determined"
     for name in ("width_plus", "width_minus"):
@@ -260,7 +338,7 @@ def test_both_modes_at_both_resonances_hold_the_coupling(
         theta = replace(bound.parameters[0], lower=1.6, upper=2.3, start=1.8, period=None)
         bounds.append(replace(bound, parameters=(theta, *bound.parameters[1:])))
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        result = quickly(workers, join_campaigns(bounds))
+        result = quickly(workers, bounds)
     coupling = result.derived["lambda"]
     assert coupling.identifiable == "determined"
     # closed form of the paper at the true angle and the mean eigenfrequencies

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -9,7 +13,6 @@ import pytest
 from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import (
-    Measured,
     Objective,
     evaluate_many,
     j_reg,
@@ -18,7 +21,12 @@ from fitting.fit.objective import (
     noise_level,
     tikhonov_rows,
 )
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Evaluation
+from fitting.measurements.sweep import Sweep
+from fitting.text.arrays import FloatArray
 from tests.support import closed_form
+from tests.support.datasets import SETUP, dataset, sweep_measurement
 
 TRUTH = np.array([1.9498, 120.0, 90.0])
 
@@ -68,13 +76,24 @@ def test_rows_and_jacobian_equal_the_equations_at_40_digits(objective: Objective
     assert jacobian(objective, x)[0] == pytest.approx(slopes, rel=1e-6, abs=1e-8)
 
 
+def louder(data: Dataset, factor: float) -> Dataset:
+    """The same measurements by a laboratory of another gain."""
+    [tones], [sweep] = data.tones, [m for m in data.measurements if isinstance(m, Sweep)]
+    amplitude_v, maximum_v = factor * sweep.amplitude_v, factor * sweep.maximum_v
+    return dataset(
+        factor * tones.peaks_v,
+        factor * tones.sigmas_v,
+        replace(sweep, amplitude_v=amplitude_v, maximum_v=maximum_v),
+    )
+
+
 def test_the_truth_leaves_nothing_and_scale_and_units_do_not_matter(objective: Objective) -> None:
     x = to_search(objective.parameters, TRUTH)
     assert evaluate_many(objective, [x])[0].j_fit < 1e-8
     elsewhere = np.array([0.3, 0.4, -0.2])
     response = closed_form.string_response()
-    louder = closed_form.measured_by(response, gain=3.7e12)
-    other = Objective(response, objective.parameters, louder, objective.steps)
+    data = louder(closed_form.measured_by(response), 3.7e6)
+    other = Objective(response, objective.parameters, data, objective.steps)
     one, two = (evaluate_many(o, [elsewhere])[0] for o in (objective, other))
     assert two.residuals == pytest.approx(one.residuals, rel=1e-12)
     assert two.chi / one.chi == pytest.approx(3.7e6, rel=1e-12)
@@ -117,17 +136,26 @@ def test_evaluating_changes_nothing(objective: Objective) -> None:
     assert first.x[0] == 0.1
 
 
+class Unchanged:
+    """What a response has beside its predictions."""
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        return [{} for _ in ps]
+
+
 def test_the_jacobian_stays_inside_the_box(objective: Objective) -> None:
     lower, _ = search_bounds(objective.parameters)
     seen: list[np.ndarray] = []
     response = objective.response
 
-    class Watched:
-        def evaluate_many(self, ps):  # type: ignore[no-untyped-def]
+    class Watched(Unchanged):
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
             seen.extend(ps)
-            return response.evaluate_many(ps)
+            return response.evaluate_many(ps, whole=whole)
 
-    watched = Objective(Watched(), objective.parameters, objective.measured, objective.steps)  # type: ignore[arg-type]
+    watched = Objective(Watched(), objective.parameters, objective.data, objective.steps)
     matrix = jacobian(watched, lower)
     box = to_model(objective.parameters, lower)
     assert all(np.all(p >= box - 1e-12) for p in seen)
@@ -139,25 +167,28 @@ def test_the_noise_of_a_response_is_measured(objective: Objective, noise: float)
     generator = np.random.default_rng(1)
     response = objective.response
 
-    class Noisy:
-        def evaluate_many(self, ps):  # type: ignore[no-untyped-def]
-            answers = response.evaluate_many(ps)
-            for answer in answers:
-                answer.peaks[:] *= 1.0 + noise * generator.standard_normal(answer.peaks.size)
+    class Noisy(Unchanged):
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
+            answers = response.evaluate_many(ps, whole=whole)
+            for peaks in (answer.predictions[0].values for answer in answers):
+                peaks[:] *= 1.0 + noise * generator.standard_normal(peaks.size)
             return answers
 
-    noisy = Objective(Noisy(), objective.parameters, objective.measured, objective.steps)  # type: ignore[arg-type]
+    noisy = Objective(Noisy(), objective.parameters, objective.data, objective.steps)
     found = noise_level(noisy, np.zeros(3), np.full(3, 0.3))
     assert noise / 3.0 < found < 3.0 * noise
 
 
 def test_sweep_rows_are_relative_to_the_maximum() -> None:
     response = closed_form.string_response(with_sweep=True)
-    measured = closed_form.measured_by(response, scale="fit", fit_sweep=True)
-    objective = make_objective(response, closed_form.string_parameters(), measured)
+    data = closed_form.measured_by(response, scale="fit", fit_sweep=True)
+    [sweep_v] = [m.amplitude_v for m in data.measurements if isinstance(m, Sweep)]
+    objective = make_objective(response, closed_form.string_parameters(), data)
     point = evaluate_many(objective, [np.array([0.1, 0.1, 0.1])])[0]
     swept = point.chi * response.sweep(point.parameters)
-    expected = (swept - measured.sweep_v) / np.max(measured.sweep_v)
+    expected = (swept - sweep_v) / np.max(sweep_v)
     assert point.residuals[10:] == pytest.approx(expected, rel=1e-4, abs=1e-12)
     assert point.residuals.size == 51
 
@@ -172,15 +203,24 @@ def test_sweep_rows_are_relative_to_the_maximum() -> None:
         ({"peaks_v": np.empty(0), "sigmas_v": np.empty(0)}, "nothing to minimise"),
     ],
 )
-def test_data_that_cannot_be_are_refused(change: dict[str, object], words: str) -> None:
-    good: dict[str, object] = {
+def test_data_that_cannot_be_are_refused(change: dict[str, Any], words: str) -> None:
+    good: dict[str, Any] = {
         "peaks_v": np.ones(2),
         "sigmas_v": np.ones(2),
         "sweep_v": np.ones(3),
         "scale": "maximum",
     }
     with pytest.raises(ValueError, match=words):
-        Measured(**(good | change))  # type: ignore[arg-type]
+        data_of(**(good | change))
+
+
+def data_of(peaks_v: FloatArray, sigmas_v: FloatArray, sweep_v: FloatArray, scale: str) -> Dataset:
+    return dataset(peaks_v, sigmas_v, sweep_measurement(sweep_v, scale=scale))
+
+
+def test_a_sweep_without_a_frequency_for_every_point_is_refused() -> None:
+    with pytest.raises(ValueError, match="2 frequencies, but 3 amplitudes"):
+        Sweep(SETUP, np.ones(2), np.ones(3))
 
 
 def test_totals(objective: Objective) -> None:

@@ -21,15 +21,17 @@ from fitting.fit import checkpoint
 from fitting.fit.continuation import ContinuationStep
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.job import Identity, Options, job_of, options_of, provenance_of
+from fitting.fit.problem import problem_of
 from fitting.fit.reconstruction import Hooks, Progress, reconstruct
 from fitting.fit.result import Result, read_result, write_result
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
+from fitting.measurements.sweep import swept_amplitudes
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from tests.fit.test_result import read_rows
 from tests.support import closed_form
+from tests.support.datasets import through
 from tests.support.processes import MOST_S
 
 TRUTH = (1.9498, 120.0, 90.0)
@@ -43,9 +45,10 @@ def respond(alternative: Mapping[str, Scalar]) -> closed_form.ClosedFormResponse
 
 
 def run(bound: BoundCampaign, hooks: Hooks | None = None, **schedule: object) -> Result:
-    options = options_of(bound)
+    options = options_of(bound.continuation)
     options = replace(options, schedule=replace(options.schedule, **schedule))  # type: ignore[arg-type]
-    return reconstruct(bound, respond, Identity(units={"lambda": "Hz"}), options, hooks)
+    identity = Identity(units={"lambda": "Hz"})
+    return reconstruct(problem_of([bound]), respond, identity, options, hooks)
 
 
 @pytest.fixture(scope="module")
@@ -184,10 +187,10 @@ def test_progress_counts_up_to_the_end(noisy_campaign: BoundCampaign) -> None:
 
 
 def test_ending_badly_is_a_value(noisy_campaign: BoundCampaign) -> None:
-    options = options_of(noisy_campaign)
+    options = options_of(noisy_campaign.continuation)
     solve = replace(options.solve, misfit="absolute", iterations=2, restarts=0)
     hurried = Options(replace(options.schedule, starts=1, levels=1), solve)
-    found = reconstruct(noisy_campaign, respond, Identity(), hurried)
+    found = reconstruct(problem_of([noisy_campaign]), respond, Identity(), hurried)
     assert found.status == "not converged"
     assert found.optimality > 1e-3
     assert "still promises" in found.message
@@ -214,8 +217,8 @@ def without_times(result: Result) -> str:
 def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
     noisy_campaign: BoundCampaign, tmp_path: Path
 ) -> None:
-    options = options_of(noisy_campaign)
-    job = job_of(noisy_campaign, Identity(), options)
+    options = options_of(noisy_campaign.continuation)
+    job = job_of(problem_of([noisy_campaign]), Identity(), options)
     whole = run(noisy_campaign)
     for stop_after in (1, 4, 12, 15):
         memory = Stopping(tmp_path, job)
@@ -228,12 +231,13 @@ def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
 
 
 def test_a_job_is_told_from_others(noisy_campaign: BoundCampaign) -> None:
-    options = options_of(noisy_campaign)
-    one = job_of(noisy_campaign, Identity(sha256="a"), options)
-    assert one == job_of(noisy_campaign, Identity(sha256="a", command="other words"), options)
-    assert one != job_of(noisy_campaign, Identity(sha256="b"), options)
+    options = options_of(noisy_campaign.continuation)
+    problem = problem_of([noisy_campaign])
+    one = job_of(problem, Identity(sha256="a"), options)
+    assert one == job_of(problem, Identity(sha256="a", command="other words"), options)
+    assert one != job_of(problem, Identity(sha256="b"), options)
     other = Options(replace(options.schedule, seed=2), options.solve)
-    assert one != job_of(noisy_campaign, Identity(sha256="a"), other)
+    assert one != job_of(problem, Identity(sha256="a"), other)
 
 
 def test_files_of_one_name_in_several_folders_are_told_apart(
@@ -246,16 +250,16 @@ def test_files_of_one_name_in_several_folders_are_told_apart(
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(f"content {k}\n")
     bound = replace(noisy_campaign, path=paths[0], files=tuple(paths))
-    options = options_of(bound)
+    options, problem = options_of(bound.continuation), problem_of([bound])
     names = ["campaign.toml", *(f"pair{m}/trace.csv" for m in range(5)), "../shared/trace.csv"]
-    assert list(provenance_of(bound, Identity(), options).files) == names
-    before = job_of(bound, Identity(), options)
+    assert list(provenance_of(problem, Identity(), options).files) == names
+    before = job_of(problem, Identity(), options)
     for path in paths:
         kept = path.read_text()
         path.write_text("changed\n")
-        assert job_of(bound, Identity(), options) != before
+        assert job_of(problem, Identity(), options) != before
         path.write_text(kept)
-    assert job_of(bound, Identity(), options) == before
+    assert job_of(problem, Identity(), options) == before
 
 
 # --- through the FMU ------------------------------------------------------------------------------
@@ -272,7 +276,7 @@ def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: Bou
     assert sweep is not None
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         for k, alternative in enumerate(string_q1.alternatives):
-            response = FmuResponse(string_q1, workers, plan, alternative)
+            response = through(workers, string_q1, plan, alternative)
             ps = [np.array(TRUTH), np.array([0.4, 60.0, 200.0])]
             answers = response.evaluate_many(ps)
             for p, answer in zip(ps, answers, strict=True):
@@ -288,15 +292,22 @@ def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: Bou
                         for e in string_q1.experiments
                     ]
                 )
-                assert answer.peaks == pytest.approx(expected, rel=1e-9)
+                peaks, swept = answer.predictions
+                assert peaks.values == pytest.approx(expected, rel=1e-9)
                 assert answer.runs >= 10
                 eta = (float(sweep.settings["eta_plus"]), float(sweep.settings["eta_minus"]))
                 fine = eta[0] + np.linspace(-2.0, 2.0, 20001)
                 top = float(np.max(closed_form.amplitude(fine, eta, d, 0)))
-                assert answer.sweep_maximum is not None
-                assert answer.sweep_maximum.value == pytest.approx(top, rel=1e-9)
-                assert answer.sweep_maximum.bias < string_q1.setup.accuracy
-            assert response.sweep(ps[0]) == pytest.approx(
+                assert swept.maximum is not None
+                assert swept.maximum.value == pytest.approx(top, rel=1e-9)
+                assert swept.maximum.bias < string_q1.setup.accuracy
+                assert swept.values.size == 0  # the scale needs the maximum alone
+            [whole] = response.evaluate_many(ps[:1], whole=True)
+            single = swept_amplitudes(
+                response.models[""], sweep.settings, ps[0], sweep.frequency_hz, workers
+            )
+            assert np.array_equal(whole.predictions[1].values, single)
+            assert single == pytest.approx(
                 closed_form.amplitude(
                     sweep.frequency_hz, eta, closed_form.damping(*TRUTH, reflection=bool(k)), 0
                 ),
@@ -309,12 +320,14 @@ def test_a_batch_answers_as_single_calls(oscillator_fmu: Path, string_q1: BoundC
     plan = plan_campaign(string_q1)
     ps = [np.array(TRUTH) * (1.0 + 1e-3 * k) for k in range(4)]
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        response = FmuResponse(string_q1, workers, plan, string_q1.alternatives[0])
+        response = through(workers, string_q1, plan, string_q1.alternatives[0])
         together = response.evaluate_many(ps)
         for p, answer in zip(ps, together, strict=True):
             alone = response.evaluate_many([p])[0]
-            assert np.array_equal(alone.peaks, answer.peaks)
-            assert alone.sweep_maximum == answer.sweep_maximum
+            for one, other in zip(alone.predictions, answer.predictions, strict=True):
+                assert np.array_equal(one.values, other.values)
+                assert one.maximum == other.maximum
+            assert answer.predictions[1].maximum is not None
 
 
 def test_a_maximum_outside_the_first_points_is_found(
@@ -325,8 +338,8 @@ def test_a_maximum_outside_the_first_points_is_found(
     settings = dict(string_q1.sweep.settings) | {"eta_plus": 6.9415e6}
     away = replace(string_q1, sweep=replace(string_q1.sweep, settings=settings))
     with FmuWorkers(oscillator_fmu) as workers:
-        response = FmuResponse(away, workers, plan, away.alternatives[0])
-        found = response.evaluate_many([np.array(TRUTH)])[0].sweep_maximum
+        response = through(workers, away, plan, away.alternatives[0])
+        found = response.evaluate_many([np.array(TRUTH)])[0].predictions[1].maximum
     assert found is not None
     d = closed_form.damping(*TRUTH, reflection=False)
     eta = (6.9415e6, float(settings["eta_minus"]))
@@ -361,11 +374,11 @@ def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
         parameters=(theta, *string_q1.parameters[1:]),
         alternatives=string_q1.alternatives[:1],
     )
-    options = options_of(bound, quick=True)
+    options = options_of(bound.continuation, quick=True)
     options = replace(options, schedule=replace(options.schedule, levels=1))
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         identity = identify_fmu(workers.description, "test")
-        found = reconstruct_through(workers, bound, identity, options)
+        found = reconstruct_through(workers, problem_of([bound]), identity, options)
     said = [text for text in found.warnings if "The FMU says: lambda is not a real" in text]
     assert len(said) == warned
     assert len(found.provenance.notes) == noted

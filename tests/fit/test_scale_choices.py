@@ -6,6 +6,7 @@ Truth: the gain of the virtual laboratory (`fitting.lab.string`); the model's sw
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,17 +19,20 @@ from fitting.campaign.noise import Noise, scale_parameter, sweep_scale_sigma, sw
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.job import measured_of, options_of
-from fitting.fit.noise import chi_sigmas
-from fitting.fit.objective import Objective, scale_factor, weights
+from fitting.fit.job import options_of
+from fitting.fit.objective import Objective, weights
+from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
-from fitting.measurements.measured import Measured
-from fitting.measurements.response import Evaluation
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Evaluation
+from fitting.measurements.sweep import Sweep
 from fitting.signal.scale import Maximum, chi_robust, laboratory_maximum
+from fitting.text.arrays import FloatArray
 from tests.support import closed_form
+from tests.support.datasets import answer, dataset, sweep_measurement
 
 SEEDS = range(60)
 #: A short series: the sweep is what matters here.
@@ -50,25 +54,27 @@ def model_of(one: Series) -> Evaluation:
     peaks = closed_form.amplitude(
         one.bench.pairs_hz[0], (state.eta_plus_hz, state.eta_minus_hz), d, 0
     )
-    return Evaluation(peaks, swept, Maximum(float(np.max(fine)), eta[0], 0.0, bracketed=True))
+    return answer(peaks, swept, Maximum(float(np.max(fine)), eta[0], 0.0, bracketed=True))
 
 
-def measured(one: Series, scale: str, noise: float = 0.01, *, swept: bool = False) -> Measured:
+def shape_of(one: Series) -> FloatArray:
+    """The model's sweep alone."""
+    return np.asarray(model_of(one).predictions[1].values, dtype=float)
+
+
+def measured(one: Series, scale: str, noise: float = 0.01, *, swept: bool = False) -> Dataset:
     """Peaks with relative noise and the sweep of a series, scaled as asked."""
     generator = np.random.default_rng([one.seed, 7])
     peaks = one.true_peaks_v[0] * (1.0 + noise * generator.standard_normal(2))
     sweep = one.sweep
-    return Measured(
-        peaks,
-        noise * peaks,
+    made = sweep_measurement(
         sweep.amplitude_v,
-        scale,
-        weigh=True,
+        scale=scale,
+        fitted=swept,
         maximum_v=float(np.max(sweep.amplitude_v)),
-        sweep_sigmas_v=sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, Noise()),
-        fit_sweep=swept,
-        sweep_known=swept,
+        sigmas_v=sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, Noise()),
     )
+    return dataset(peaks, noise * peaks, made, weigh=True)
 
 
 def errors(scale: str, step_hz: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
@@ -76,9 +82,9 @@ def errors(scale: str, step_hz: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
     wrong, claimed = [], []
     for one in series(step_hz):
         data = measured(one, scale)
-        chi = scale_factor(data, model_of(one))[0]
-        wrong.append(chi / one.gain - 1.0)
-        claimed.append(chi_sigmas(data)[0])
+        [scale_found] = data.scales(model_of(one).predictions, [])
+        wrong.append(scale_found.value / one.gain - 1.0)
+        claimed.append(data.scale_sigmas[0])
     return np.array(wrong), np.array(claimed)
 
 
@@ -109,16 +115,10 @@ class Still:
     def __init__(self, evaluation: Evaluation) -> None:
         self.evaluation = evaluation
 
-    def evaluate_many(self, ps: object) -> list[Evaluation]:
-        return [self.evaluation for _ in ps]  # type: ignore[attr-defined]
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        return [self.evaluation for _ in ps]
 
-    def peaks(self, p: object) -> np.ndarray:
-        return self.evaluation.peaks
-
-    def sweep(self, p: object) -> np.ndarray:
-        return self.evaluation.sweep_amplitudes
-
-    def derived_many(self, ps: object) -> list[dict[str, np.ndarray]]:
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         return []
 
 
@@ -128,7 +128,8 @@ def test_a_fitted_scale_weighs_sweep_and_peaks_by_their_noise(swept: bool) -> No
     wrong, claimed = [], []
     for one in series():
         data = measured(one, "free", 0.003, swept=swept)
-        sigma = sweep_scale_sigma(data.sweep_v, data.sweep_sigmas_v, "fit")
+        [sweep] = [m for m in data.measurements if isinstance(m, Sweep)]
+        sigma = sweep_scale_sigma(sweep.amplitude_v, sweep.sigmas_v, "fit")
         parameter = scale_parameter(sigma, swept=swept)
         assert (parameter.prior_sigma is None) == swept
         objective = Objective(Still(model_of(one)), (parameter,), data, np.array([1e-3]))
@@ -138,7 +139,7 @@ def test_a_fitted_scale_weighs_sweep_and_peaks_by_their_noise(swept: bool) -> No
         x = solve(evaluator, np.zeros(1), held, settings, np.random.default_rng(1)).x
         wrong.append(evaluator.point(x).chi / one.gain - 1.0)
         claimed.append(1.0 / np.sqrt(2 / 0.003**2 + sigma**-2))
-        assert chi_sigmas(data) == (0.0,)
+        assert data.scale_sigmas == (0.0,)
     spread = float(np.std(wrong, ddof=1))
     assert abs(np.mean(wrong)) < 3.0 * spread / np.sqrt(len(wrong))
     assert 0.75 < spread / np.sqrt(np.mean(np.square(claimed))) < 1.3
@@ -148,14 +149,14 @@ def test_bad_points_do_not_carry_a_robust_scale_away() -> None:
     one = series()[0]
     sweep = one.sweep.amplitude_v.copy()
     sweep[::9] *= 3.0
-    shape = model_of(one).sweep_amplitudes
+    shape = shape_of(one)
     assert chi_robust(sweep, shape) == pytest.approx(one.gain, rel=0.01)
     least = float(sweep @ shape / (shape @ shape))
     assert least > 1.15 * one.gain
 
 
 def test_a_robust_scale_of_clean_data_is_exact() -> None:
-    shape = model_of(series()[0]).sweep_amplitudes
+    shape = shape_of(series()[0])
     assert chi_robust(3.7e5 * shape, shape) == pytest.approx(3.7e5, rel=1e-12)
 
 
@@ -171,7 +172,8 @@ def test_scales_through_the_fmu(oscillator_fmu: Path, tmp_path: Path, scale: str
     variables = read_description(oscillator_fmu).variables
     bound = bind(read_campaign(tmp_path / "campaign.toml"), variables)
     bound = replace(bound, alternatives=bound.alternatives[:1])
-    options = options_of(bound)
+    problem = problem_of([bound])
+    options = options_of(bound.continuation)
     options = replace(
         options,
         schedule=replace(options.schedule, starts=1, levels=2, nu_start=1e-2),
@@ -179,10 +181,10 @@ def test_scales_through_the_fmu(oscillator_fmu: Path, tmp_path: Path, scale: str
     )
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         identity = identify_fmu(workers.description, "test")
-        result = reconstruct_through(workers, bound, identity, options)
+        result = reconstruct_through(workers, problem, identity, options)
     width = result.derived["width_plus"]
     assert abs(width.value - bench.modes.widths_hz()[0]) < 3.0 * width.std
     assert width.std < 1.5
     assert result.scale.final == pytest.approx(one.gain, rel=0.012)
     assert ("ln_scale" in result.parameters) == (scale == "free")
-    assert measured_of(bound).scale == scale
+    assert [m.scaled_by for m in problem.measurements if isinstance(m, Sweep)] == [scale]

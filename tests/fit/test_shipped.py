@@ -15,6 +15,7 @@ from fitting.campaign import SweepData, bind, read_campaign
 from fitting.cli.main import main
 from fitting.fit.fmu_job import reconstruct_through
 from fitting.fit.job import Identity, options_of
+from fitting.fit.problem import problem_of
 from fitting.fit.result import Result, read_result
 from fitting.fit.sweep_line import line_of_sweep, line_sentences
 from fitting.fmu import FmuWorkers
@@ -191,12 +192,13 @@ def through(workers: FmuWorkers, bench: Bench, seed: int, folder: Path, *, quick
     """
     write_all(folder, campaign_files(measure(bench, seed), "test"))
     bound = bind(read_campaign(folder / "campaign.toml"), workers.description.variables)
-    options = options_of(bound, quick=quick)
+    options = options_of(bound.continuation, quick=quick)
     schedule = replace(options.schedule, starts=1, levels=3, beta=1e-4)
     if quick:
         bound = replace(bound, alternatives=bound.alternatives[:1])
         schedule = replace(schedule, levels=1)
-    return reconstruct_through(workers, bound, Identity(), replace(options, schedule=schedule))
+    problem = problem_of([bound])
+    return reconstruct_through(workers, problem, Identity(), replace(options, schedule=schedule))
 
 
 def width_of(bench: Bench) -> str:

@@ -17,7 +17,7 @@ LABORATORIES = {"q1": 10, "q2": 6, "offsets": 2, "cross": 10}
 def counted(request: pytest.FixtureRequest, oscillator_fmu: Path) -> tuple[str, Counts]:
     setting = request.param
     seeds = [70_000 + k for k in range(LABORATORIES[setting.name])]
-    return setting.name, coverage(setting, seeds, oscillator_fmu, through=False)
+    return setting.name, coverage(setting, seeds, oscillator_fmu, by_fmu=False)
 
 
 def test_the_truth_lies_inside_as_often_as_is_claimed(counted: tuple[str, Counts]) -> None:

@@ -73,7 +73,7 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
         "reflection = True fits as well",
         "reflection = True",
     )
-    sigma = measured.rows_sigma
+    sigma = measured.sigma
     x = to_search(objective.parameters, TRUTH)
     noise = RowNoise(sigma, np.zeros((sigma.size, 1)))
     knowledge = know(objective, x, noise, InferenceOptions({"lambda": "Hz"}, alternatives=(twin,)))

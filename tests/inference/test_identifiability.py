@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +12,15 @@ import pytest
 from fitting.campaign.parameters import Parameter, to_search
 from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import Measured, Objective, evaluate_many, make_objective
+from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.result import Result, read_result, write_result
 from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
+from fitting.measurements.measurement import Evaluation
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import closed_form
+from tests.support.datasets import answer, dataset
 
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = np.array([1.9498, 120.0, 90.0])
@@ -53,7 +54,7 @@ def learn(
         both_modes() if isinstance(response, BothModes) else response, noise=0.01, seed=seed
     )
     objective = make_objective(response, closed_form.string_parameters(), measured)
-    sigma = measured.rows_sigma
+    sigma = measured.sigma
     x = to_search(objective.parameters, np.array(start))
     knowledge = know(
         objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), InferenceOptions({"lambda": "Hz"})
@@ -97,7 +98,7 @@ def test_the_change_that_is_named_changes_nothing(blind: tuple[Objective, Knowle
     parameters = objective.parameters
     xs = [to_search(parameters, p) for p in (best, best + np.array(change))]
     before, after = evaluate_many(objective, xs)
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     assert np.max(np.abs(after.residuals - before.residuals) / sigma) <= 1.05 * most
 
 
@@ -142,7 +143,7 @@ def test_a_parameter_without_effect_is_named() -> None:
         closed_form.string_response(), (0.0, 120.0, 90.0), noise=0.01, seed=1
     )
     objective = make_objective(response, closed_form.string_parameters()[1:], measured)
-    sigma = measured.rows_sigma
+    sigma = measured.sigma
     knowledge = know(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
     assert knowledge.without_effect == ("d2",)
     assert knowledge.parameters["d1"].verdict == "determined"
@@ -154,17 +155,17 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     """z = k^2 in a box around zero: k and -k."""
 
     class Square:
-        def evaluate_many(self, ps: Sequence[FloatArray]) -> list[object]:
-            response = closed_form.string_response()
-            [one] = response.evaluate_many([TRUTH])
-            return [replace(one, peaks=np.full(6, float(p[0]) ** 2)) for p in ps]
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
+            return [answer(np.full(6, float(p[0]) ** 2)) for p in ps]
 
         def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
             return [{"k": np.array([p[0]]), "square": np.array([p[0] ** 2])} for p in ps]
 
     parameter = Parameter("k", "", -3.0, 3.0, 1.0, 0.0, 1.0)
-    measured = Measured(np.full(6, 2.25), np.full(6, 0.02), np.empty(0), "none")
-    objective = make_objective(Square(), (parameter,), measured)  # type: ignore[arg-type]
+    measured = dataset(np.full(6, 2.25), np.full(6, 0.02))
+    objective = make_objective(Square(), (parameter,), measured)
     knowledge = know(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
     k = knowledge.parameters["k"]
     assert k.best == pytest.approx(1.5, abs=1e-3)

@@ -16,7 +16,7 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.descent import Constraint, descend, expansion_at, inflation_of, most_likely
 from fitting.inference.likelihood import MOST_FAILURES, LikelihoodEvaluator, likelihood_of
 from fitting.inference.lockstep import Exhausted, Request, run_in_lockstep
-from fitting.measurements.response import Evaluation
+from fitting.measurements.measurement import Evaluation
 from fitting.text.errors import FmuFailure
 from tests.support import closed_form, single_line
 
@@ -30,7 +30,7 @@ def string_objective(seed: int = 3) -> Objective:
 def evaluator_of(
     objective: Objective, common: float = 0.0, limit: int = 10**6
 ) -> LikelihoodEvaluator:
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     return LikelihoodEvaluator(
         likelihood_of(objective, sigma, np.full((sigma.size, 1), common)), limit
     )
@@ -43,7 +43,7 @@ def test_chi_square_is_that_of_the_full_covariance() -> None:
     evaluator = evaluator_of(objective, common=0.03)
     rows = evaluator.one(x).rows
     [point] = evaluate_many(objective, [x])
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     v = np.diag(sigma**2) + 0.03**2
     wanted = point.residuals @ np.linalg.solve(v, point.residuals)
     assert rows @ rows == pytest.approx(wanted, rel=1e-9)
@@ -55,7 +55,7 @@ def test_the_most_likely_point_is_that_of_scipy() -> None:
     evaluator = evaluator_of(objective)
     start = to_search(objective.parameters, np.array([1002.0, 12.0, 1.0]))
     optimum = most_likely(evaluator, [start])
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     fit = least_squares(
         lambda x: evaluate_many(objective, [x])[0].residuals / sigma, start, xtol=1e-12
     )
@@ -143,17 +143,17 @@ def test_what_asks_for_too_much_is_told_and_ends() -> None:
 class Failing(closed_form.ClosedFormResponse):
     """Fails where d1 is large, as an FMU may at a corner of the box."""
 
-    def evaluate_many(self, ps: Sequence[np.ndarray]) -> list[Evaluation]:
+    def evaluate_many(self, ps: Sequence[np.ndarray], *, whole: bool = False) -> list[Evaluation]:
         if any(p[1] > 150.0 for p in ps):
             raise FmuFailure("overdamped", {}, Path("test.fmu"))
-        return super().evaluate_many(ps)
+        return super().evaluate_many(ps, whole=whole)
 
 
 def test_points_at_which_the_model_fails_are_left_out() -> None:
     whole = string_objective()
     old = closed_form.string_response()
     bad = Failing(old.pairs_hz, old.eta_plus_hz, old.eta_minus_hz, old.sweep_hz)
-    objective = Objective(bad, whole.parameters, whole.measured, whole.steps)
+    objective = Objective(bad, whole.parameters, whole.data, whole.steps)
     evaluator = evaluator_of(objective)
     good, failed = np.zeros(3), np.array([0.0, 1.3, 0.0])
     answers = evaluator([Request((good, failed, good))])[0]

@@ -82,7 +82,7 @@ def test_the_discrepancy_principle_takes_the_largest_nu_within_the_noise() -> No
     truth = np.array([0.0, (single_line.WIDTH_HZ - 9.0) / 5.0, single_line.TOP - 1.0])
     shares = (0.0, 0.5, 0.9, 0.95, 0.99, 1.0)
     steps = steps_at(objective, [share * truth for share in shares])
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)))
     choice = choose_nu(likelihood, steps, ())
     exact = single_line.LineResponse(objective.response.tones_hz)  # type: ignore[attr-defined]
@@ -102,7 +102,7 @@ def test_the_discrepancy_principle_takes_the_largest_nu_within_the_noise() -> No
 def test_a_misfit_beyond_the_noise_chooses_none_and_says_so() -> None:
     objective = single_line.line_objective(sigma=0.02, span=4.0)
     steps = steps_at(objective, [np.zeros(3)] * 4)
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     choice = choose_nu(likelihood_of(objective, sigma, np.zeros((sigma.size, 0))), steps, ())
     assert math.isnan(choice.discrepancy)
     assert math.isnan(choice.corner)

@@ -11,15 +11,16 @@ from scipy.optimize import brentq
 
 from fitting.campaign.parameters import Parameter, to_search
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import Measured, Objective, make_objective
+from fitting.fit.objective import Objective, make_objective
 from fitting.inference.inference import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
 from fitting.inference.ranges import output_ranges
 from tests.support import closed_form, single_line
+from tests.support.datasets import dataset
 
 
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
-    sigma = objective.measured.rows_sigma
+    sigma = objective.data.sigma
     x = to_search(objective.parameters, np.array(start))
     return know(
         objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), InferenceOptions(budget=budget)
@@ -75,7 +76,7 @@ def test_a_crooked_likelihood_gives_its_own_interval() -> None:
     m, s = 4, 1.0
     response = Exponential(np.zeros(m))
     parameter = Parameter("k", "", -6.0, 3.0, 0.5, 0.0, 1.0)
-    measured = Measured(np.ones(m), np.full(m, s), np.empty(0), "none")
+    measured = dataset(np.ones(m), np.full(m, s))
     objective = make_objective(response, (parameter,), measured)
     with np.errstate(invalid="ignore"):
         profile = known(objective, [0.1]).parameters["k"]
@@ -96,7 +97,7 @@ def test_an_interval_that_meets_the_bound_says_so() -> None:
     m, s = 4, 1.2
     response = Exponential(np.zeros(m))
     parameter = Parameter("k", "", -6.0, 3.0, 0.5, 0.0, 1.0)
-    measured = Measured(np.ones(m), np.full(m, s), np.empty(0), "none")
+    measured = dataset(np.ones(m), np.full(m, s))
     with np.errstate(invalid="ignore"):
         knowledge = known(make_objective(response, (parameter,), measured), [0.1])
     profile = knowledge.parameters["k"]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, Drift
-from fitting.campaign.joint import join_campaigns
 from fitting.fit.joint_result import JointResult, SeriesPart
-from fitting.report.shown import shares_of, shown_campaign
+from fitting.fit.problem import problem_of
+from fitting.report.shown import shares_of, shown_campaign, shown_problem
 from tests.support import closed_form
 from tests.support import report_records as records
 
@@ -49,7 +49,7 @@ def test_what_drifts_is_shown_in_hertz_where_it_is_a_frequency(tmp_path: Path) -
 
 def test_campaigns_fitted_together_have_shares_of_their_own(tmp_path: Path) -> None:
     bounds = [campaign(tmp_path / name) for name in ("a", "b")]
-    shown = shown_campaign(join_campaigns(bounds))
+    shown = shown_problem(problem_of(bounds))
     assert list(shown.series) == ["a", "b"]
     count = len(bounds[0].experiments)
     assert [own.labels for own in shown.series.values()] == [

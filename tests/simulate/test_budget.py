@@ -16,13 +16,14 @@ from fitting.cli.main import main
 from fitting.fmu import FmuWorkers, read_hints
 from fitting.fmu.accuracy import Hints, Reduction
 from fitting.measurements.campaign_plan import measured_plan
-from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.sweep import swept_amplitudes
 from fitting.simulate.budget import Budget, Decision, sentences_of
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, plan_drive
 from fitting.text.errors import BadInput
 from tests.support import reference
 from tests.support.cfmu_build import build_c_fmu
+from tests.support.datasets import through
 from tests.support.scenes import STRING
 
 PAIR = (6.94016e6, 6.94036e6)
@@ -161,7 +162,9 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
     p = starts(bound.parameters)
     values = {**start, **dict(zip(("eta_plus", "d1"), p, strict=True))}
     frequencies = np.array([30270.0, 30281.0, 30290.0])
-    found = FmuResponse(bound, workers, plan, {}).amplitudes_at(p, frequencies)
+    assert bound.sweep is not None
+    model = through(workers, bound, plan, {}).models[""]
+    found = swept_amplitudes(model, bound.sweep.settings, p, frequencies, workers)
     scene = replace(STRING, **{k: v for k, v in values.items() if hasattr(STRING, k)})
     truth = [float(abs(reference.phasors(scene, u)[0])) for u in frequencies]
     assert found == pytest.approx(truth, rel=plan.promised)

@@ -13,13 +13,13 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import Parameter
-from fitting.fit.job import measured_of
 from fitting.fit.objective import evaluate_many, make_objective, stencil
+from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_campaign
 from fitting.text.errors import BadInput
 from tests.support import closed_form
+from tests.support.datasets import through
 
 ROOT = Path(__file__).parents[2]
 P = np.array([1.9498, 120.0, 90.0])
@@ -76,10 +76,10 @@ def test_the_other_mode_is_observed_in_the_same_run(oscillator_fmu: Path, tmp_pa
     alone = replace(bound, sweep=None)
     plan = plan_campaign(alone)
     with FmuWorkers(oscillator_fmu, workers=1) as workers:
-        response = FmuResponse(alone, workers, plan, {"reflection": False})
+        response = through(workers, alone, plan, {"reflection": False})
         answer = response.evaluate_many([P])[0]
         misfit = response.misfit(P)
-    assert answer.peaks == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
+    assert answer.predictions[0].values == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
     assert answer.runs == 2
     assert misfit < 1e-8
 
@@ -89,14 +89,17 @@ def test_values_of_one_experiment_cost_one_run_each(oscillator_fmu: Path, tmp_pa
     shared = (offset("own", "cross"), offset("again"))
     bound = replace(bound, parameters=(*bound.parameters, *shared))
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        response = FmuResponse(bound, workers, plan_campaign(bound), {"reflection": False})
+        response = through(workers, bound, plan_campaign(bound), {"reflection": False})
         p = np.array([*P, 7.0, -3.0])
         one = response.evaluate_many([p])[0]
-        assert one.peaks == pytest.approx(expected((7.0, 7.0, -3.0)), rel=1e-8)
-        plain = replace(response, bound=replace(bound, parameters=bound.parameters[:3]))
+        assert one.predictions[0].values == pytest.approx(expected((7.0, 7.0, -3.0)), rel=1e-8)
+        fewer = replace(bound, parameters=bound.parameters[:3])
+        plain = through(workers, fewer, plan_campaign(bound), {"reflection": False})
         swept = plain.evaluate_many([P])[0]
-        assert one.sweep_maximum == swept.sweep_maximum  # offsets leave the sweep alone
-        objective = make_objective(response, bound.parameters, measured_of(bound))
+        assert (
+            one.predictions[1].maximum == swept.predictions[1].maximum
+        )  # offsets leave the sweep alone
+        objective = make_objective(response, bound.parameters, problem_of([bound]).data)
         x = np.array([0.0, 0.1, 0.1, 0.2, 0.3])
         points = evaluate_many(objective, stencil(objective, x))
     # the last two variables are of one experiment: both steps, both middles, one sweep of 5 points
@@ -135,15 +138,16 @@ def test_a_parameter_may_have_a_value_in_every_experiment(
     assert [p.name for p in bound.parameters[3:]] == ["g1[own]", "g1[cross]", "g1[again]"]
     assert {p.prior_sigma for p in bound.parameters[3:]} == {0.1}
     with FmuWorkers(oscillator_fmu, workers=1) as workers:
-        response = FmuResponse(bound, workers, plan_campaign(bound), {"reflection": False})
+        response = through(workers, bound, plan_campaign(bound), {"reflection": False})
         plain, moved = response.evaluate_many(
             [np.array([*P, 1.0, 1.0, 1.0]), np.array([*P, 1.0, 1.0, 1.5])]
         )
-    assert plain.peaks == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
-    assert moved.peaks[:4] == pytest.approx(plain.peaks[:4], rel=1e-12)
+    peaks, louder = plain.predictions[0].values, moved.predictions[0].values
+    assert peaks == pytest.approx(expected((0.0, 0.0, 0.0)), rel=1e-8)
+    assert louder[:4] == pytest.approx(peaks[:4], rel=1e-12)
     # mode 1 is driven 1.5 times as hard; what mode 2 lends it is 1e-3 of that
-    assert moved.peaks[4:] == pytest.approx(1.5 * plain.peaks[4:], rel=2e-3)
-    assert moved.sweep_maximum == plain.sweep_maximum
+    assert louder[4:] == pytest.approx(1.5 * peaks[4:], rel=2e-3)
+    assert moved.predictions[1].maximum == plain.predictions[1].maximum
     twice = more.replace('scope = "experiment"', 'scope = "campaign"')
     path.write_text(text + more + twice)
     with pytest.raises(BadInput, match="'g1'"):

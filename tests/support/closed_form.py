@@ -27,11 +27,15 @@ from fitting.campaign import (
     SweepData,
 )
 from fitting.campaign.parameters import Parameter
-from fitting.fit.objective import Measured
-from fitting.measurements.response import Evaluation
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Evaluation
+from fitting.measurements.sweep import Sweep
 from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray
+from tests.support.datasets import SETUP, answer, dataset
 
+#: Factor between the amplitudes of the laboratory and those of the model.
+GAIN = 1e6
 #: The five drive pairs of the paper's first series, MHz.
 Q1_PAIRS_MHZ = (
     (6.94016, 6.94036),
@@ -96,11 +100,12 @@ class ClosedFormResponse:
         eta = (self.eta_plus_hz[0], self.eta_minus_hz[0])
         return amplitude(self.sweep_hz, eta, self._model(p), self.mode)
 
-    def evaluate_many(self, ps: Sequence[FloatArray]) -> list[Evaluation]:
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
         self.calls.append(len(ps))
-        return [self._evaluate(p) for p in ps]
+        return [self._evaluate(p, whole=whole) for p in ps]
 
-    def _evaluate(self, p: FloatArray) -> Evaluation:
+    def maximum(self, p: FloatArray) -> Maximum:
+        """The top of the resonance, found by scipy's bounded minimisation of 1/A^2."""
         eta = (self.eta_plus_hz[0], self.eta_minus_hz[0])
         centre = eta[self.mode]
         d = self._model(p)
@@ -111,9 +116,11 @@ class ClosedFormResponse:
             options={"xatol": 1e-5},
         )
         top = float(amplitude(centre + found.x, eta, d, self.mode))
-        maximum = Maximum(top, centre + float(found.x), 0.0, bracketed=True)
-        sweep = self.sweep(p) if self.with_sweep else np.empty(0)
-        return Evaluation(self.peaks(p), sweep, maximum)
+        return Maximum(top, centre + float(found.x), 0.0, bracketed=True)
+
+    def _evaluate(self, p: FloatArray, *, whole: bool) -> Evaluation:
+        sweep = self.sweep(p) if whole or self.with_sweep else np.empty(0)
+        return answer(self.peaks(p), sweep, self.maximum(p))
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         return [self._derived(p) for p in ps]
@@ -169,38 +176,41 @@ def measured_by(
     seed: int = 1,
     scale: str = "maximum",
     fit_sweep: bool = False,
-    gain: float = 1e6,
-) -> Measured:
-    """What a laboratory with this response would measure; the true scale is `gain`."""
+) -> Dataset:
+    """What a laboratory with this response would measure; the true scale is `GAIN`."""
     generator = np.random.default_rng(seed)
     p = np.array(truth)
     z = response.peaks(p)
-    peaks = gain * z * (1.0 + noise * generator.standard_normal(z.size))
-    top = response.evaluate_many([p])[0].sweep_maximum
-    assert top is not None
-    return Measured(
-        peaks_v=peaks,
-        sigmas_v=max(noise, 1e-9) * gain * z,
-        sweep_v=gain * response.sweep(p),
-        scale=scale,
-        fit_sweep=fit_sweep,
-        maximum_v=gain * top.value,
+    peaks = GAIN * z * (1.0 + noise * generator.standard_normal(z.size))
+    sweep = Sweep(
+        setup=SETUP,
+        frequency_hz=response.sweep_hz,
+        amplitude_v=GAIN * response.sweep(p),
+        fitted=fit_sweep,
+        scaled_by=scale,
+        maximum_v=GAIN * response.maximum(p).value,
     )
+    return dataset(peaks, max(noise, 1e-9) * GAIN * z, sweep)
 
 
-def string_campaign(
-    measured: Measured, response: ClosedFormResponse, folder: Path
-) -> BoundCampaign:
+def measured_peaks(data: Dataset) -> FloatArray:
+    """Measured amplitudes of all tones (n_peaks,)."""
+    return np.concatenate([tones.peaks_v for tones in data.tones])
+
+
+def string_campaign(data: Dataset, response: ClosedFormResponse, folder: Path) -> BoundCampaign:
     """A bound campaign with these data, as reading a campaign file would give it."""
     file = folder / "campaign.toml"
     file.write_text("# synthetic, made by a test\n")
+    peaks_v, sigmas_v = measured_peaks(data), data.tones[0].sigmas_v
+    [sweep] = [m for m in data.measurements if isinstance(m, Sweep)]
     experiments = tuple(
         Experiment(
             label=f"pair{m + 1}",
             settings={},
             tones_hz=pair,
-            peaks_v=measured.peaks_v[2 * m : 2 * m + 2],
-            sigmas_v=measured.sigmas_v[2 * m : 2 * m + 2],
+            peaks_v=peaks_v[2 * m : 2 * m + 2],
+            sigmas_v=sigmas_v[2 * m : 2 * m + 2],
             floor_v=0.0,
             spectrum=None,
         )
@@ -219,7 +229,7 @@ def string_campaign(
         ),
         experiments=experiments,
         sweep=SweepData(
-            response.sweep_hz, measured.sweep_v, None, {}, "scale", measured.scale, file
+            response.sweep_hz, sweep.amplitude_v, None, {}, "scale", sweep.scaled_by, file
         ),
         parameters=string_parameters(),
         derived=("lambda", "D11"),

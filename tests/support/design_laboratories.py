@@ -21,7 +21,6 @@ from fitting.design.information import (
     prior_sigmas_in_box,
     scale_sigma,
 )
-from fitting.fit.job import measured_of
 from fitting.fit.linearisation import information
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
 from fitting.fmu import FmuWorkers
@@ -62,7 +61,7 @@ class Laboratory:
         self.bound: BoundCampaign = bounds[0]
         # references come from a series' own sweep: one search vector for both
         bounds = [replace(bound, parameters=self.bound.parameters) for bound in bounds]
-        self.series = [Series(bound, workers, measured_of(bound)) for bound in bounds]
+        self.series = [Series(bound, workers) for bound in bounds]
         self.steps = np.full(len(self.bound.parameters), 1e-5)
         self.prior = prior_sigmas_in_box(self.bound.parameters)
 
@@ -75,7 +74,7 @@ class Laboratory:
         m, n = len(blocks[0]), len(blocks[1])
         whole = np.zeros((m + n, m + n))
         whole[:m, :m], whole[m:, m:] = blocks
-        return whole + scale_sigma(self.series[0].measured) ** 2
+        return whole + scale_sigma(self.series[0].data) ** 2
 
     def rows(self, place: Place) -> tuple[FloatArray, FloatArray]:
         """Residuals and their Jacobian in x of both series."""

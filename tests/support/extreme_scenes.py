@@ -22,6 +22,7 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli.reconstruct import table
 from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.job import options_of
+from fitting.fit.problem import problem_of
 from fitting.fit.result import STATUSES, Result
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
@@ -276,7 +277,8 @@ def fit_bound(path: Path, workers: FmuWorkers) -> Result:
     """The result of a campaign that is written, checked likewise."""
     bound = bind(read_campaign(path), workers.description.variables)
     identity = identify_fmu(workers.description, "test")
-    result = reconstruct_through(workers, bound, identity, options_of(bound))
+    options = options_of(bound.continuation)
+    result = reconstruct_through(workers, problem_of([bound]), identity, options)
     speaks_plainly(result)
     return result
 

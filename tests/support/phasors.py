@@ -14,10 +14,11 @@ from functools import cached_property
 import numpy as np
 
 from fitting.campaign import BoundCampaign
-from fitting.measurements.response import Evaluation
+from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray, IntArray
 from tests.support.closed_form import damping
+from tests.support.datasets import answer
 
 TWO_PI = 2.0 * math.pi
 OUTPUTS = ("q1_hybrid", "q2_hybrid")
@@ -77,8 +78,10 @@ class PhasorResponse:
         mode = np.full(tones.size, OUTPUTS.index(self.bound.setup.output))
         return _amplitudes(tones, np.repeat(eta, tones.size, axis=0), self._damping(p), mode)
 
-    def evaluate_many(self, ps: Sequence[FloatArray]) -> list[Evaluation]:
-        return [Evaluation(self.peaks(p), np.empty(0), self._maximum(p), 1) for p in ps]
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        return [
+            answer(self.peaks(p), self.sweep(p) if whole else None, self._maximum(p), 1) for p in ps
+        ]
 
     def _maximum(self, p: FloatArray) -> Maximum:
         """Top of the sweep: 1/|X|^2 is a parabola there, to 1e-6 of the line width."""

@@ -19,8 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter
-from fitting.fit.objective import Measured, Objective, make_objective
-from fitting.measurements.response import Evaluation
+from fitting.fit.objective import Objective, make_objective
+from fitting.measurements.measurement import Evaluation
+from tests.support.datasets import answer, dataset
 
 ETA_HZ, WIDTH_HZ, TOP = 1000.0, 8.0, 2.0
 
@@ -35,11 +36,8 @@ class LineResponse:
         eta, width, top = p[:3]
         return np.asarray(top / np.sqrt(1.0 + (2.0 * (self.tones_hz - eta) / width) ** 2))
 
-    def sweep(self, p: np.ndarray) -> np.ndarray:
-        return np.empty(0)
-
-    def evaluate_many(self, ps: Sequence[np.ndarray]) -> list[Evaluation]:
-        return [Evaluation(self.peaks(p), np.empty(0), None, 1) for p in ps]
+    def evaluate_many(self, ps: Sequence[np.ndarray], *, whole: bool = False) -> list[Evaluation]:
+        return [answer(self.peaks(p), runs=1) for p in ps]
 
     def derived_many(self, ps: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
         return [{"Q": np.array([p[0] / p[1]])} for p in ps]
@@ -73,7 +71,7 @@ def line_objective(
     if seed is not None:
         noise = np.random.default_rng(seed).standard_normal(tones.size)
         data = exact + sigma * noise
-    measured = Measured(data, np.full(tones.size, sigma), np.empty(0), "none")
+    measured = dataset(data, np.full(tones.size, sigma))
     return make_objective(response, line_parameters(prior_hz=prior_hz), measured)
 
 

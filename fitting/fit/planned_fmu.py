@@ -1,0 +1,89 @@
+"""The FMU of a problem, planned: a plan for every series, and the responses that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fitting.campaign import BoundCampaign
+from fitting.campaign.parameters import starts
+from fitting.fit.problem import Problem
+from fitting.fmu import FmuWorkers, read_hints
+from fitting.measurements.campaign_plan import measured_plan
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.planning import Plan, plan_campaign
+from fitting.measurements.tones import tones_of, undriven
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput, FmuFailure
+
+
+@dataclass(frozen=True)
+class PlannedFmu:
+    """Running workers of an FMU, and how each series of a problem drives them."""
+
+    problem: Problem
+    workers: FmuWorkers
+    plans: Mapping[str, Plan]
+
+    def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
+        """The FMU as the response of one alternative."""
+        problem = self.problem
+        models = {
+            name: DrivenModel(bound.setup, problem.parameters, self.plans[name], alternative)
+            for name, bound in problem.campaigns.items()
+        }
+        return FmuResponse(
+            self.workers, problem.parameters, problem.measurements, models, problem.derived
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What the plans say, of every campaign by its name where there are several."""
+        return tuple(
+            f"{name}: {said}" if name else said
+            for name, plan in self.plans.items()
+            for said in plan.sentences
+        )
+
+
+def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
+    """Plan every series of a problem with the FMU at hand.
+
+    Raises:
+        FmuFailure: the FMU failed; with its words and the parameters.
+        BadInput: a campaign cannot be planned, or something else than it drives the FMU.
+    """
+    for bound in problem.campaigns.values():
+        refuse_other_drives(bound, workers)
+    variables, own = workers.description.variables, read_hints(workers.description)
+    plans = {
+        name: measured_plan(bound, workers, variables, own)
+        for name, bound in problem.campaigns.items()
+    }
+    return PlannedFmu(problem, workers, plans)
+
+
+def refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
+    """A tone that the campaign does not know of falls onto those that it reads.
+
+    Asked before the plan is measured, which would wait for such an output to settle.
+
+    Raises:
+        BadInput: the output moves with every amplitude of the campaign at zero.
+    """
+    draft = plan_campaign(bound)
+    setup = bound.setup
+    if not (setup.steady_start or draft.settle_s > 0.0):
+        return  # it may move because it has not settled
+    model = DrivenModel(setup, bound.parameters, draft, bound.alternatives[0])
+    try:
+        share = undriven(tones_of(bound), model, starts(bound.parameters), workers)
+    except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
+        return
+    if share > max(100.0 * setup.accuracy, 1e-4):
+        raise BadInput(
+            f"{bound.path}: [drive]: '{setup.output}' moves by {share:.1e} of its response where "
+            "every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
+            "[fmu.start]"
+        )

@@ -1,0 +1,120 @@
+"""What is to be found, and from what: parameters, measurements, discrete alternatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from fitting.campaign import BoundCampaign, Drift, Experiment, SweepData
+from fitting.campaign.joint import join_parameters, named_apart
+from fitting.campaign.parameters import Parameter
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Measurement
+from fitting.measurements.sweep import sweep_of
+from fitting.measurements.tones import tones_of
+from fitting.text.arrays import Scalar
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Parameters that are looked for, and the measurements that they are looked for in.
+
+    `alternatives` holds one mapping of start values per discrete alternative (one empty mapping
+    without any); `derived` names the outputs that are reported, by series; `campaigns` are those
+    that it was made of, by series, with labels and parameters as they are here; `threshold` is
+    beyond how many standard deviations a residual is called an outlier.
+    """
+
+    parameters: tuple[Parameter, ...]
+    data: Dataset
+    alternatives: tuple[Mapping[str, Scalar], ...] = ({},)
+    derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    title: str = ""
+    synthetic: bool = False
+    campaigns: Mapping[str, BoundCampaign] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    threshold: float = 4.0
+
+    @property
+    def measurements(self) -> tuple[Measurement, ...]:
+        """All measurements: those with rows of their own first, curves last."""
+        return self.data.measurements
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of all derived outputs."""
+        return tuple(dict.fromkeys(name for names in self.derived.values() for name in names))
+
+    @cached_property
+    def experiments(self) -> tuple[Experiment, ...]:
+        """Experiments of all series, in the order of their rows."""
+        return tuple(e for tones in self.data.tones for e in tones.experiments)
+
+    @property
+    def is_joint(self) -> bool:
+        """Whether several campaigns are fitted together."""
+        return len(self.campaigns) > 1
+
+    @property
+    def sweep(self) -> SweepData | None:
+        """The sweep of the only campaign; None where there is none, or where there are several."""
+        return None if self.is_joint else next(iter(self.campaigns.values())).sweep
+
+    @property
+    def together(self) -> BoundCampaign:
+        """All campaigns as one, for pages and figures: every experiment, a sweep of one alone."""
+        first = next(iter(self.campaigns.values()))
+        if not self.is_joint:
+            return first
+        return replace(
+            first,
+            title=self.title,
+            synthetic=self.synthetic,
+            experiments=self.experiments,
+            sweep=None,
+            parameters=self.parameters,
+            derived=self.outputs,
+            drift=Drift(),
+            notes=self.notes,
+        )
+
+    @property
+    def accuracy(self) -> float:
+        """Accuracy that simulated amplitudes are wanted to: the least of all series."""
+        return min(bound.setup.accuracy for bound in self.campaigns.values())
+
+
+def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
+    """The problem of one campaign, or of several of one sample together.
+
+    Args:
+        bounds: campaigns in the units of one FMU.
+
+    Raises:
+        BadInput: campaigns that contradict each other; names both files.
+    """
+    series = named_apart(bounds)
+    parameters, notes = join_parameters([bound for _, bound in series])
+    tones = [tones_of(bound, name) for name, bound in series if bound.experiments]
+    sweeps = [
+        sweep_of(bound, bound.sweep, name) for name, bound in series if bound.sweep is not None
+    ]
+    held = any(p.prior_sigma is not None for p in parameters)
+    noises = [bound.noise for bound in bounds]
+    return Problem(
+        parameters=parameters,
+        data=Dataset(
+            (*tones, *sweeps),
+            weigh=held or any(n.declared or n.outliers != "keep" for n in noises),
+            outliers="huber" if all(n.outliers == "huber" for n in noises) else "keep",
+            names=tuple(name for name, _ in series),
+        ),
+        alternatives=bounds[0].alternatives,
+        derived={name: bound.derived for name, bound in series},
+        title=" + ".join(bound.title for bound in bounds),
+        synthetic=any(bound.synthetic for bound in bounds),
+        campaigns=dict(series),
+        notes=(*notes, *dict.fromkeys(note for bound in bounds for note in bound.notes)),
+        threshold=bounds[0].noise.threshold,
+    )

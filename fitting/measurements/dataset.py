@@ -1,0 +1,141 @@
+"""All measurements of a fit side by side: their rows, noise and scales."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitting.measurements.measurement import Measurement, Prediction, Scale
+from fitting.measurements.tones import Tones
+from fitting.text.arrays import FloatArray, IntArray
+
+#: Residuals beyond this many standard deviations count linearly with outliers = "huber".
+HUBER = 1.345
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Measurements whose rows stand one after the other; those of one series share a scale.
+
+    Curves stand last. `weigh` and `outliers` change the misfit "squares", see there; `names` are
+    the series in the order in which they are told, where that is not the order of their rows.
+
+    Raises:
+        ValueError: not a single row, or a curve before peaks.
+    """
+
+    measurements: tuple[Measurement, ...]
+    weigh: bool = False
+    outliers: str = "keep"
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not any(m.rows for m in self.measurements):
+            raise ValueError("neither peaks nor a fitted sweep: nothing to minimise")
+        curves = [m.is_curve for m in self.measurements]
+        if curves != sorted(curves):
+            raise ValueError("a curve stands before other measurements; wanted curves last")
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the rows of each measurement stand."""
+        ends = np.cumsum([m.rows for m in self.measurements])
+        return tuple(
+            slice(int(end) - m.rows, int(end))
+            for m, end in zip(self.measurements, ends, strict=True)
+        )
+
+    @cached_property
+    def series(self) -> tuple[str, ...]:
+        """Names of the series: as told, else in the order of their first measurement."""
+        return tuple(dict.fromkeys([*self.names, *(m.series for m in self.measurements)]))
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """Relative standard deviation of each residual row, (m,); zero where unknown."""
+        return np.concatenate([m.sigma for m in self.measurements])
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """What chi multiplies in each row where the model fits, (m,): dr/d ln chi = r + it."""
+        return np.concatenate([m.level for m in self.measurements])
+
+    @cached_property
+    def series_of_rows(self) -> IntArray:
+        """Which series each row belongs to, (m,)."""
+        owners = [np.full(m.rows, self.series.index(m.series)) for m in self.measurements]
+        return np.concatenate(owners).astype(np.intp)
+
+    @cached_property
+    def curve_rows(self) -> slice:
+        """Rows that are points of curves; they stand last."""
+        first = sum(m.rows for m in self.measurements if not m.is_curve)
+        return slice(first, None)
+
+    @cached_property
+    def scale_sigmas(self) -> tuple[float, ...]:
+        """Relative standard deviation of chi of each series; zero where it is fitted."""
+        return tuple(
+            max((m.scale_sigma for m in self.measurements if m.series == name), default=0.0)
+            for name in self.series
+        )
+
+    @property
+    def tones(self) -> tuple[Tones, ...]:
+        """The measurements that are peaks of tones."""
+        return tuple(m for m in self.measurements if isinstance(m, Tones))
+
+    def peaks(self, values: Sequence[FloatArray]) -> FloatArray:
+        """Those of some arrays, one per measurement, that belong to tones: (n_peaks,)."""
+        pairs = zip(self.measurements, values, strict=True)
+        return np.concatenate([np.empty(0), *(v for m, v in pairs if isinstance(m, Tones))])
+
+    def scales(self, predictions: Sequence[Prediction], free: Sequence[float]) -> tuple[Scale, ...]:
+        """Scale of every series.
+
+        Args:
+            predictions: one per measurement.
+            free: fitted logarithms of factors on the scale, for the series that have one.
+        """
+        left = iter(free)
+        found = []
+        for name in self.series:
+            mine = [
+                (m, q)
+                for m, q in zip(self.measurements, predictions, strict=True)
+                if m.series == name
+            ]
+            said = [scale for m, q in mine if (scale := m.scale(q)) is not None]
+            scale = said[0] if said else Scale(1.0)
+            if any(m.has_free_scale for m, _ in mine):
+                scale = Scale(scale.value * float(np.exp(next(left))), scale.bias)
+            found.append(scale)
+        return tuple(found)
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """What says that rows (m,) do not follow the data at all; empty where they do.
+
+        A fit that ends far from any solution may sit on a plateau: flat, and so stationary.
+        """
+        pairs = zip(self.measurements, self.slices, strict=True)
+        return next((said for m, k in pairs if (said := m.unexplained(residuals[k]))), "")
+
+    def squares(self, residuals: FloatArray) -> tuple[float, FloatArray]:
+        """Misfit "squares" of rows (m,), and the weights (m,) that its gradient 2 J^T w r has.
+
+        sum r^2; with `weigh`, if every sigma is known, sum w r^2, w = sigma^-2/mean(sigma^-2), and
+        with outliers = "huber" rows beyond 1.345 sigma count linearly (P. Huber, Robust
+        Statistics, 1981).
+        """
+        sigma = self.sigma
+        if not (self.weigh and np.all(sigma > 0.0)):
+            return float(np.dot(residuals, residuals)), np.ones(residuals.size)
+        weights = sigma**-2 / np.mean(sigma**-2)
+        if self.outliers != "huber":
+            return float(np.sum(weights * residuals**2)), weights
+        far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)
+        value = np.sum(weights * residuals**2 * (2.0 * far - 1.0) / far**2)
+        return float(value), weights / far

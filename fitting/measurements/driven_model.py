@@ -1,0 +1,100 @@
+"""The FMU as one series of measurements drives it: parameters become start values, tones inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+from fitting.campaign import Setup
+from fitting.campaign.parameters import Parameter
+from fitting.fmu import InputSignal
+from fitting.measurements.planning import Plan
+from fitting.signal.combinations import mixed_hz
+from fitting.signal.window import Window, plan_window
+from fitting.simulate.batch import alike
+from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.text.units import convert
+
+
+@lru_cache(maxsize=4096)
+def _single_tone(tone_hz: float, settle_s: float, held: int, order: int) -> Window:
+    """Window of one sweep point, planned once: the same points come back in every evaluation."""
+    return plan_window(
+        (tone_hz,), settle_s, samples_per_period=held, mixtures_hz=mixed_hz((tone_hz,), order)
+    )
+
+
+@lru_cache(maxsize=4096)
+def _in_unit(tone_hz: float, unit: str) -> float:
+    return convert(tone_hz, "Hz", unit, where="[sweep] frequency")
+
+
+@dataclass(frozen=True)
+class DrivenModel:
+    """How parameter vectors become runs of the FMU, for one series and one discrete alternative."""
+
+    setup: Setup
+    parameters: tuple[Parameter, ...]
+    plan: Plan
+    alternative: Mapping[str, Scalar] = field(default_factory=dict)
+
+    @cached_property
+    def _acting(self) -> dict[str | None, list[int]]:
+        """Positions of the FMU's parameters that act in an experiment, by its label; None: all."""
+        model = [(i, q) for i, q in enumerate(self.parameters) if q.role == "model"]
+        everywhere = [i for i, q in model if not q.experiments]
+        acting: dict[str | None, list[int]] = {None: everywhere}
+        for i, parameter in model:
+            for label in parameter.experiments:
+                acting.setdefault(label, list(everywhere)).append(i)
+        return acting
+
+    def columns(self, label: str | None) -> list[int]:
+        """Positions in p of what acts in an experiment; None: in what belongs to no experiment."""
+        return self._acting.get(label, self._acting[None])
+
+    def groups(self, table: FloatArray, label: str | None) -> tuple[IntArray, IntArray]:
+        """Rows of a table (k, n) that are alike to an experiment: first of each group, groups."""
+        return alike(table[:, self.columns(label)])
+
+    def values(
+        self, p: FloatArray, label: str | None, settings: Mapping[str, Scalar]
+    ) -> dict[str, Scalar]:
+        """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones."""
+        drive = self.setup.drive
+        values: dict[str, Scalar] = {**self.setup.start_values, **self.plan.settings}
+        values.update(dict.fromkeys(drive.amplitudes, drive.level))
+        values.update(self.alternative)
+        values.update(settings)
+        acting = [(self.parameters[i], float(p[i])) for i in self.columns(label)]
+        values.update({q.target: value for q, value in acting if not q.adds_to})
+        for parameter, value in acting:
+            for name in parameter.adds_to:
+                values[name] = float(values[name]) + value
+        return values
+
+    def single_tone_values(
+        self, p: FloatArray, settings: Mapping[str, Scalar], tone_hz: float
+    ) -> dict[str, Scalar]:
+        """Start values under one tone: its frequency (Hz), the other amplitudes zero."""
+        drive = self.setup.drive
+        values = self.values(p, None, settings)
+        if drive.kind == "tones":
+            values[drive.frequencies[0]] = _in_unit(tone_hz, drive.frequency_unit)
+            values.update(dict.fromkeys(drive.amplitudes[1:], 0.0))
+        return values
+
+    def single_tone_window(self, tone_hz: float) -> Window:
+        """Settling and samples under one tone."""
+        drive = self.setup.drive
+        held = drive.samples_per_period if drive.kind == "input" else 0
+        return _single_tone(tone_hz, self.plan.settle_s, held, drive.order)
+
+    def signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
+        """The tones as input of the FMU, where the tool applies them; None where the FMU does."""
+        drive = self.setup.drive
+        if drive.kind != "input" or drive.input is None:
+            return None
+        rows = tuple((tone, drive.level, 0.0) for tone in tones_hz)
+        return InputSignal(drive.input, rows, window.input_step_s)

@@ -1,0 +1,148 @@
+"""The seam between what was measured, the FMU that answers for it, and the fit.
+
+A kind of measurement is one file beside this one: a frozen record that holds its data as arrays and
+says, by the methods of `Measurement`, which runs of the FMU it wants, what those runs predict, and
+which residual rows of which noise follow. `tones` and `sweep` are two such kinds. Whoever adds a
+kind adds a file: neither Algorithm 2 nor the inference knows any of them by name.
+
+Rows are real numbers whose squares add up to chi square once they are divided by their noise:
+complex values give two rows each, a spectrum with the Whittle likelihood the signed roots of its
+deviances, a trace one row per sample. What enters a prediction linearly (a scale, a background, an
+offset) is solved inside `residuals` and is no parameter. Values that follow a control quantity are
+settings of the runs, by label, as those of an experiment are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.measurements.driven_model import DrivenModel
+from fitting.signal.scale import Maximum
+from fitting.signal.window import Window
+from fitting.simulate.batch import Batch
+from fitting.text.arrays import FloatArray, Scalar
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the model answers to one measurement, in the model's own unit.
+
+    `values` (n,) at the places that were measured, real or complex; empty where the fit does not
+    need them. `maximum` is that of a simulated sweep, where the scale is taken from it.
+    """
+
+    values: npt.NDArray[np.float64] | npt.NDArray[np.complex128]
+    maximum: Maximum | None = None
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The factor between simulated and measured amplitudes: `value`, relative error `bias`."""
+
+    value: float
+    bias: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A run of a batch, by number, whose `output` over `window` should be mean and tones alone."""
+
+    run: int
+    window: Window
+    output: str
+
+
+#: Yields whenever what it has asked of the batch is wanted; returns a prediction per row.
+Predicting = Generator[None, None, list[Prediction]]
+
+
+class Measurement(Protocol):
+    """One kind of measurement of one series."""
+
+    @property
+    def series(self) -> str:
+        """Name of the series that it belongs to: measurements of one series share a scale."""
+
+    @property
+    def rows(self) -> int:
+        """Number of residual rows, zero where it serves the scale alone."""
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of every row, (rows,), in units of the row; zero where unknown."""
+
+    @property
+    def level(self) -> FloatArray:
+        """What the scale multiplies in each row where the model fits: dr/d ln chi = r + level."""
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether its rows are points of one curve, whose residuals may hang together."""
+
+    @property
+    def takes_scale_from_rows(self) -> bool:
+        """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
+
+    @property
+    def has_free_scale(self) -> bool:
+        """Whether the logarithm of a factor on the scale is a parameter of the fit."""
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the scale that it gives; zero where it gives none."""
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings of everything that was measured, one for each run of its own."""
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Ask the batch for runs, yield for their answers as often as needed, return predictions.
+
+        Args:
+            model: the FMU as the series drives it.
+            table: parameter vectors, shape (k, n), in the parameters' units.
+            batch: where runs are asked for; equal runs are simulated once.
+            whole: predict every measured place, also those that the fit does not need.
+        """
+
+    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
+        """Ask for the runs whose samples should hold nothing but their mean and their tones."""
+
+    def scale(self, prediction: Prediction) -> Scale | None:
+        """What a prediction says of the scale; None where this measurement says nothing of it."""
+
+    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
+        """Rows (rows,) of a prediction that is multiplied by `chi`."""
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """What says that rows (rows,) do not follow the data at all; empty where they do."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Answers to one parameter vector: a prediction per measurement; `runs` simulations it took."""
+
+    predictions: tuple[Prediction, ...]
+    runs: int = 0
+
+
+class Response(Protocol):
+    """Model of a series of measurements; p is (n,) in the parameters' own units.
+
+    Whatever answers like this can be fitted; the FMU does in `fitting.measurements.fmu_response`.
+    """
+
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        """Predictions for several parameter vectors, in one batch."""
+        ...
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        """Derived outputs by name, each (n_places,); NaN where the model has no value."""
+        ...

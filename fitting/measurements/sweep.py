@@ -1,0 +1,302 @@
+"""Sweep: the amplitude of the response to one tone after another, over frequency (the FRF).
+
+It gives the scale chi of its series, its points are residual rows, or both:
+
+    r_i = (chi A(f_i) - L_i)/max L        L_i measured, A(f_i) simulated amplitude at f_i
+
+Residuals are relative to the maximum: the far wings of a resonance are noise, not information.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitting.campaign import BoundCampaign, Setup, SweepData
+from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.measurement import Predicting, Prediction, Sampled, Scale
+from fitting.measurements.tones import PLATEAU
+from fitting.signal.scale import (
+    SCALES,
+    Maximum,
+    chi_of_maxima,
+    chi_of_sweep,
+    chi_robust,
+    laboratory_maximum,
+    nodes_around,
+    refine_maximum,
+)
+from fitting.signal.window import Window
+from fitting.simulate.batch import Batch, Workers
+from fitting.text.arrays import FloatArray, Scalar
+
+#: Rounds of further sweep points, at most, to bracket a maximum or to lower its bias.
+SEARCH_ROUNDS = 12
+#: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
+SMALLEST_MISFIT = 1e-3
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Amplitudes over frequency: what they say of the scale, and, if `fitted`, one row per point.
+
+    `scale` "maximum" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate over all
+    points), "free" (that of "fit" times a fitted factor) or "none"; `sigmas_v` (n,) the standard
+    deviation of every point, `known` where it was declared, else it is the scatter of the top;
+    `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error.
+
+    Raises:
+        ValueError: no points, shapes that differ, an unknown scale.
+    """
+
+    setup: Setup
+    frequency_hz: FloatArray
+    amplitude_v: FloatArray
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    series: str = ""
+    fitted: bool = False
+    scaled_by: str = "maximum"
+    sigmas_v: FloatArray = field(default_factory=lambda: np.empty(0))
+    known: bool = False
+    maximum_v: float = 0.0
+    maximum_sigma: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.scaled_by not in SCALES:
+            raise ValueError(f"scale {self.scaled_by!r} is none of {', '.join(SCALES)}")
+        if self.amplitude_v.size == 0:
+            raise ValueError("a scale or a fit of the sweep needs a sweep")
+        if self.frequency_hz.shape != self.amplitude_v.shape:
+            raise ValueError(
+                f"{self.frequency_hz.size} frequencies, but {self.amplitude_v.size} amplitudes"
+            )
+        if self.maximum_v <= 0.0:
+            places = np.arange(self.amplitude_v.size, dtype=float)
+            peak = laboratory_maximum(places, self.amplitude_v)
+            object.__setattr__(self, "maximum_v", peak.value_v)
+        if self.sigmas_v.shape != self.amplitude_v.shape:
+            object.__setattr__(self, "sigmas_v", np.zeros(self.amplitude_v.size))
+
+    is_curve = True
+
+    @property
+    def rows(self) -> int:
+        """One for each point, if the sweep is fitted."""
+        return int(self.amplitude_v.size) if self.fitted else 0
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of every point over the maximum, (rows,); zero where unknown."""
+        if not self.fitted:
+            return np.empty(0)
+        return np.asarray((1.0 if self.known else 0.0) * self.sigmas_v / self.maximum_v)
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """Measured amplitude over the maximum, (rows,)."""
+        return self.amplitude_v / self.maximum_v if self.fitted else np.empty(0)
+
+    @property
+    def takes_scale_from_rows(self) -> bool:
+        """Whether chi is the least-squares one over all points."""
+        return self.scaled_by == "fit"
+
+    @property
+    def has_free_scale(self) -> bool:
+        """Whether a factor on the scale is fitted with the rest."""
+        return self.scaled_by == "free"
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of chi; zero where it is fitted, or none is given."""
+        if self.scaled_by == "free":
+            return 0.0
+        if self.scaled_by == "maximum" and self.maximum_sigma > 0.0:
+            return self.maximum_sigma
+        return sweep_scale_sigma(self.amplitude_v, self.sigmas_v, self.scaled_by)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """The settings that all its points share; it has no label."""
+        return (("", self.settings),)
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Amplitudes at the points that are needed, and the maximum; see `Measurement.predict`."""
+        needed = whole or self.fitted or self.scaled_by not in ("maximum", "none")
+        points = self.frequency_hz if needed else np.empty(0)
+        nodes = np.array(model.plan.nodes_hz)
+        first, group = model.groups(table, None)
+        asked = [
+            self._ask(model, table[k], np.concatenate([nodes, points]), batch, int(k))
+            for k in first
+        ]
+        yield
+        found = [self._read(batch, each) for each in asked]
+        searches = (
+            [MaximumSearch(nodes, a[: nodes.size], bend=model.plan.maximum_bend) for a in found]
+            if nodes.size
+            else []
+        )
+        for _ in range(SEARCH_ROUNDS if searches else 0):
+            more = [s.wanted(model.plan.maximum_bias or self.setup.accuracy) for s in searches]
+            if not any(m.size for m in more):
+                break
+            further = [
+                self._ask(model, table[k], f, batch, int(k))
+                for k, f in zip(first, more, strict=True)
+            ]
+            yield
+            searches = [
+                s.with_points(f, self._read(batch, each))
+                for s, f, each in zip(searches, more, further, strict=True)
+            ]
+        return [
+            Prediction(found[g][nodes.size :], searches[g].maximum if searches else None)
+            for g in group
+        ]
+
+    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
+        """The run at the first point."""
+        [(run, window)] = self._ask(model, p, self.frequency_hz[:1], batch, 0)
+        return [Sampled(run, window, self.setup.output)]
+
+    def scale(self, prediction: Prediction) -> Scale | None:
+        """chi of one prediction and the relative bias that the simulated grid leaves in it.
+
+        Raises:
+            ValueError: the prediction lacks what the chosen scale needs.
+
+        Source: the paper's Algorithm 1; computed anew for every p.
+        """
+        if self.scaled_by == "none":
+            return None
+        if self.scaled_by in ("fit", "free"):
+            return Scale(chi_of_sweep(self.amplitude_v, _real(prediction)))
+        if self.scaled_by == "robust":
+            return Scale(chi_robust(self.amplitude_v, _real(prediction)))
+        maximum = prediction.maximum
+        if maximum is None:
+            raise ValueError("the response has no sweep maximum, which the scale needs")
+        bias = maximum.bias if maximum.bracketed else 0.0
+        return Scale(chi_of_maxima(self.maximum_v, maximum.value), bias)
+
+    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
+        """(chi A - L)/max L, shape (rows,)."""
+        if not self.fitted:
+            return np.empty(0)
+        return (chi * _real(prediction) - self.amplitude_v) / self.maximum_v
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """A fitted sweep of whose variance less than half is explained is not described."""
+        if not residuals.size:
+            return ""
+        shape = self.amplitude_v / self.maximum_v
+        spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
+        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+            return "the simulated sweep does not follow the measured one"
+        return ""
+
+    def _ask(
+        self, model: DrivenModel, p: FloatArray, tones_hz: FloatArray, batch: Batch, owner: int
+    ) -> list[tuple[int, Window]]:
+        """Runs and windows at single tones."""
+        asked = []
+        for tone in map(float, tones_hz):
+            window = model.single_tone_window(tone)
+            values = model.single_tone_values(p, self.settings, window.tones_hz[0])
+            signal = model.signal(window, window.tones_hz)
+            asked.append((batch.ask(values, window, signal, self.setup.output, owner), window))
+        return asked
+
+    def _read(self, batch: Batch, asked: Sequence[tuple[int, Window]]) -> FloatArray:
+        found = [batch.amplitudes(k, window, self.setup.output) for k, window in asked]
+        return np.concatenate(found) if found else np.empty(0)
+
+
+def _real(prediction: Prediction) -> FloatArray:
+    return np.asarray(prediction.values, dtype=float)
+
+
+def swept_amplitudes(
+    model: DrivenModel,
+    settings: Mapping[str, Scalar],
+    p: FloatArray,
+    frequency_hz: FloatArray,
+    workers: Workers,
+) -> FloatArray:
+    """Steady amplitudes (n,) at single tones (n,) for one parameter vector, in the FMU's unit."""
+    batch = Batch()
+    windows = [model.single_tone_window(float(tone)) for tone in frequency_hz]
+    runs = [
+        batch.ask(
+            model.single_tone_values(p, settings, w.tones_hz[0]),
+            w,
+            model.signal(w, w.tones_hz),
+            model.setup.output,
+        )
+        for w in windows
+    ]
+    batch.simulate(workers)
+    found = [batch.amplitudes(k, w, model.setup.output) for k, w in zip(runs, windows, strict=True)]
+    return np.concatenate(found)
+
+
+def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:
+    """A campaign's sweep as a measurement, with everything known of its noise."""
+    f, a, noise = data.frequency_hz, data.amplitude_v, bound.noise
+    return Sweep(
+        setup=bound.setup,
+        frequency_hz=f,
+        amplitude_v=a,
+        settings=data.settings,
+        series=series,
+        fitted=data.use == "fit",
+        scaled_by=data.scale,
+        sigmas_v=sweep_sigmas(f, a, noise),
+        known=noise.declared,
+        maximum_sigma=maximum_sigma(f, a, noise),
+    )
+
+
+@dataclass(frozen=True)
+class MaximumSearch:
+    """Sweep points about a maximum that is looked for; `bend` (1/Hz) bounds its error if known."""
+
+    frequency_hz: FloatArray
+    amplitude: FloatArray
+    bend: float | None = None
+
+    @cached_property
+    def maximum(self) -> Maximum:
+        """The maximum that the points show."""
+        return refine_maximum(self.frequency_hz, self.amplitude, self.bend)
+
+    def wanted(self, accuracy: float) -> FloatArray:
+        """Frequencies to add, Hz: beyond the end that rises, or closer about the maximum."""
+        found = self.maximum
+        f = self.frequency_hz
+        if not found.bracketed:
+            span = float(np.ptp(f))
+            centre = found.frequency_hz
+            side = -1.0 if centre == f[0] else 1.0
+            steps = centre + side * span * np.array([0.25, 0.5, 1.0, 2.0])
+            return np.asarray(steps[steps > 0.0])
+        if found.bias <= accuracy:
+            return np.empty(0)
+        k = int(np.argmax(self.amplitude))
+        spacing = 0.25 * float(min(f[k] - f[k - 1], f[k + 1] - f[k]))
+        near = nodes_around(found.frequency_hz, spacing)
+        return near[~np.isin(near, f)]
+
+    def with_points(self, frequency_hz: FloatArray, amplitude: FloatArray) -> MaximumSearch:
+        """The search with further points (k,), in the order of frequency."""
+        f = np.concatenate([self.frequency_hz, frequency_hz])
+        a = np.concatenate([self.amplitude, amplitude])
+        order = np.argsort(f)
+        return replace(self, frequency_hz=f[order], amplitude=a[order])

@@ -1,0 +1,101 @@
+"""Measurements and answers of tests that have no FMU: arrays in, records of the fit out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitting.campaign import BoundCampaign, Drive, Experiment, Setup
+from fitting.fit.problem import problem_of
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.measurement import Evaluation, Measurement, Prediction
+from fitting.measurements.planning import Plan
+from fitting.measurements.sweep import Sweep
+from fitting.measurements.tones import Tones
+from fitting.signal.scale import Maximum
+from fitting.simulate.batch import Workers
+from fitting.text.arrays import FloatArray, Scalar
+
+#: Of a drive that nothing in such a test applies.
+SETUP = Setup(Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0), "q1_hybrid")
+
+
+def peaks_measurement(
+    peaks_v: FloatArray, sigmas_v: FloatArray | None = None, *, series: str = ""
+) -> Tones:
+    """All peaks as the lines of one experiment."""
+    peaks_v = np.asarray(peaks_v, dtype=float)
+    sigmas_v = np.zeros(peaks_v.size) if sigmas_v is None else np.asarray(sigmas_v, dtype=float)
+    tones = tuple(float(k + 1) for k in range(peaks_v.size))
+    one = Experiment("all", {}, tones, peaks_v, sigmas_v, 0.0, None)
+    return Tones(SETUP, (one,), series)
+
+
+def sweep_measurement(
+    amplitude_v: FloatArray,
+    *,
+    scale: str = "maximum",
+    fitted: bool = False,
+    maximum_v: float = 0.0,
+    sigmas_v: FloatArray | None = None,
+    series: str = "",
+) -> Sweep:
+    """A sweep over frequencies 1, 2, 3 ... Hz; `sigmas_v` are known where they are given."""
+    amplitude_v = np.asarray(amplitude_v, dtype=float)
+    return Sweep(
+        setup=SETUP,
+        frequency_hz=np.arange(1.0, amplitude_v.size + 1.0),
+        amplitude_v=amplitude_v,
+        series=series,
+        fitted=fitted,
+        scaled_by=scale,
+        sigmas_v=np.empty(0) if sigmas_v is None else sigmas_v,
+        known=sigmas_v is not None,
+        maximum_v=maximum_v,
+    )
+
+
+def dataset(
+    peaks_v: FloatArray,
+    sigmas_v: FloatArray | None = None,
+    sweep: Sweep | None = None,
+    *,
+    weigh: bool = False,
+    outliers: str = "keep",
+) -> Dataset:
+    """Peaks (may be empty) and a sweep, as one series."""
+    made: list[Measurement] = []
+    if np.size(peaks_v):
+        made.append(peaks_measurement(peaks_v, sigmas_v))
+    if sweep is not None:
+        made.append(sweep)
+    return Dataset(tuple(made), weigh, outliers)
+
+
+def answer(
+    peaks: FloatArray | None = None,
+    sweep: FloatArray | None = None,
+    maximum: Maximum | None = None,
+    runs: int = 0,
+) -> Evaluation:
+    """An answer to the measurements of `dataset`: those of peaks first, then that of the sweep."""
+    predictions = [] if peaks is None else [Prediction(np.asarray(peaks))]
+    if sweep is not None or maximum is not None:
+        predictions.append(Prediction(np.empty(0) if sweep is None else sweep, maximum))
+    return Evaluation(tuple(predictions), runs)
+
+
+def through(
+    workers: Workers, bound: BoundCampaign, plan: Plan, alternative: Mapping[str, Scalar]
+) -> FmuResponse:
+    """The FMU as the response of one campaign under a plan."""
+    return FmuResponse(
+        workers=workers,
+        parameters=bound.parameters,
+        measurements=problem_of([bound]).measurements,
+        models={"": DrivenModel(bound.setup, bound.parameters, plan, alternative)},
+        derived={"": bound.derived},
+    )
