@@ -1,6 +1,12 @@
 """Laboratory data: campaign file, drive series, spectra, sweeps -> checked records.
 
-The front door of the ``campaign_*`` modules: read a campaign, then bind it to an FMU's variables.
+file.py          every key of campaign.toml, as written        WrittenSweep, ...
+instruments/     a file per layout of instruments' files       RawTrace
+measured.py      what was measured, of files or of arrays      MeasuredSweep, ...
+data.py          campaign.toml and its data files, read        Campaign
+binding.py       the same in the names and units of one FMU    BoundCampaign
+drift.py, noise.py, parameters.py, joint.py                    parts of the bound campaign
+schema.py        campaign.schema.json for editors, made of file.py
 """
 
 from __future__ import annotations
@@ -8,7 +14,7 @@ from __future__ import annotations
 from fitting.campaign.binding import BoundCampaign, Drift, Drive, Experiment, Setup, SweepData, bind
 from fitting.campaign.data import Campaign, read_campaign
 from fitting.campaign.file import ContinuationSettings, WrittenFmu
-from fitting.campaign.measured import Spectrum
+from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Spectrum
 from fitting.fmu.variables import VariableLike
 
 __all__ = [
@@ -18,6 +24,8 @@ __all__ = [
     "Drift",
     "Drive",
     "Experiment",
+    "MeasuredExperiment",
+    "MeasuredSweep",
     "Setup",
     "Spectrum",
     "SweepData",

@@ -84,7 +84,12 @@ def bind_noise(choice: WrittenNoise, amplitude: Amplitude, unit: str) -> Noise:
                 f"{choice.absolute.where}: found {choice.absolute.value!r}, wanted zero or more"
             )
         absolute_v *= math.sqrt(2.0) if amplitude.kind == "rms" else 1.0
-    return Noise(choice.relative, absolute_v, choice.outliers, choice.threshold)
+    return Noise(
+        relative=choice.relative,
+        absolute_v=absolute_v,
+        outliers=choice.outliers,
+        threshold=choice.threshold,
+    )
 
 
 def repeat_scatter(
@@ -156,13 +161,13 @@ def scale_parameter(sigma: float, *, swept: bool) -> Parameter:
     """
     sigma = max(sigma, 1e-6)
     return Parameter(
-        SCALE_NAME,
-        "1",
-        -SCALE_REACH,
-        SCALE_REACH,
-        0.0,
-        0.0,
-        min(sigma, 0.25 * SCALE_REACH),
+        name=SCALE_NAME,
+        unit="1",
+        lower=-SCALE_REACH,
+        upper=SCALE_REACH,
+        start=0.0,
+        reference=0.0,
+        scale=min(sigma, 0.25 * SCALE_REACH),
         prior_sigma=None if swept else sigma,
         role="scale",
     )

@@ -126,7 +126,13 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
         if column.name.lower() in seen:
             raise BadInput(f"{path}: row {kept[0][0]}: column '{column.name}' appears twice")
         seen.add(column.name.lower())
-    return Table(path, columns, tuple(body), tuple(lines), delimiter != ",")
+    return Table(
+        path=path,
+        columns=columns,
+        cells=tuple(body),
+        lines=tuple(lines),
+        decimal_comma=delimiter != ",",
+    )
 
 
 def split_line(text: str, delimiter: str) -> tuple[str, ...]:

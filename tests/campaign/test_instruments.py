@@ -383,7 +383,14 @@ from fitting.text.tables import read_text
 def read(path: Path, selection: Selection) -> RawTrace:
     values = np.array(read_text(path).split()[1:], dtype=float).reshape(-1, 2)
     places = tuple(f"pair {i + 1}" for i in range(len(values)))
-    return RawTrace(path, values[:, 0], "kHz", values[:, 1], "mV", None, "", places)
+    return RawTrace(
+        path=path,
+        frequency=values[:, 0],
+        frequency_unit="kHz",
+        amplitude=values[:, 1],
+        amplitude_unit="mV",
+        places=places,
+    )
 
 
 LAYOUT = Layout(

@@ -31,15 +31,15 @@ def _read_afm(path: Path, selection: Selection) -> RawTrace:
     head = [text.split("\t") for _, text in lines[:begin]]
     notes = {cells[0]: cells[1].strip() for cells in head if len(cells) > 1 and cells[1].strip()}
     return RawTrace(
-        path,
-        table.numbers(shift) + table.numbers(center),
-        unit,
-        table.numbers(amplitude),
-        unit_of(table, amplitude, "Amplitude (m)"),
-        table.numbers(phase) if phase else None,
-        unit_of(table, phase, "Phase (deg)") if phase else "",
-        tuple(f"row {n}" for n in table.lines),
-        notes,
+        path=path,
+        frequency=table.numbers(shift) + table.numbers(center),
+        frequency_unit=unit,
+        amplitude=table.numbers(amplitude),
+        amplitude_unit=unit_of(table, amplitude, "Amplitude (m)"),
+        phase=table.numbers(phase) if phase else None,
+        phase_unit=unit_of(table, phase, "Phase (deg)") if phase else "",
+        places=tuple(f"row {n}" for n in table.lines),
+        notes=notes,
     )
 
 

@@ -19,14 +19,14 @@ def _read_csv(path: Path, selection: Selection) -> RawTrace:
     amplitude = _pick(table, selection.amplitude, AMPLITUDE_NAMES)
     phase = _pick(table, selection.phase, PHASE_NAMES) if _has_phase(table, selection) else None
     return RawTrace(
-        path,
-        table.numbers(frequency),
-        unit_of(table, frequency, "frequency (MHz)"),
-        table.numbers(amplitude),
-        unit_of(table, amplitude, "amplitude (uV)"),
-        None if phase is None else table.numbers(phase),
-        "" if phase is None else unit_of(table, phase, "phase (deg)"),
-        tuple(f"row {n}" for n in table.lines),
+        path=path,
+        frequency=table.numbers(frequency),
+        frequency_unit=unit_of(table, frequency, "frequency (MHz)"),
+        amplitude=table.numbers(amplitude),
+        amplitude_unit=unit_of(table, amplitude, "amplitude (uV)"),
+        phase=None if phase is None else table.numbers(phase),
+        phase_unit="" if phase is None else unit_of(table, phase, "phase (deg)"),
+        places=tuple(f"row {n}" for n in table.lines),
     )
 
 

@@ -57,7 +57,17 @@ def _rohde_schwarz_trace(
         units.append(unit)
     notes = {k: " ".join(header[k]).strip() for k in ("type", "rbw", "detector") if k in header}
     places = tuple(f"row {start + 2 + j}" for j in range(count))
-    return RawTrace(path, points[:, 0], units[0], points[:, 1], units[1], None, "", places, notes)
+    return RawTrace(
+        path=path,
+        frequency=points[:, 0],
+        frequency_unit=units[0],
+        amplitude=points[:, 1],
+        amplitude_unit=units[1],
+        phase=None,
+        phase_unit="",
+        places=places,
+        notes=notes,
+    )
 
 
 def _recognises(text: str) -> bool:

@@ -18,7 +18,7 @@ MIN_POINTS = 3
 OWN_ESTIMATES: Mapping[str, str] = {"f_res (Hz)": "frequency_hz", "Q": "q"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RawTrace:
     """A trace in the units of its file.
 
@@ -32,13 +32,13 @@ class RawTrace:
     frequency_unit: str
     amplitude: FloatArray
     amplitude_unit: str
-    phase: FloatArray | None
-    phase_unit: str
     places: tuple[str, ...]
+    phase: FloatArray | None = None
+    phase_unit: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Selection:
     """What to take from a file that holds more: column names, trace number, chunk.
 

@@ -37,21 +37,21 @@ def _read_zurich(path: Path, selection: Selection) -> RawTrace:
     columns = [table.column(n) for n in ("frequency", selection.amplitude or "r")]
     phase = table.find(selection.phase or "phase")
     part = Table(
-        path,
-        table.columns,
-        tuple(table.cells[i] for i in rows),
-        tuple(table.lines[i] for i in rows),
-        False,
+        path=path,
+        columns=table.columns,
+        cells=tuple(table.cells[i] for i in rows),
+        lines=tuple(table.lines[i] for i in rows),
+        decimal_comma=False,
     )
     return RawTrace(
-        path,
-        part.numbers(columns[0]),
-        columns[0].unit or "Hz",
-        part.numbers(columns[1]),
-        columns[1].unit or "V",
-        part.numbers(phase) if phase else None,
-        (phase.unit or "rad") if phase else "",
-        tuple(f"row {n}" for n in part.lines),
+        path=path,
+        frequency=part.numbers(columns[0]),
+        frequency_unit=columns[0].unit or "Hz",
+        amplitude=part.numbers(columns[1]),
+        amplitude_unit=columns[1].unit or "V",
+        phase=part.numbers(phase) if phase else None,
+        phase_unit=(phase.unit or "rad") if phase else "",
+        places=tuple(f"row {n}" for n in part.lines),
     )
 
 
@@ -94,7 +94,14 @@ def _zurich_by_field(
     phase = _zurich_field(path, fields, phase_name, frequency.size)[1] if has_phase else None
     places = tuple(f"row {frequency_row}, value {j + 1}" for j in range(frequency.size))
     return RawTrace(
-        path, frequency, "Hz", amplitude, "V", phase, "rad" if has_phase else "", places
+        path=path,
+        frequency=frequency,
+        frequency_unit="Hz",
+        amplitude=amplitude,
+        amplitude_unit="V",
+        phase=phase,
+        phase_unit="rad" if has_phase else "",
+        places=places,
     )
 
 
