@@ -28,13 +28,15 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
     factor, unit = _unit(design)
     count = range(len(design.proposals) + 1)
     expected = [design.before, *(p.expected for p in design.proposals)]
-    for values, colour, marker, label in (
-        ([e.at for e in expected], ink(), "s", "at the point given"),
-        ([e.mean for e in expected], BLUE, "o", "average over equal fits"),
-        ([e.worst for e in expected], RED, "v", "worst of them"),
+    for values, colour, marker, depth, label in (
+        ([e.at for e in expected], ink(), "s", 2.3, "at the point given"),
+        ([e.mean for e in expected], BLUE, "o", 2.2, "average over equal fits"),
+        ([e.worst for e in expected], RED, "v", 2.1, "worst of them"),
     ):
         shown = [v / factor for v in values]
-        axes.plot(count, shown, color=colour, marker=marker, markersize=5, label=label)
+        axes.plot(
+            count, shown, color=colour, marker=marker, markersize=5, zorder=depth, label=label
+        )
     for k, place in enumerate(design.places):
         axes.plot(
             count,
@@ -66,6 +68,7 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
     """
     axes, kinds = axes_of(ax), best_kinds(design)
     factor, unit = _unit(design)
+    axes.plot([], [], color=BLUE, marker="o", label="the only measurement: best to worst tones")
     for row, kind in enumerate(kinds):
         first = row == 0
         axes.plot([kind.best / factor, kind.worst / factor], [row, row], color=BLUE, linewidth=2.2)
@@ -79,7 +82,6 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
             markersize=5,
             label="as the last beside the other proposed ones" if first else None,
         )
-    axes.plot([], [], color=BLUE, marker="o", label="the only measurement: best to worst tones")
     axes.axvline(
         design.before.mean / factor, color=ink(), linestyle=DASHED, linewidth=0.9, label="so far"
     )
