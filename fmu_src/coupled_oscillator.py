@@ -105,10 +105,10 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleMo
         "rk4_substep",
         {},
         (
-            ("periodic start", {"periodic_start": True}, None),
-            ("far mode left out", {"other_mode": LEFT_OUT}, "{output}_error"),
-            ("far mode quasi-static", {"other_mode": QUASI_STATIC}, "{output}_error"),
-            ("rotating frame", {"solver": ENVELOPE}, "{output}_error"),
+            ("periodic start", {"periodic_start": True}, None, 0.2),
+            ("far mode left out", {"other_mode": LEFT_OUT}, "{output}_error", 0.2),
+            ("far mode quasi-static", {"other_mode": QUASI_STATIC}, "{output}_error", 0.2),
+            ("rotating frame", {"solver": ENVELOPE}, "{output}_error", 1.0),
         ),
     )
 

@@ -115,9 +115,9 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
         "rk4_substep",
         {"solver": RK4},
         (
-            ("averaged envelope", {"solver": ENVELOPE}, "envelope_error"),
-            ("periodic start", {"periodic_start": True}, None),
-            ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None),
+            ("averaged envelope", {"solver": ENVELOPE}, "envelope_error", 0.5),
+            ("periodic start", {"periodic_start": True}, None, 40.0),
+            ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None, 0.05),
         ),
     )
 

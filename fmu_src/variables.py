@@ -102,13 +102,14 @@ class Accuracy:
     """What the tool fmu-fit may know of a model's accuracy, for its annotation in the XML.
 
     ``tolerance`` and ``substep`` are parameters; ``full`` start values of the whole model;
-    ``reductions`` rows (name, start values that make it cheaper, output that bounds the error).
+    ``reductions`` rows (name, start values that make it cheaper, output that bounds the error,
+    the part of a run's work that is left: counted once, so that no plan hangs on a clock).
     """
 
     tolerance: str | None
     substep: str | None
     full: Mapping[str, Any]
-    reductions: Sequence[tuple[str, Mapping[str, Any], str | None]]
+    reductions: Sequence[tuple[str, Mapping[str, Any], str | None, float]]
 
     def to_xml(self) -> Element:
         """Return the VendorAnnotations element."""
@@ -121,8 +122,8 @@ class Accuracy:
         )
         if self.full:
             _add_settings(SubElement(element, "Full"), self.full)
-        for name, settings, bound in self.reductions:
-            attributes = {"name": name, **({"bound": bound} if bound else {})}
+        for name, settings, bound, cost in self.reductions:
+            attributes = {"name": name, **({"bound": bound} if bound else {}), "cost": str(cost)}
             _add_settings(SubElement(element, "Reduction", attributes), settings)
         return root
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +21,22 @@ from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.accuracy import Hints
 from fitting.signal.combinations import combination_name
-from fitting.simulate.drive import Drive, DriveResult, simulate_drive
-from fitting.simulate.drive_plan import DrivePlan, plan_drive
-from fitting.simulate.lines import MixedLine, mixed_peaks
+from fitting.simulate.budget import Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.response import (
+    USUAL_ACCURACY,
+    DriveResponse,
+    Shown,
+    plan_drive,
+    respond,
+)
+from fitting.simulate.words import (
+    plan_in_words,
+    remainder_in_words,
+    settling_in_words,
+    spectrum_in_words,
+    warnings_in_words,
+)
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -37,8 +49,6 @@ EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" -
 
 DEFAULT_TONES = ("u1", "u2")
 MOST_MIXED = 4
-#: Wanted accuracy of a plan without --accuracy.
-USUAL_ACCURACY = 1e-6
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=100,
         help="held steps of --input in a period (100)",
     )
-    parser.add_argument("--settle", metavar="TIME", help="time before sampling (found by trying)")
+    parser.add_argument("--settle", metavar="TIME", help="time before sampling (found)")
     parser.add_argument(
         "--window",
         type=positive_time("--window"),
@@ -93,82 +103,62 @@ def _add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--accuracy",
         type=relative_accuracy("--accuracy"),
-        help="wanted relative accuracy of every amplitude, as 1e-4: plans settling, window, "
-        "solver and model, and says what it may be off by",
+        default=USUAL_ACCURACY,
+        help="wanted relative accuracy of every amplitude: plans settling, window, solver and "
+        f"model, and says what it may be off by ({USUAL_ACCURACY:g})",
     )
-    parser.add_argument(
-        "--plan",
-        action="store_true",
-        help=f"only print the plan (for --accuracy, {USUAL_ACCURACY:g} without)",
-    )
+    parser.add_argument("--plan", action="store_true", help="only print the plan")
     for name, what in (("force", "take"), ("forbid", "do not take")):
         parser.add_argument(
             f"--{name}",
             action="append",
             default=[],
             metavar="NAME",
-            help=f"{what} this reduction of the model, whatever it costs (with --accuracy)",
+            help=f"{what} this reduction of the model, whatever it costs",
         )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Simulate and write; returns 0, or 1 if the response did not become steady.
+    """Simulate and write; returns 0, or 1 if the accuracy could not be promised.
 
     Raises:
         BadInput: names, values, units or times do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
-    _check_plan(args)
+    if args.out is None and not args.plan:
+        raise BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
     with FmuWorkers(args.fmu, timeout_s=args.timeout, timeout_name="--timeout") as workers:
         description = workers.description
         drive = _drive(args, description)
-        plan = _plan(args, drive, workers)
-        if plan is not None:
-            print(*plan.sentences, sep="\n")
-        if args.plan and plan is not None:
+        shown = Shown(args.window, args.samples)
+        with status_line(NAME) as tell:
+            tell("planning")
+            plan = plan_drive(
+                workers,
+                drive,
+                args.accuracy,
+                settle_s=None if args.settle is None else _settling(args.settle),
+                hints=Hints(force=tuple(args.force), forbid=tuple(args.forbid)),
+                shown=shown,
+            )
+        print(*plan_in_words(plan.budget), sep="\n")
+        if args.plan:
             return 0 if plan.budget.kept else 1
         with status_line(NAME) as tell:
-            result = simulate_drive(drive if plan is None else plan.as_drive, workers, tell)
-            if plan is not None:
-                result = replace(result, peaks=plan.read(workers.run([plan.run])[0]))
-    mixed = mixed_peaks(result)
+            tell("spectrum and trace")
+            response = respond(workers, plan, shown)
     names = _names_of_tones(args, description)
-    for path in _write(result, description, args.out, mixed, names):
+    for path in _write(response, description, args.out, names):
         print(path)
-    print(*_summary(result, description), *_mixed(mixed, names, result, description), sep="\n")
+    print(*_summary(response, description), *_mixed(response, names, description), sep="\n")
     for warning in workers.warnings:
         print(f"the FMU warns: {warning}")
-    if plan is not None and not plan.budget.kept:
-        print(*(f"warning: {text}" for text in plan.budget.warnings), sep="\n")
-        return 1
-    if result.settled and result.explained:
+    for text in warnings_in_words(plan.budget):
+        print(f"warning: {text}")
+    if response.steady:
         return 0
-    print(*_advice(args, drive, description), sep="\n")
+    print(*_advice(args, response, description), sep="\n")
     return 1
-
-
-def _check_plan(args: argparse.Namespace) -> None:
-    """BadInput for options that do not go together."""
-    if args.out is None and not args.plan:
-        raise BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
-    planned = args.plan or args.accuracy is not None
-    for name in ("force", "forbid"):
-        if getattr(args, name) and not planned:
-            raise BadInput(f"--{name}: says something of a plan, wanted --accuracy or --plan")
-    for name in ("settle", "window", "samples"):
-        if planned and getattr(args, name) is not None:
-            raise BadInput(f"--{name}: is what a plan decides, wanted it without --accuracy")
-
-
-def _plan(args: argparse.Namespace, drive: Drive, workers: FmuWorkers) -> DrivePlan | None:
-    if args.accuracy is None and not args.plan:
-        return None
-    hints = Hints(force=tuple(args.force), forbid=tuple(args.forbid))
-    with status_line(NAME) as tell:
-        tell("planning")
-        return plan_drive(
-            drive, args.accuracy or USUAL_ACCURACY, workers, workers.description, hints
-        )
 
 
 def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
@@ -188,12 +178,9 @@ def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
     else:
         tones = _tones(_tone_names(args, description), values, description)
     return Drive(
-        values,
-        tones,
-        outputs,
-        settle_s=None if args.settle is None else _settling(args.settle),
-        window_s=args.window,
-        samples=args.samples,
+        start_values=values,
+        tones_hz=tones,
+        outputs=outputs,
         input=args.input,
         level=level,
         steps_per_period=args.steps_per_period,
@@ -248,31 +235,24 @@ def _names_of_tones(args: argparse.Namespace, description: FmuDescription) -> tu
 
 
 def _write(
-    result: DriveResult,
-    description: FmuDescription,
-    out: Path,
-    mixed: Sequence[MixedLine],
-    names: Sequence[str],
+    response: DriveResponse, description: FmuDescription, out: Path, names: Sequence[str]
 ) -> list[Path]:
-    from fitting.report.figures.simulate import (
-        save_figures,
-    )  # worker processes import this file, too
+    from fitting.report.figures.simulate import save_figures  # workers import this file, too
 
-    units = [description.variables[name].unit or "1" for name in result.drive.outputs]
-    columns = [f"{name} ({unit})" for name, unit in zip(result.drive.outputs, units, strict=True)]
+    drive, spectrum, beating = response.drive, response.spectrum, response.beating
+    units = [description.variables[name].unit or "1" for name in drive.outputs]
+    columns = [f"{name} ({unit})" for name, unit in zip(drive.outputs, units, strict=True)]
     tables: list[tuple[str, list[str], list[FloatArray]]] = [
-        ("carrier.csv", ["time (s)"], [result.carrier.times_s, result.carrier.values]),
-        ("spectrum.csv", ["frequency (Hz)"], [result.frequencies_hz, result.amplitudes]),
-        ("peaks.csv", ["frequency (Hz)"], [np.array(result.drive.tones_hz), result.peaks]),
+        ("carrier.csv", ["time (s)"], [response.carrier.times_s, response.carrier.values]),
+        ("spectrum.csv", ["frequency (Hz)"], [spectrum.frequencies_hz, spectrum.amplitudes]),
+        ("peaks.csv", ["frequency (Hz)"], [np.array(drive.tones_hz), response.peaks]),
     ]
-    if result.beating is not None:
-        tables.append(
-            ("beating.csv", ["time (s)"], [result.beating.times_s, result.beating.values])
-        )
+    if beating is not None:
+        tables.append(("beating.csv", ["time (s)"], [beating.times_s, beating.values]))
     paths = []
-    titles = [combination_name(m.factors, names) for m in mixed]
-    if mixed:
-        numbers = [[m.frequency_hz, *m.amplitudes.tolist()] for m in mixed]
+    titles = [combination_name(line.factors, names) for line in response.lines]
+    if response.lines:
+        numbers = [[line.frequency_hz, *line.amplitudes.tolist()] for line in response.lines]
         rows = [[t, *map(repr, row)] for t, row in zip(titles, numbers, strict=True)]
         head = ["combination", "frequency (Hz)", *columns]
         write_whole(out / "lines.csv", "".join(",".join(row) + "\n" for row in [head, *rows]))
@@ -280,9 +260,8 @@ def _write(
     for name, first, arrays in tables:
         write_whole(out / name, _csv(first + columns, np.column_stack(arrays)))
         paths.append(out / name)
-    return paths + save_figures(
-        result, description.model_name, units, out, list(zip(titles, mixed, strict=True))
-    )
+    named = list(zip(titles, response.lines, strict=True))
+    return paths + save_figures(response, description.model_name, units, out, named)
 
 
 def _csv(header: list[str], rows: FloatArray) -> str:
@@ -292,53 +271,60 @@ def _csv(header: list[str], rows: FloatArray) -> str:
     return text.getvalue()
 
 
-def _summary(result: DriveResult, description: FmuDescription) -> list[str]:
-    *lines, beside = result.reasons
-    lines.append(beside if result.explained else f"warning: {beside}")
-    for name, peaks in zip(result.drive.outputs, result.peaks.T, strict=True):
+def _summary(response: DriveResponse, description: FmuDescription) -> list[str]:
+    beside = remainder_in_words(response.remainder)
+    lines = [
+        spectrum_in_words(response.spectrum),
+        settling_in_words(response.plan),
+        beside if response.remainder.explained else f"warning: {beside}",
+    ]
+    tones = response.drive.tones_hz
+    for name, peaks in zip(response.drive.outputs, response.peaks.T, strict=True):
         unit = description.variables[name].unit or ""
-        if name in result.constants:
-            lines.append(f"{name}: constant, {result.constants[name]:.9g} {unit}".rstrip())
+        if name in response.constants:
+            lines.append(f"{name}: constant, {response.constants[name]:.9g} {unit}".rstrip())
             continue
         lines += [
             f"{name}: {peak:.9g} {unit} peak at {hertz(tone, digits=10)}"
-            for tone, peak in zip(result.drive.tones_hz, peaks, strict=True)
+            for tone, peak in zip(tones, peaks, strict=True)
         ]
     return lines
 
 
-def _mixed(
-    mixed: Sequence[MixedLine],
-    names: Sequence[str],
-    result: DriveResult,
-    description: FmuDescription,
-) -> list[str]:
+def _mixed(response: DriveResponse, names: Sequence[str], description: FmuDescription) -> list[str]:
     """The largest lines at combinations of the tones, as a response has that is not linear."""
-    lines = []
-    for k, name in enumerate(result.drive.outputs):
-        if name in result.constants:
+    mixed, said = response.lines, []
+    for k, name in enumerate(response.drive.outputs):
+        if name in response.constants:
             continue
         unit = description.variables[name].unit or ""
         sizes = sorted((m.amplitudes[k] for m in mixed), reverse=True)[:MOST_MIXED]
         shown = [m for m in mixed if m.amplitudes[k] in sizes]
-        lines += [
+        said += [
             f"{name}: {m.amplitudes[k]:.9g} {unit} at {combination_name(m.factors, names)} = "
             f"{hertz(m.frequency_hz, digits=10)}"
             for m in shown
         ]
         if len(mixed) > len(shown):
-            lines.append(f"{name}: {len(mixed) - len(shown)} smaller lines are in lines.csv")
-    return lines
+            said.append(f"{name}: {len(mixed) - len(shown)} smaller lines are in lines.csv")
+    return said
 
 
-def _advice(args: argparse.Namespace, drive: Drive, description: FmuDescription) -> list[str]:
+def _advice(
+    args: argparse.Namespace, response: DriveResponse, description: FmuDescription
+) -> list[str]:
     """What may help where a response is not steady."""
-    lines = ["not steady: wanted more damping, or a longer time before sampling by --settle TIME"]
-    if drive.input is None:
+    lines = []
+    settling = response.plan.budget.of(Kind.SETTLING)[0]
+    if not response.remainder.explained or settling.bound > response.plan.budget.wanted:
+        lines.append(
+            "not steady: wanted more damping, or a longer time before sampling by --settle TIME"
+        )
+    if response.drive.input is None:
         names = _tone_names(args, description)
         lines += [
             f"{name} is not among the tones {', '.join(names)}: if the FMU drives with it as well, "
             f"wanted it in --tones, or --set {amplitude}=0"
-            for name, amplitude in other_tones(names, drive.start_values, description)
+            for name, amplitude in other_tones(names, response.drive.start_values, description)
         ]
     return lines

@@ -14,7 +14,16 @@ from fitting.cli.drive_options import first_output, other_tones, start_values
 from fitting.cli.options import positive_quantity, positive_time, quantity, whole_number
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuWorkers
-from fitting.simulate.frf import DIRECTIONS, FrfResult, Sweep, sweep_fmu
+from fitting.simulate.budget import Kind
+from fitting.simulate.frf import (
+    DIRECTIONS,
+    USUAL_SWEEP_ACCURACY,
+    Sweep,
+    SweepResponse,
+    plan_sweep,
+    take_sweep,
+)
+from fitting.simulate.words import difference_in_words, plan_in_words, warnings_in_words
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -50,12 +59,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tone", default="u1", help="tunable FMU parameter that is moved (u1)")
     parser.add_argument("--output", help="output to read (the first continuous one)")
-    parser.add_argument("--settle", metavar="TIME", help="time at each point (found by trying)")
+    parser.add_argument("--settle", metavar="TIME", help="time at each point (found)")
     parser.add_argument(
         "--accuracy",
         type=float,
-        default=1e-4,
-        help="of the amplitudes, relative to the largest, where the time is found (1e-4)",
+        default=USUAL_SWEEP_ACCURACY,
+        help="of the amplitudes, relative to the largest: plans settling, solver and samples "
+        f"({USUAL_SWEEP_ACCURACY:g})",
     )
     parser.add_argument(
         "--timeout",
@@ -78,15 +88,25 @@ def run(args: argparse.Namespace) -> int:
         raise BadInput(f"--accuracy: found {args.accuracy!r}, wanted 1e-12 to 1")
     with FmuWorkers(args.fmu, timeout_s=args.timeout, timeout_name="--timeout") as workers:
         description = workers.description
-        sweep, told = _sweep(args, description)
+        sweep, silenced = _sweep(args, description)
         with status_line(NAME) as tell:
-            result = sweep_fmu(sweep, workers, tell)
+            tell("planning")
+            plan = plan_sweep(workers, sweep, args.accuracy, settle_s=_settling(args.settle))
+            tell(f"{len(sweep.frequencies_hz)} points, {' and '.join(sweep.directions)}")
+            result = take_sweep(workers, sweep, plan)
+    print(*plan_in_words(plan.budget), sep="\n")
     for path in _write(result, description, args.out):
         print(path)
-    print(*told, *_summary(result, description), sep="\n")
+    print(*silenced, *_summary(result, description), sep="\n")
     for warning in workers.warnings:
         print(f"the FMU warns: {warning}")
-    return 0 if result.settled else 1
+    for text in warnings_in_words(plan.budget):
+        print(f"warning: {text}")
+    if result.steady:
+        return 0
+    if plan.budget.of(Kind.SETTLING)[0].bound > args.accuracy:
+        print("not steady: wanted more damping, or a longer time at each point by --settle TIME")
+    return 1
 
 
 def _sweep(args: argparse.Namespace, description: FmuDescription) -> tuple[Sweep, list[str]]:
@@ -107,22 +127,26 @@ def _sweep(args: argparse.Namespace, description: FmuDescription) -> tuple[Sweep
             f"--from {args.low!r} and --to {args.high!r}: wanted a rising range "
             "(--direction down takes it downwards)"
         )
-    told = _silence_others(tone.name, values, description)
-    settle = None
-    if args.settle is not None:
-        settle = quantity(args.settle, "s", where="--settle")
-        if settle < 0.0:
-            raise BadInput(f"--settle: found {args.settle!r}, wanted a time of at least 0")
+    silenced = _silence_others(tone.name, values, description)
+    _settling(args.settle)
     output = args.output or first_output(description)[0]
     directions = DIRECTIONS if args.direction == BOTH else (args.direction,)
     grid = tuple(float(f"{f:.12g}") for f in np.linspace(low, high, args.points))
-    sweep = Sweep(values, tone.name, unit, grid, output, directions, settle, args.accuracy)
-    return sweep, told
+    return Sweep(values, tone.name, unit, grid, output, directions), silenced
+
+
+def _settling(text: str | None) -> float | None:
+    if text is None:
+        return None
+    settle_s = quantity(text, "s", where="--settle")
+    if settle_s < 0.0:
+        raise BadInput(f"--settle: found {text!r}, wanted a time of at least 0")
+    return settle_s
 
 
 def _silence_others(tone: str, values: dict[str, Scalar], description: FmuDescription) -> list[str]:
     """Other tones of the FMU do not drive in a sweep; refused where their amplitude was set."""
-    told = []
+    said = []
     for name, amplitude in other_tones((tone,), values, description):
         if amplitude in values:
             raise BadInput(
@@ -130,11 +154,11 @@ def _silence_others(tone: str, values: dict[str, Scalar], description: FmuDescri
                 "wanted 0 in a sweep of one tone"
             )
         values[amplitude] = 0.0
-        told.append(f"{amplitude} = 0: {name} does not drive in a sweep of {tone}")
-    return told
+        said.append(f"{amplitude} = 0: {name} does not drive in a sweep of {tone}")
+    return said
 
 
-def _write(result: FrfResult, description: FmuDescription, out: Path) -> list[Path]:
+def _write(result: SweepResponse, description: FmuDescription, out: Path) -> list[Path]:
     from fitting.report.figures.simulate import save_frf  # worker processes import this file, too
 
     sweep = result.sweep
@@ -146,18 +170,17 @@ def _write(result: FrfResult, description: FmuDescription, out: Path) -> list[Pa
     return [out / "sweep.csv", *save_frf(result, description.model_name, unit, out)]
 
 
-def _summary(result: FrfResult, description: FmuDescription) -> list[str]:
+def _summary(result: SweepResponse, description: FmuDescription) -> list[str]:
     sweep = result.sweep
     unit = description.variables[sweep.output].unit or ""
-    settled, differ = result.reasons
-    lines = [settled if result.settled else f"warning: not steady: {settled}"]
+    lines = []
     for curve in result.curves:
         top = int(np.argmax(curve.amplitudes))
         lines.append(
             f"{curve.direction}ward: largest {curve.amplitudes[top]:.9g} {unit} at "
             f"{hertz(sweep.frequencies_hz[top], digits=10)}"
         )
-    lines.append(differ)
+    lines.append(difference_in_words(result))
     lines += [
         f"{jump.direction}ward jump: {0.5 * (jump.low_hz + jump.high_hz):.10g} Hz +- "
         f"{0.5 * (jump.high_hz - jump.low_hz):.3g} Hz"

@@ -15,6 +15,7 @@ from fitting.fit.reconstruction import Hooks, reconstruct
 from fitting.fit.result import Result
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.measurements.fmu_response import FmuResponse
+from fitting.simulate.words import warnings_in_words
 from fitting.text.arrays import FloatArray
 
 #: Kinds of warnings that a note tells of.
@@ -72,7 +73,7 @@ def reconstruct_through(
     )
     plans = list(planned.plans.values())
     for plan in plans:
-        warnings += plan.budget.warnings if plan.budget is not None else ()
+        warnings += warnings_in_words(plan.budget) if plan.budget is not None else ()
     return replace(
         result, warnings=tuple(dict.fromkeys(warnings)), provenance=provenance, plan=plans[0].record
     )

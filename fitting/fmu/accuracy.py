@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,19 +15,25 @@ class Reduction:
     """Start values under which the FMU computes less than it could.
 
     `bound` names an FMU output that bounds the relative error, "{output}" in it standing for the
-    output that is read; without it the error is measured.
+    output that is read; without it the error is measured. `cost` is the part
+    of a run's work that is left by it, by the FMU's own statement, at equal steps.
 
     Raises:
-        BadInput: no name, or nothing that is set.
+        BadInput: no name, nothing that is set, or a cost that is not positive.
     """
 
     name: str
     set: Mapping[str, Scalar]
     bound: str | None = None
+    cost: float = 0.5
 
     def __post_init__(self) -> None:
         if not (self.name and self.set):
             raise BadInput(f"reduction {self.name!r}: wanted a name and values to set")
+        if not 0.0 < self.cost < math.inf:
+            raise BadInput(
+                f"reduction {self.name!r}: its cost is {self.cost!r}, wanted a positive number"
+            )
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
     <VendorAnnotations><Tool name="fmu-fit"><Accuracy tolerance="..." substep="...">
       <Full><Set name="solver" value="2"/></Full>
-      <Reduction name="..." bound="{output}_error"><Set name="..." value="..."/></Reduction>
+      <Reduction name="..." bound="{output}_error" cost="0.5">
+        <Set name="..." value="..."/>
+      </Reduction>
     </Accuracy></Tool></VendorAnnotations>
 
 In FMI 3.0 it is ``<Annotations><Annotation type="fmu-fit">``. An FMU without one says nothing.
@@ -44,11 +46,20 @@ def read_hints(description: FmuDescription) -> Hints:
         element.get("tolerance"),
         element.get("substep"),
         _settings(element.find("Full"), description),
-        tuple(
-            Reduction(part.get("name", ""), _settings(part, description), part.get("bound"))
-            for part in element.iterfind("Reduction")
-        ),
+        tuple(_reduction(part, description) for part in element.iterfind("Reduction")),
     )
+
+
+def _reduction(part: ElementTree.Element, description: FmuDescription) -> Reduction:
+    name, cost = part.get("name", ""), part.get("cost", "0.5")
+    try:
+        counted = float(cost)
+    except ValueError:
+        raise BadInput(
+            f"{description.path}: its annotation for {TOOL} says cost = {cost!r} of the reduction "
+            f"{name!r}, wanted a number"
+        ) from None
+    return Reduction(name, _settings(part, description), part.get("bound"), counted)
 
 
 def _settings(

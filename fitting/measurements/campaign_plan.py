@@ -15,20 +15,18 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.planning import Plan, known_width_hz, plan_campaign, with_windows
 from fitting.measurements.sweep import swept_amplitudes
 from fitting.signal.scale import FINE_POINTS, Maximum, bend_of, refine_maximum
-from fitting.simulate.budget import Budget, Decision
-from fitting.simulate.probe import Probe, Shot, Workers
-from fitting.simulate.search import Found, Search
+from fitting.simulate.batch import Workers
+from fitting.simulate.budget import Basis, Budget, Decision, Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.planner import DrivePlan, Knowledge, PlanOptions, plan_drives
 from fitting.simulate.settling import SAFETY
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
-from fitting.text.notation import hertz
 
 #: Seeded points of the box that are tried beside start and reference, where nothing has to settle.
 SEEDED = 3
 #: A fit may try less damping than there is at start and reference: time to settle, times this.
 LESS_DAMPING = 2.0
-#: A run that would take longer than this is not planned, s.
-LIMIT_S = 20.0
 #: Spacings of three sweep points that are tried, in those of five.
 SPACINGS = (0.5, 0.25, 0.12)
 
@@ -51,17 +49,22 @@ def measured_plan(
     """
     draft = plan_campaign(bound)
     model = DrivenModel(bound.setup, bound.parameters, draft, bound.alternatives[0])
-    shots = _shots(bound, model, workers)
-    if not shots:
+    drives = _drives(bound, model, workers)
+    if not drives:
         return draft
     hints = _applicable(bound, bound.setup.hints.over(own or Hints()))
-    search = Search(Probe(shots, workers), bound.setup.accuracy, hints, variables, LIMIT_S)
-    found = search.found()
+    found = plan_drives(
+        drives,
+        bound.setup.accuracy,
+        workers,
+        Knowledge(hints, variables),
+        PlanOptions(examples=True),
+    )
     settle_s = _settle_s(bound, found, draft)
     drive = bound.setup.drive
     drive = replace(drive, order=max(drive.order, found.order))
     bound = replace(bound, setup=replace(bound.setup, drive=drive))
-    plan = with_windows(bound, settle_s, _told_anew(found, settle_s), found.settings)
+    plan = with_windows(bound, settle_s, _with_settling(found, settle_s), found.settings)
     return _few_nodes(bound, replace(model, setup=bound.setup, plan=plan), workers)
 
 
@@ -79,26 +82,30 @@ def _applicable(bound: BoundCampaign, hints: Hints) -> Hints:
     )
 
 
-def _settle_s(bound: BoundCampaign, found: Found, draft: Plan) -> float:
+def _settle_s(bound: BoundCampaign, found: DrivePlan, draft: Plan) -> float:
     if bound.setup.steady_start or found.settle_s == 0.0:
         return found.settle_s
     stated = draft.settle_s if known_width_hz(bound) is not None else 0.0
     return max(stated, LESS_DAMPING * found.settle_s)
 
 
-def _told_anew(found: Found, settle_s: float) -> Budget:
-    """The budget with the settling that is planned, which is longer than what was measured."""
-    if settle_s == found.settle_s:
-        return found.budget
-    decisions = tuple(_longer(d, settle_s) for d in found.budget.decisions)
+def _with_settling(found: DrivePlan, settle_s: float) -> Budget:
+    """The budget with the settling that is planned, which is longer than what was measured.
+
+    The windows are those of the campaign's experiments, which are decided on by themselves.
+    """
+    kept = (d for d in found.budget.decisions if d.kind != Kind.WINDOW)
+    decisions = tuple(_longer(d, settle_s) for d in kept)
     return Budget(found.budget.wanted, decisions)
 
 
 def _longer(decision: Decision, settle_s: float) -> Decision:
-    if decision.subject != "settling":
+    seen_s = decision.numbers.get("settle_s")
+    if decision.kind != Kind.SETTLING or seen_s is None or seen_s == settle_s:
         return decision
-    why = f"{decision.choice} were seen to do: {decision.sentence}; longer for less damping"
-    return replace(decision, choice=f"{settle_s:.4g} s", sentence=why)
+    basis = Basis.UNSTEADY if decision.basis == Basis.UNSTEADY else Basis.LESS_DAMPING
+    numbers = {"settle_s": settle_s, "seen_s": seen_s}
+    return replace(decision, basis=basis, numbers=numbers)
 
 
 def _few_nodes(bound: BoundCampaign, model: DrivenModel, workers: Workers) -> Plan:
@@ -136,18 +143,19 @@ def _top(three: FloatArray, centre: float, quartic: FloatArray, bend: float) -> 
 
 
 def _with_three(plan: Plan, three: FloatArray, bend: float) -> Plan:
-    """The plan with these sweep points, and the decision told anew."""
+    """The plan with these sweep points, and the decision with them."""
     if plan.budget is None or plan.maximum_bias is None:
         return plan
-    decision = Decision(
-        "maximum of the sweep",
-        f"3 points {three[1] - three[0]:.4g} Hz apart",
-        plan.maximum_bias,
-        f"a parabola through 1/A^2 around {hertz(float(three[1]))}; its remainder is bounded by "
-        f"its third derivative, {bend:.1e}/Hz of the second ({SAFETY:g} times that at start and "
-        "reference), and more points are added where that exceeds the bound",
-    )
-    others = [d for d in plan.budget.decisions if d.subject != decision.subject]
+    (before,) = plan.budget.of(Kind.MAXIMUM)
+    numbers = {
+        "points": three.size,
+        "spacing_hz": float(three[1] - three[0]),
+        "centre_hz": float(three[1]),
+        "bend": bend,
+        "safety": SAFETY,
+    }
+    decision = replace(before, numbers=numbers)
+    others = [d for d in plan.budget.decisions if d.kind != Kind.MAXIMUM]
     return replace(
         plan,
         nodes_hz=tuple(map(float, three)),
@@ -162,7 +170,7 @@ def _reference(bound: BoundCampaign) -> FloatArray:
     return np.clip(references(bound.parameters), lower, upper)
 
 
-def _shots(bound: BoundCampaign, model: DrivenModel, workers: Workers) -> tuple[Shot, ...]:
+def _drives(bound: BoundCampaign, model: DrivenModel, workers: Workers) -> tuple[Drive, ...]:
     """Drives to measure with: first and last experiment (or sweep point), at some points."""
     parameters = bound.parameters
     lower = np.array([p.lower for p in parameters])
@@ -171,60 +179,57 @@ def _shots(bound: BoundCampaign, model: DrivenModel, workers: Workers) -> tuple[
     if bound.setup.steady_start:
         rng = np.random.default_rng(bound.continuation.seed)
         points += list(rng.uniform(lower, upper, (SEEDED, len(parameters))))
-    shots: list[Shot] = []
+    drives: list[Drive] = []
     for k, point in enumerate(points):
-        these = [_shot(model, point, e) for e in _ends(bound.experiments)]
-        these = these or _swept_shots(bound, model, point)
+        these = [_drive(model, point, e) for e in _ends(bound.experiments)]
+        these = these or _swept_drives(bound, model, point)
         if k > 0 and not _runs(these, workers):
             continue  # the FMU may refuse a part of the box
-        shots += these
-    return tuple(shots)
+        drives += these
+    return tuple(drives)
 
 
 def _ends(experiments: tuple[Experiment, ...]) -> tuple[Experiment, ...]:
     return experiments[:1] if len(experiments) < 2 else (experiments[0], experiments[-1])
 
 
-def _shot(model: DrivenModel, p: FloatArray, experiment: Experiment) -> Shot:
+def _drive(model: DrivenModel, p: FloatArray, experiment: Experiment) -> Drive:
     drive = model.setup.drive
-    held = drive.kind == "input"
-    return Shot(
-        model.values(p, experiment.label, experiment.settings),
-        tuple(experiment.read_hz),
-        (experiment.output or model.setup.output,),
-        drive.input if held else None,
-        drive.level,
-        drive.samples_per_period if held else 0,
-        tuple(experiment.tones_hz),
-        drive.order,
+    return Drive(
+        start_values=model.values(p, experiment.label, experiment.settings),
+        tones_hz=tuple(experiment.tones_hz),
+        outputs=(experiment.output or model.setup.output,),
+        input=drive.input if drive.kind == "input" else None,
+        level=drive.level,
+        steps_per_period=drive.samples_per_period,
+        read_hz=tuple(experiment.read_hz),
+        order=drive.order,
     )
 
 
-def _swept_shots(bound: BoundCampaign, model: DrivenModel, p: FloatArray) -> list[Shot]:
+def _swept_drives(bound: BoundCampaign, model: DrivenModel, p: FloatArray) -> list[Drive]:
     """First, largest and last point of a sweep that is fitted by itself."""
     sweep, drive = bound.sweep, model.setup.drive
     if sweep is None:
         return []
-    held = drive.kind == "input"
     top = sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))]
     return [
-        Shot(
-            model.single_tone_values(p, sweep.settings, tone),
-            (tone,),
-            (model.setup.output,),
-            drive.input if held else None,
-            drive.level,
-            drive.samples_per_period if held else 0,
-            (tone,),
-            drive.order,
+        Drive(
+            start_values=model.single_tone_values(p, sweep.settings, tone),
+            tones_hz=(tone,),
+            outputs=(model.setup.output,),
+            input=drive.input if drive.kind == "input" else None,
+            level=drive.level,
+            steps_per_period=drive.samples_per_period,
+            order=drive.order,
         )
         for tone in map(float, dict.fromkeys((sweep.frequency_hz[0], top, sweep.frequency_hz[-1])))
     ]
 
 
-def _runs(shots: list[Shot], workers: Workers) -> bool:
+def _runs(drives: list[Drive], workers: Workers) -> bool:
     try:
-        workers.run([shot.run(shot.window(0.0), {}) for shot in shots])
+        workers.run([drive.run(drive.window(0.0), {}) for drive in drives])
     except FmuFailure:
         return False
     return True

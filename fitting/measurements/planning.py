@@ -9,12 +9,20 @@ from fitting.campaign import BoundCampaign
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.scale import FINE_POINTS, half_power_width, laboratory_maximum, nodes_around
 from fitting.signal.window import Window, plan_window
-from fitting.simulate.budget import SHARES, Budget, Decision, PlanRecord, record_of, told
+from fitting.simulate.budget import (
+    SHARES,
+    Basis,
+    Budget,
+    Decision,
+    Kind,
+    PlanRecord,
+    record_of,
+)
+from fitting.simulate.planner import window_decision
 from fitting.simulate.settling import settling_s
-from fitting.simulate.words import window_in_words
+from fitting.simulate.words import decision_in_words, sum_in_words, window_in_words
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, number, prefixed
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
 TRANSIENT = 0.1
@@ -54,7 +62,7 @@ class Plan:
         """The plan for a report: a line per decision, the sum, remarks."""
         if self.budget is None:
             return self.remarks
-        return (*map(_sentence, self.budget.decisions), self.budget.sentence, *self.remarks)
+        return (*map(_sentence, self.budget.decisions), sum_in_words(self.budget), *self.remarks)
 
     @property
     def record(self) -> PlanRecord | None:
@@ -63,7 +71,7 @@ class Plan:
 
 
 def _sentence(decision: Decision) -> str:
-    text = told(decision)
+    text = decision_in_words(decision)
     return f"{text[0].upper()}{text[1:]}."
 
 
@@ -98,7 +106,7 @@ def with_windows(
         for e in bound.experiments
     )
     if windows:
-        budget = budget.with_decision(_window(windows))
+        budget = budget.with_decision(window_decision(windows))
     remarks = tuple(
         f"Experiment {e.label}: {window_in_words(w)}."
         for e, w in zip(bound.experiments, windows, strict=True)
@@ -110,41 +118,21 @@ def with_windows(
         centre = laboratory_maximum(f, a).frequency_hz
         spacing = 0.5 * half_power_width(f, a)
         nodes = tuple(map(float, nodes_around(centre, spacing)))
-        bias = SHARES["maximum"] * bound.setup.accuracy
+        bias = SHARES[Kind.MAXIMUM] * bound.setup.accuracy
         budget = budget.with_decision(
             Decision(
-                "maximum of the sweep",
-                f"{FINE_POINTS} points {spacing:.4g} Hz apart",
-                bias,
-                f"the simulated maximum is interpolated around {hertz(centre)} (1/A^2 as a "
-                "polynomial of degree four); more points are added where its bias exceeds the "
-                "bound",
+                kind=Kind.MAXIMUM,
+                basis=Basis.POLYNOMIAL,
+                bound=bias,
+                numbers={"points": FINE_POINTS, "spacing_hz": spacing, "centre_hz": centre},
             )
         )
     return Plan(windows, settle_s, nodes, budget, remarks, settings or {}, bias)
 
 
-def _window(windows: tuple[Window, ...]) -> Decision:
-    lengths = sorted({float(f"{w.step_s * w.samples:.6g}") for w in windows})
-    shown = lengths[:1] if len(lengths) == 1 else [lengths[0], lengths[-1]]
-    coherent = all(window.coherent for window in windows)
-    why = (
-        "whole periods of every tone, none folded onto another, onto 0 or onto half the rate: the "
-        "fit of the tones is the Fourier bin, without leakage"
-        if coherent
-        else "tones without a common period are fitted, which leaves no leakage either"
-    )
-    samples = sorted({window.samples for window in windows})
-    counts = " to ".join(str(n) for n in dict.fromkeys((samples[0], samples[-1])))
-    choice = f"{' to '.join(f'{s:.4g}' for s in shown)} s, {counts} samples"
-    return Decision("window", choice, 0.0, why)
-
-
 def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
     if bound.setup.steady_start:
-        return 0.0, Decision(
-            "settling", "none", 0.0, "the FMU is declared to start on its periodic orbit"
-        )
+        return 0.0, Decision(Kind.SETTLING, Basis.DECLARED, 0.0, numbers={"settle_s": 0.0})
     width = known_width_hz(bound)
     if width is None:
         raise BadInput(
@@ -153,12 +141,11 @@ def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
         )
     left = TRANSIENT * bound.setup.accuracy
     settle = settling_s(width, left)
-    factor, unit = prefixed(settle, "s")
     return settle, Decision(
-        "settling",
-        f"{number(settle / factor, 4)} {unit}",
-        left,
-        f"exp(-pi w t) falls below {left:.1g} for half the line width of {width:.6g} Hz",
+        kind=Kind.SETTLING,
+        basis=Basis.LINE_WIDTH,
+        bound=left,
+        numbers={"settle_s": settle, "width_hz": width},
     )
 
 

@@ -1,7 +1,8 @@
 """A plan as a record of decisions: each with the error that it may cost, all within one budget.
 
 Bounds are relative errors of an amplitude. They add up, so a promise is their sum, and what may
-still be decided is what the sum leaves of the accuracy that was wanted.
+still be decided is what the sum leaves of the accuracy that was wanted. What decisions are called,
+and their sentences, is the business of `fitting.simulate.words`.
 """
 
 from __future__ import annotations
@@ -9,18 +10,55 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 from fitting.text.arrays import Scalar
 from fitting.text.units import checked_accuracy
 
+
+class Kind(StrEnum):
+    """What is decided."""
+
+    MODEL = "model"
+    SETTLING = "settling"
+    WINDOW = "window"
+    SOLVER = "solver"
+    INPUT = "input"
+    SAMPLES = "samples"
+    ROUNDING = "rounding"
+    MAXIMUM = "maximum"
+
+
+class Basis(StrEnum):
+    """What a bound rests on, or why something is not taken."""
+
+    STEADY = "steady"  # settling: amplitudes do not change from the start on
+    WATCHED = "watched"  # settling: they stand still at last
+    UNSTEADY = "unsteady"  # settling: they do not
+    PRESCRIBED = "prescribed"  # settling, solver: the user's own value
+    DECLARED = "declared"  # settling: the campaign says that the start is steady
+    LINE_WIDTH = "line width"  # settling: by the damping that is stated
+    LESS_DAMPING = "less damping"  # settling: watched, and longer for what a fit may try
+    COHERENT = "coherent"  # window: whole periods
+    FITTED = "fitted"  # window: tones without a common period
+    STATED = "stated"  # model: an output of the FMU
+    COMPARED = "compared"  # the change that a better setting makes
+    REFINED = "refined"  # model: against the full model, its substep halved
+    UNMEASURED = "unmeasured"  # model: a run without the reduction would take too long
+    FORBIDDEN = "forbidden"  # model: by the user
+    REFUSED = "refused"  # model: by the FMU
+    DOUBLE = "double"  # rounding of numbers of 53 bits
+    POLYNOMIAL = "polynomial"  # maximum: the remainder of an interpolation
+
+
 #: Shares of a wanted accuracy, summing to less than one: what every kind of decision may use.
-SHARES: Mapping[str, float] = {
-    "model": 0.3,
-    "settling": 0.2,
-    "solver": 0.25,
-    "samples": 0.1,
-    "input": 0.05,
-    "maximum": 0.1,
+SHARES: Mapping[Kind, float] = {
+    Kind.MODEL: 0.3,
+    Kind.SETTLING: 0.2,
+    Kind.SOLVER: 0.25,
+    Kind.SAMPLES: 0.1,
+    Kind.INPUT: 0.05,
+    Kind.MAXIMUM: 0.1,
 }
 
 
@@ -28,23 +66,28 @@ SHARES: Mapping[str, float] = {
 class Decision:
     """One choice of a plan, the relative error of an amplitude that it may cost, and the reason.
 
-    `forced`: the user asked for it, or (`taken` False) forbade it. A decision that was not `taken`
-    costs nothing; its `bound` says what it would have cost (NaN: not known).
+    `subject` names the reduction or the parameter where there are several of a kind; `settings`
+    are the start values that it sets, `numbers` what its sentence tells. `forced`: the user asked
+    for it, or (`taken` False) forbade it. A decision that was not `taken` costs nothing; its
+    `bound` says what it would have cost (NaN: not known).
 
     Raises:
         ValueError: a bound below zero, or one that is taken and not known.
     """
 
-    subject: str
-    choice: str
+    kind: Kind
+    basis: Basis
     bound: float
-    sentence: str
+    subject: str = ""
+    numbers: Mapping[str, Scalar] = field(default_factory=dict)
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
     forced: bool = False
     taken: bool = True
 
     def __post_init__(self) -> None:
         if self.bound < 0.0 or (self.taken and math.isnan(self.bound)):
-            raise ValueError(f"decision on {self.subject}: bound {self.bound!r}, wanted 0 or more")
+            name = f"{self.kind} {self.subject}".strip()
+            raise ValueError(f"decision on {name}: bound {self.bound!r}, wanted 0 or more")
 
     @property
     def cost(self) -> float:
@@ -85,34 +128,10 @@ class Budget:
         """The budget with one more decision."""
         return Budget(self.wanted, (*self.decisions, decision))
 
-    @property
-    def sentence(self) -> str:
-        """The sum against what was wanted, in words."""
-        if self.kept:
-            return (
-                f"In all: amplitudes within {self.promised:.1e} of themselves, wanted "
-                f"{self.wanted:.1e}."
-            )
-        return (
-            f"In all: {self.promised:.1e} is what can be promised, not the {self.wanted:.1e} that "
-            f"was wanted; {self._most()}."
-        )
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a user must know: a promise that cannot be given, reductions beyond their bound."""
-        said = [] if self.kept else [f"Accuracy: {self.sentence.removeprefix('In all: ')}"]
-        said += [
-            f"{d.subject} ({d.choice}) is forced beyond its bound: it may be off by {d.bound:.1e}, "
-            f"wanted {self.wanted:.1e}."
-            for d in self.decisions
-            if d.taken and d.forced and d.bound > self.wanted
-        ]
-        return tuple(said)
-
-    def _most(self) -> str:
-        largest = max(self.decisions, key=lambda decision: decision.cost)
-        return f"most of it is due to {largest.subject} ({largest.choice})"
+    def of(self, kind: Kind, subject: str = "") -> tuple[Decision, ...]:
+        """The decisions of a kind, on that subject where one is given."""
+        found = (d for d in self.decisions if d.kind == kind)
+        return tuple(d for d in found if not subject or d.subject == subject)
 
 
 @dataclass(frozen=True)
@@ -127,16 +146,9 @@ class PlanRecord:
 
 def record_of(budget: Budget, settings: Mapping[str, Scalar]) -> PlanRecord:
     """The record of a finished budget."""
-    return PlanRecord(budget.wanted, budget.promised, budget.decisions, dict(settings))
-
-
-def sentences_of(budget: Budget) -> tuple[str, ...]:
-    """A line per decision, and the sum; "settle 66 ms: transient below 1e-9"."""
-    return (*(told(decision) for decision in budget.decisions), budget.sentence)
-
-
-def told(decision: Decision) -> str:
-    """One decision as a line: subject, choice, reason."""
-    mark = " (as asked for)" if decision.forced and decision.taken else ""
-    most = f"; at most {decision.bound:.1e}" if decision.cost > 0.0 else ""
-    return f"{decision.subject}: {decision.choice}{mark}; {decision.sentence}{most}"
+    return PlanRecord(
+        wanted=budget.wanted,
+        promised=budget.promised,
+        decisions=budget.decisions,
+        settings=dict(settings),
+    )

@@ -8,44 +8,46 @@ jumps where its own one ends.
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fitting.fmu import Leg, Run, row_times
-from fitting.signal.combinations import USUAL_ORDER, mixed_hz
+from fitting.fmu.accuracy import Hints
+from fitting.signal.combinations import USUAL_ORDER
 from fitting.signal.tones import ToneFit
-from fitting.signal.window import Window, plan_window
+from fitting.signal.window import Window
+from fitting.simulate.drive import Approach, Drive
+from fitting.simulate.planner import (
+    DrivePlan,
+    FmuLike,
+    PlanOptions,
+    knowledge_of,
+    plan_drives,
+)
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
 
+#: Wanted accuracy where none is given, relative to the largest amplitude.
+USUAL_SWEEP_ACCURACY = 1e-4
 DIRECTIONS = ("up", "down")
-#: Points at which the time to settle is tried, and their largest number of doublings.
-TRIED, DOUBLINGS = 5, 30
-#: Beats of the whole span in the first time tried: enough for a transient to show.
-FIRST_BEATS = 0.25
+#: Points at which the plan looks.
+TRIED = 5
 LONGEST_SETTLE_S = 100.0
 #: Directions differ where amplitudes are apart by more than this part of the larger one.
 APART = 0.02
-
-
-class Workers(Protocol):
-    """What is needed of `fitting.fmu.FmuWorkers`."""
-
-    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        """Outputs of each run, shape (samples, outputs)."""
-        ...
 
 
 @dataclass(frozen=True)
 class Sweep:
     """What to simulate: ``tone`` is the tunable parameter that is moved, in ``tone_unit``.
 
-    ``frequencies_hz`` (n,) ascending; ``settle_s`` None: found by trying.
+    ``frequencies_hz`` (n,) ascending; ``directions`` of "up" and "down".
+
+    Raises:
+        BadInput: fewer than two points, or points that do not rise.
     """
 
     start_values: Mapping[str, Scalar]
@@ -54,37 +56,25 @@ class Sweep:
     frequencies_hz: tuple[float, ...]
     output: str
     directions: tuple[str, ...] = ("up",)
-    settle_s: float | None = None
-    accuracy: float = 1e-4
 
     def __post_init__(self) -> None:
         f = self.frequencies_hz
         if len(f) < 2 or f[0] <= 0.0 or any(b <= a for a, b in itertools.pairwise(f)):
             raise BadInput(f"sweep from {f[0]!r} Hz to {f[-1]!r} Hz: wanted two rising points")
 
-    def run(self, path: Sequence[float], settle_s: float) -> tuple[Run, list[Window]]:
-        """One simulation that visits frequencies in that order, and the window at each."""
-        windows = [_window(f) for f in path]
-        values = [convert(f, "Hz", self.tone_unit, where=self.tone) for f in path]
-        legs = tuple(
-            Leg(v, settle_s, w.step_s, w.samples)
-            for v, w in zip(values[1:], windows[1:], strict=True)
+    def drive(self, frequency_hz: float, first_hz: float) -> Drive:
+        """The drive at one point, come to from another one."""
+        first, value = (self._in_unit(f) for f in (first_hz, frequency_hz))
+        return Drive(
+            start_values=self.start_values,
+            tones_hz=(frequency_hz,),
+            outputs=(self.output,),
+            order=USUAL_ORDER,
+            approach=Approach(self.tone, first, value),
         )
-        first = windows[0]
-        run = Run(
-            {**self.start_values, self.tone: values[0]},
-            settle_s,
-            first.step_s,
-            first.samples,
-            (self.output,),
-            moved=self.tone,
-            legs=legs,
-        )
-        return run, windows
 
-
-def _window(frequency_hz: float) -> Window:
-    return plan_window((frequency_hz,), 0.0, mixtures_hz=mixed_hz((frequency_hz,), USUAL_ORDER))
+    def _in_unit(self, frequency_hz: float) -> float:
+        return convert(frequency_hz, "Hz", self.tone_unit, where=self.tone)
 
 
 @dataclass(frozen=True)
@@ -105,43 +95,118 @@ class Jump:
 
 
 @dataclass(frozen=True)
-class FrfResult:
-    """Curves of a sweep, the jumps between them, and sentences on what was chosen.
+class SweepResponse:
+    """Curves of a sweep, in the output's unit, the jumps between them, and the plan of it.
 
-    ``settled``: False if amplitudes were still changing after the longest time tried.
+    ``difference`` is the largest of the directions, as a share of the largest amplitude (None: one
+    direction only).
     """
 
     sweep: Sweep
+    plan: DrivePlan
     curves: tuple[Curve, ...]
     jumps: tuple[Jump, ...]
-    settle_s: float
-    settled: bool
-    reasons: tuple[str, ...]
+    difference: float | None
+
+    @property
+    def accuracy(self) -> float:
+        """The promise, relative to the largest amplitude, at the points that the plan looked at."""
+        return self.plan.promised
+
+    @property
+    def steady(self) -> bool:
+        """Whether the promise is what was wanted."""
+        return self.plan.budget.kept
 
 
-def sweep_fmu(
-    sweep: Sweep, workers: Workers, tell: Callable[[str], None] = lambda text: None
-) -> FrfResult:
-    """Take the FRF each way that is asked for; ``tell`` hears what is under way.
+def plan_sweep(
+    workers: FmuLike,
+    sweep: Sweep,
+    accuracy: float = USUAL_SWEEP_ACCURACY,
+    *,
+    settle_s: float | None = None,
+    hints: Hints | None = None,
+) -> DrivePlan:
+    """The plan on which `sweep` stands; its arguments and errors."""
+    f = sweep.frequencies_hz
+    tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
+    # from the far end of the sweep: further than any step of it
+    drives = [sweep.drive(u, f[0] if u > 0.5 * (f[0] + f[-1]) else f[-1]) for u in tried]
+    known = knowledge_of(workers.description, hints)
+    # what a reduction leaves out is known at the points that are tried, and a sweep visits others
+    whole = replace(known.hints, full={}, reductions=(), force=(), forbid=())
+    options = PlanOptions(
+        examples=True,
+        of_largest=True,
+        settle_s=settle_s,
+        longest_settle_s=LONGEST_SETTLE_S,
+        fixed=frozenset(sweep.start_values),
+    )
+    return plan_drives(drives, accuracy, workers, replace(known, hints=whole), options)
+
+
+def sweep(
+    workers: FmuLike,
+    what: Sweep,
+    accuracy: float = USUAL_SWEEP_ACCURACY,
+    *,
+    settle_s: float | None = None,
+    hints: Hints | None = None,
+) -> SweepResponse:
+    """Plan a sweep of an FMU and take it each way that is asked for.
+
+    Args:
+        workers: the running FMU, `fitting.fmu.FmuWorkers`.
+        what: start values in the FMU's units, the parameter that is moved, frequencies in Hz.
+        accuracy: wanted largest error of an amplitude, as a part of the largest amplitude.
+        settle_s: time at each point in s; None: found by watching the amplitudes at some points,
+            come to from the far end of the sweep.
+        hints: which parameters set the solver's accuracy, where the FMU does not say so.
+
+    Returns:
+        A curve per direction, the jumps between them, the plan. The model is the FMU's as its
+        start values set it: no reduction is tried.
 
     Raises:
-        BadInput: the tone cannot be moved during a run.
+        BadInput: the tone cannot be moved during a run, or does not drive the output.
         FmuFailure: the FMU failed.
     """
-    settle_s, settled, why = _settling(sweep, workers, tell)
+    plan = plan_sweep(workers, what, accuracy, settle_s=settle_s, hints=hints)
+    return take_sweep(workers, what, plan)
+
+
+def take_sweep(workers: FmuLike, what: Sweep, plan: DrivePlan) -> SweepResponse:
+    """Take a sweep as planned, each way that is asked for."""
     paths = {
-        direction: sweep.frequencies_hz[:: 1 if direction == "up" else -1]
-        for direction in sweep.directions
+        direction: what.frequencies_hz[:: 1 if direction == "up" else -1]
+        for direction in what.directions
     }
-    tell(f"{len(sweep.frequencies_hz)} points, {' and '.join(paths)}")
-    asked = [sweep.run(path, settle_s) for path in paths.values()]
-    answers = workers.run([run for run, _ in asked])
+    planned = [_path_run(what, path, plan) for path in paths.values()]
+    answers = workers.run([run for run, _ in planned])
     curves = []
-    for (direction, path), (run, windows), rows in zip(paths.items(), asked, answers, strict=True):
+    for (direction, path), (run, windows), rows in zip(
+        paths.items(), planned, answers, strict=True
+    ):
         found = _amplitudes(run, path, windows, rows[:, 0])
         curves.append(Curve(direction, found if direction == "up" else found[::-1]))
-    jumps = _jumps(sweep, curves)
-    return FrfResult(sweep, tuple(curves), jumps, settle_s, settled, (why, _differ(curves, jumps)))
+    return SweepResponse(
+        sweep=what,
+        plan=plan,
+        curves=tuple(curves),
+        jumps=_jumps(what, curves),
+        difference=_difference(curves),
+    )
+
+
+def _path_run(what: Sweep, path: Sequence[float], plan: DrivePlan) -> tuple[Run, list[Window]]:
+    """One simulation that visits frequencies in that order, and the window at each."""
+    drives = [what.drive(f, path[0]) for f in path]
+    windows = [drive.window(plan.settle_s, plan.order, plan.longest_s) for drive in drives]
+    first, *rest = zip(drives, windows, strict=True)
+    legs = tuple(
+        Leg(d.approach.value, plan.settle_s, w.step_s, w.samples) for d, w in rest if d.approach
+    )
+    return replace(first[0].run(first[1], plan.settings), legs=legs), windows
 
 
 def _amplitudes(
@@ -157,43 +222,7 @@ def _amplitudes(
     return np.array(found)
 
 
-def _settling(
-    sweep: Sweep, workers: Workers, tell: Callable[[str], None]
-) -> tuple[float, bool, str]:
-    """Time to wait at each point, whether amplitudes are steady after it, and a sentence."""
-    if sweep.settle_s is not None:
-        return sweep.settle_s, True, f"{sweep.settle_s:.6g} s at each point, as asked for"
-    f = sweep.frequencies_hz
-    tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
-    # from the far end of the sweep: further than any step of it
-    paths = [(f[0] if u > 0.5 * (f[0] + f[-1]) else f[-1], u) for u in tried]
-    time_s, before, steady, change = FIRST_BEATS / (f[-1] - f[0]), None, 0, math.inf
-    for _ in range(DOUBLINGS):
-        tell(f"settling: trying {time_s:.3g} s")
-        asked = [sweep.run(path, time_s) for path in paths]
-        rows = workers.run([run for run, _ in asked])
-        found = np.array(
-            [
-                _amplitudes(run, path, windows, r[:, 0])[-1]
-                for path, (run, windows), r in zip(paths, asked, rows, strict=True)
-            ]
-        )
-        if not found.any():
-            raise BadInput(f"{sweep.output} does not move under {sweep.tone}: wanted a drive")
-        if before is not None:
-            change = float(np.max(np.abs(found - before)) / np.max(found))
-            steady = steady + 1 if change <= sweep.accuracy else 0
-        if steady == 2:
-            why = f"amplitudes changed by {change:.1e} of the largest when it was doubled to that"
-            return time_s, True, f"{time_s:.4g} s at each point: {why}"
-        before = found
-        if 2.0 * time_s > LONGEST_SETTLE_S:
-            break
-        time_s *= 2.0
-    return time_s, False, f"amplitudes still change by {change:.1e} after {time_s:.4g} s at a point"
-
-
-def _jumps(sweep: Sweep, curves: Sequence[Curve]) -> tuple[Jump, ...]:
+def _jumps(what: Sweep, curves: Sequence[Curve]) -> tuple[Jump, ...]:
     """Where each way leaves its branch: upwards at the upper end of what differs, else the lower.
 
     Of several stretches that differ the widest counts.
@@ -207,7 +236,7 @@ def _jumps(sweep: Sweep, curves: Sequence[Curve]) -> tuple[Jump, ...]:
         return ()
     stretches = edges.reshape(-1, 2)  # from the first that differs to the first that does not
     first, last = stretches[int(np.argmax(stretches[:, 1] - stretches[:, 0]))]
-    f = sweep.frequencies_hz
+    f = what.frequencies_hz
     jumps = []
     if last < len(f):
         jumps.append(Jump("up", f[last - 1], f[last]))
@@ -216,10 +245,8 @@ def _jumps(sweep: Sweep, curves: Sequence[Curve]) -> tuple[Jump, ...]:
     return tuple(jumps)
 
 
-def _differ(curves: Sequence[Curve], jumps: Sequence[Jump]) -> str:
+def _difference(curves: Sequence[Curve]) -> float | None:
     if len(curves) < 2:
-        return "one way only: whether there is another branch would show in --direction both"
-    a, b = (c.amplitudes for c in curves)
-    most = float(np.max(np.abs(a - b)) / max(np.max(a), np.max(b)))
-    told = f"upward and downward sweep differ by at most {most:.1e} of the largest amplitude"
-    return told + (": hysteresis" if jumps else "")
+        return None
+    a, b = (curve.amplitudes for curve in curves)
+    return float(np.max(np.abs(a - b)) / max(np.max(a), np.max(b)))

@@ -1,117 +1,52 @@
-"""What a plan measures: an FMU's drives run with this or that setting, and read at their tones."""
+"""What a plan looks at: drives run with this or that setting, and read at their tones.
+
+What runs cost is counted, not timed: communication steps, and substeps where the FMU takes any.
+The same plan then comes out of any machine, busy or not.
+"""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import Protocol
 
 import numpy as np
 
-from fitting.fmu.records import InputSignal, Run
-from fitting.signal.combinations import mixed_hz
+from fitting.fmu import Run, row_times
 from fitting.signal.tones import common_period
-from fitting.signal.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window
+from fitting.signal.window import LONGEST_WINDOW_S, Window
+from fitting.simulate.batch import Workers
+from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.errors import FmuFailure
 
-#: Periods of the fastest tone in the two runs that only measure how fast the FMU is.
-TRIAL_PERIODS = 64, 512
-#: A longer run that takes less than so many times as long, or so many seconds more, says that
-#: time costs nothing: on a busy machine that much is chance, and it would be extrapolated.
-NO_PACE, NO_PACE_S = 2.5, 0.02
 #: A tone below this part of an output's largest value is none: it is rounding.
 NOTHING = 1e-12
 #: A coherent window longer than this many beats is given up where time costs, for a tone fit.
 BEATS = 6.0
-#: Seconds of a run over its coherent window from which time costs.
-COSTLY_S = 0.05
-
-
-class Workers(Protocol):
-    """What is needed of `fitting.fmu.FmuWorkers`."""
-
-    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        """Outputs of each run, shape (samples, outputs)."""
-        ...
-
-
-@dataclass(frozen=True)
-class Shot:
-    """One drive of an FMU: its start values, the tones in it, the outputs that are read.
-
-    With `input` the tones are fed there, each with amplitude `level`, `steps_per_period` held
-    steps in the period of the fastest. `drive_hz` are the tones of the drive, where lines beside
-    them are read, and `order` that of the combinations which the response is known to hold.
-    """
-
-    values: Mapping[str, Scalar]
-    tones_hz: tuple[float, ...]
-    outputs: tuple[str, ...]
-    input: str | None = None
-    level: float = 1.0
-    steps_per_period: int = 0
-    drive_hz: tuple[float, ...] = ()
-    order: int = 1
-
-    def window(
-        self, settle_s: float, order: int = 1, longest_s: float = LONGEST_WINDOW_S
-    ) -> Window:
-        """When to sample it, after that time of settling."""
-        held = self.steps_per_period if self.input is not None else 0
-        driven = self.drive_hz or self.tones_hz
-        return _window(self.tones_hz, driven, settle_s, held, max(order, self.order), longest_s)
-
-    def run(
-        self, window: Window, settings: Mapping[str, Scalar], more: tuple[str, ...] = ()
-    ) -> Run:
-        """The run of such a window; `more` outputs are read beside its own."""
-        signal = None
-        if self.input is not None:
-            driven = self.drive_hz or self.tones_hz
-            rows = tuple((tone, self.level, 0.0) for tone in driven)
-            signal = InputSignal(self.input, rows, window.input_step_s)
-        return Run(
-            {**self.values, **settings},
-            window.settle_s,
-            window.step_s,
-            window.samples,
-            (*self.outputs, *(name for name in more if name not in self.outputs)),
-            input_signal=signal,
-        )
-
-
-@lru_cache(maxsize=4096)
-def _window(
-    tones_hz: tuple[float, ...],
-    driven_hz: tuple[float, ...],
-    settle_s: float,
-    held: int,
-    order: int,
-    longest_s: float,
-) -> Window:
-    coherent = len(tones_hz) == 1 or common_period(tones_hz) <= longest_s
-    return plan_window(
-        tones_hz,
-        settle_s,
-        samples_per_period=held,
-        mixtures_hz=mixed_hz(driven_hz, order) if coherent else (),
-        spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
-        longest_s=longest_s,
-    )
+#: Substeps over a coherent window from which time costs.
+COSTLY = 5e3
+#: Periods of the fastest tone in a run that shows whether the FMU takes substeps, and how many
+#: substeps there are in one where nothing is said of them.
+TRIAL_PERIODS, SUBSTEPS = 16, 40
+#: Tolerances by which it shows whether a solver chooses its steps.
+TOLERANCES = 1e-3, 1e-9
+#: What a period of the fastest tone counts where substeps are not known: compiled code takes some
+#: tens of them in the time of a tenth of a communication step, and an adaptive solver far fewer.
+UNNAMED = 0.1
 
 
 @dataclass(frozen=True)
 class Reading:
     """Tones in one run: complex amplitudes (tones, outputs) with the phase at time 0.
 
-    `rest` (outputs,) is the root mean square of what mean and tones leave, `level` (outputs,) the
-    largest value, `condition` the factor by which a fit of the tones may amplify rounding.
+    `mean` (outputs,); `rest` (outputs,) is the root mean square of what mean and tones leave,
+    `level` (outputs,) the largest value, `condition` the factor by which a fit of the tones may
+    amplify rounding.
     """
 
     tones: ComplexArray
+    mean: FloatArray
     rest: FloatArray
     level: FloatArray
     condition: float
@@ -122,14 +57,10 @@ class Reading:
         sizes = np.abs(self.tones)
         return np.where(sizes > NOTHING * self.level, sizes, np.nan)
 
-    def apart(self, other: Reading) -> float:
-        """Largest change from another reading of the same tones, relative to each amplitude."""
-        change = np.abs(self.tones - other.tones) + np.abs(self.rest - other.rest)
-        return _largest(change / other.amplitudes)
-
-    def off(self, other: Reading) -> float:
-        """Largest difference of amplitudes alone, relative to each: what a user would see."""
-        return _largest(np.abs(np.abs(self.tones) - np.abs(other.tones)) / other.amplitudes)
+    @property
+    def constant(self) -> tuple[bool, ...]:
+        """Which outputs do not oscillate."""
+        return tuple(bool(np.isnan(column).all()) for column in self.amplitudes.T)
 
     @property
     def spread(self) -> float:
@@ -149,144 +80,166 @@ def _largest(values: FloatArray) -> float:
     return float(np.max(known)) if known.size else 0.0
 
 
-def read(window: Window, values: FloatArray) -> Reading:
-    """The tones in sampled values (samples, outputs)."""
-    found = window.read(values)
-    largest = np.max(np.abs(values), axis=0)  # squares of shares stay numbers, whatever the unit
-    condition = float(np.linalg.norm(window.fit.projector, 2) * math.sqrt(window.samples))
-    return Reading(
-        found.phasors,
-        largest
-        * np.sqrt(np.mean((found.rest / np.where(largest > 0.0, largest, 1.0)) ** 2, axis=0)),
-        largest,
-        condition,
-    )
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Seconds of a short run, and what every period of the fastest tone adds (0: nothing)."""
-
-    run_s: float
-    per_period_s: float
-
-
 @dataclass
 class Probe:
-    """Runs of some shots, and what they took; answers are kept for who asks again.
+    """Runs of some drives; answers are kept for who asks again.
 
-    `order`: no combination of tones up to it folds onto a tone in a coherent window.
+    `substep` and `tolerance` name the parameters that bound the FMU's substep and error. With
+    `of_largest` errors are
+    relative to the largest amplitude of all drives, else to each amplitude.
     """
 
-    shots: tuple[Shot, ...]
+    drives: tuple[Drive, ...]
     workers: Workers
+    substep: str | None = None
+    tolerance: str | None = None
+    of_largest: bool = False
     longest_s: float = LONGEST_WINDOW_S
-    seconds: float = 0.0
-    runs: int = 0
-    _kept: dict[object, tuple[list[Reading], float]] = field(default_factory=dict)
-    _paces: dict[object, Pace] = field(default_factory=dict)
+    _kept: dict[object, list[Reading]] = field(default_factory=dict)
+    _acting: dict[object, bool] = field(default_factory=dict)
+
+    @property
+    def fastest_hz(self) -> float:
+        """The fastest line of all drives, Hz."""
+        return max(drive.fastest_hz for drive in self.drives)
 
     def read(
         self, settings: Mapping[str, Scalar], settle_s: float, order: int = 1
-    ) -> tuple[list[Reading], float]:
-        """What every shot shows after that time, and the seconds that a run took."""
+    ) -> list[Reading]:
+        """What every drive shows after that time."""
         key = (_key(settings), settle_s, order)
         if key not in self._kept:
-            windows = [shot.window(settle_s, order, self.longest_s) for shot in self.shots]
-            pairs = zip(self.shots, windows, strict=True)
-            answers, seconds = self._run([shot.run(w, settings) for shot, w in pairs])
-            found = [read(w, a) for w, a in zip(windows, answers, strict=True)]
-            self._kept[key] = found, seconds / len(self.shots)
+            windows = [drive.window(settle_s, order, self.longest_s) for drive in self.drives]
+            pairs = list(zip(self.drives, windows, strict=True))
+            answers = self.workers.run([drive.run(w, settings) for drive, w in pairs])
+            self._kept[key] = [
+                _reading(d, w, values) for (d, w), values in zip(pairs, answers, strict=True)
+            ]
         return self._kept[key]
 
-    def largest(
-        self, settings: Mapping[str, Scalar], settle_s: float, output: str, order: int = 1
-    ) -> float:
-        """Largest size of a further output at the samples of every shot."""
-        windows = [shot.window(settle_s, order, self.longest_s) for shot in self.shots]
-        pairs = list(zip(self.shots, windows, strict=True))
-        runs = [shot.run(w, settings, (output,)) for shot, w in pairs]
-        answers, _ = self._run(runs)
+    def largest(self, settings: Mapping[str, Scalar], settle_s: float, output: str) -> float:
+        """Largest size of a further output at the samples of every drive."""
+        runs = [
+            drive.run(drive.window(settle_s, 1, self.longest_s), settings, (output,))
+            for drive in self.drives
+        ]
+        answers = self.workers.run(runs)
         columns = [run.outputs.index(output) for run in runs]
         return max(float(np.max(np.abs(a[:, k]))) for a, k in zip(answers, columns, strict=True))
 
+    def changes(self, after: Sequence[Reading], before: Sequence[Reading]) -> float:
+        """Largest change from one reading of all drives to another, phases and rest included."""
+        found = [
+            np.abs(a.tones - b.tones) + np.abs(a.rest - b.rest)
+            for a, b in zip(after, before, strict=True)
+        ]
+        return self._relative(found, after)
+
+    def errors(self, found: Sequence[Reading], truth: Sequence[Reading]) -> float:
+        """Largest difference of amplitudes alone: what a user would see."""
+        sizes = [
+            np.abs(np.abs(f.tones) - np.abs(t.tones)) for f, t in zip(found, truth, strict=True)
+        ]
+        return self._relative(sizes, truth)
+
+    def _relative(self, sizes: Sequence[FloatArray], truth: Sequence[Reading]) -> float:
+        amplitudes = [reading.amplitudes for reading in truth]
+        if self.of_largest:
+            top = max(_largest(a) for a in amplitudes)
+            amplitudes = [np.where(np.isnan(a), np.nan, top) for a in amplitudes]
+        return max(_largest(s / a) for s, a in zip(sizes, amplitudes, strict=True))
+
     def finer_input(self, most: int) -> bool:
         """Hold generated inputs over half the time from now on; False where that is too fine."""
-        steps = [shot.steps_per_period for shot in self.shots if shot.input is not None]
+        steps = [drive.steps_per_period for drive in self.drives if drive.input is not None]
         if not steps or 2 * max(steps) > most:
             return False
-        self.hold(tuple(replace(s, steps_per_period=2 * s.steps_per_period) for s in self.shots))
+        self.go_on(tuple(replace(d, steps_per_period=2 * d.steps_per_period) for d in self.drives))
         return True
 
-    def hold(self, shots: tuple[Shot, ...]) -> None:
-        """Go on with these shots; what was read of others is forgotten."""
-        self.shots = shots
+    def go_on(self, drives: tuple[Drive, ...]) -> None:
+        """Look at these drives from now on; what was read of others is forgotten."""
+        self.drives = drives
         self._kept.clear()
 
-    def pace(self, settings: Mapping[str, Scalar]) -> Pace:
-        """What a run costs, measured once for every setting by a short and a longer run."""
-        key = _key(settings)
-        if key not in self._paces:
-            # in turn, so that both meet the same machine
-            pairs = [[self._trial(settings, n) for n in TRIAL_PERIODS] for _ in range(3)]
-            short, longer = (min(pair[k] for pair in pairs) for k in (0, 1))
-            per_period = (longer - short) / (TRIAL_PERIODS[1] - TRIAL_PERIODS[0])
-            costs = longer > NO_PACE * short and longer - short > NO_PACE_S
-            self._paces[key] = Pace(short, per_period if costs else 0.0)
-        return self._paces[key]
+    def length_s(self, drive: Drive) -> float:
+        """Length of the window of a drive, s."""
+        return drive.window(0.0, 1, self.longest_s).length_s
 
-    def cost_s(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
-        """Seconds that a run with this time to settle would take, by the pace of short ones."""
-        pace = self.pace(settings)
-        return max(
-            pace.run_s + pace.per_period_s * max(s.tones_hz) * (settle_s + self.length_s(s))
-            for s in self.shots
-        )
+    def work(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
+        """What the longest run with this time to settle costs: communication steps and substeps."""
+        rate = self.substeps_per_s(settings)
+        runs = [d.run(d.window(settle_s, 1, self.longest_s), settings) for d in self.drives]
+        return max(_communication_steps(run) + row_times(run)[-1] * rate for run in runs)
 
-    def length_s(self, shot: Shot) -> float:
-        """Length of the window of a shot, s."""
-        window = shot.window(0.0, 1, self.longest_s)
-        return window.step_s * window.samples
+    def substeps_per_s(self, settings: Mapping[str, Scalar]) -> float:
+        """Substeps that the FMU takes in a second of its time, counted by a fixed rule.
 
-    def settle_on_windows(self, settings: Mapping[str, Scalar]) -> None:
+        One over its substep where that acts under these settings; nothing where neither that nor
+        its tolerance does; else, and where the FMU names neither, a tenth of a step in a period of
+        the fastest tone.
+        """
+        if self.substep is not None:
+            coarse = 1.0 / (SUBSTEPS * self.drives[0].fastest_hz)
+            if self._acts(settings, self.substep, (coarse, 0.5 * coarse)):
+                value = {**self.drives[0].start_values, **settings}.get(self.substep)
+                return 1.0 / float(value) if value else SUBSTEPS * self.fastest_hz
+        if self.tolerance is not None:
+            adaptive = self._acts(settings, self.tolerance, TOLERANCES)
+        else:
+            adaptive = self.substep is None
+        return UNNAMED * self.fastest_hz if adaptive else 0.0
+
+    def shorten_windows(self, settings: Mapping[str, Scalar]) -> None:
         """Give up common periods that are much longer than the beats, where time costs."""
-        for shot in self.shots:
-            gaps = [abs(a - b) for i, a in enumerate(shot.tones_hz) for b in shot.tones_hz[:i]]
+        for drive in self.drives:
+            lines = drive.lines_hz
+            gaps = [abs(a - b) for i, a in enumerate(lines) for b in lines[:i]]
             if not gaps or not min(gaps) > 0.0:
                 continue
-            period, beats = float(common_period(shot.tones_hz)), BEATS / min(gaps)
-            if period <= beats:
-                continue
-            if self.pace(settings).per_period_s * period * max(shot.tones_hz) > COSTLY_S:
+            period, beats = float(common_period(lines)), BEATS / min(gaps)
+            if period > beats and self.substeps_per_s(settings) * period > COSTLY:
                 self.longest_s = min(self.longest_s, beats)
 
-    def _trial(self, settings: Mapping[str, Scalar], periods: int) -> float:
-        """Seconds of a run over so many periods."""
-        runs = []
-        for shot in self.shots:
-            tone = max(shot.tones_hz)
+    def _acts(self, settings: Mapping[str, Scalar], name: str, values: tuple[float, float]) -> bool:
+        """Whether a short run with these values of a solver's parameter differs in any bit."""
+        others = {key: value for key, value in settings.items() if key != name}
+        key = name, _key(others)
+        if key not in self._acting:
+            drive = self.drives[0]
+            tone = drive.fastest_hz
             # the window of one tone is short, whatever the others are
-            one = replace(shot, tones_hz=(tone,), drive_hz=())
-            runs.append(one.run(one.window(periods / tone), settings))
-        return self._run(runs)[1] / len(runs)
-
-    def _run(self, runs: Sequence[Run]) -> tuple[list[FloatArray], float]:
-        begun = time.perf_counter()
-        answers = self.workers.run(runs)
-        seconds = time.perf_counter() - begun
-        self.seconds += seconds
-        self.runs += len(runs)
-        return answers, seconds
+            one = replace(drive, tones_hz=(tone,), read_hz=(), order=1)
+            window = one.window(TRIAL_PERIODS / tone)
+            try:
+                a, b = self.workers.run([one.run(window, {**others, name: v}) for v in values])
+                self._acting[key] = a.tobytes() != b.tobytes()
+            except FmuFailure:  # too long a substep, for one
+                self._acting[key] = True
+        return self._acting[key]
 
 
-def apart(after: Sequence[Reading], before: Sequence[Reading]) -> float:
-    """Largest change between two readings of all shots."""
-    return max(b.apart(a) for a, b in zip(after, before, strict=True))
+def _reading(drive: Drive, window: Window, values: FloatArray) -> Reading:
+    """The lines of a drive in the last samples of its run, (rows, outputs)."""
+    fit, values = drive.fit(window), values[-window.samples :]
+    found = fit(values)
+    largest = np.max(np.abs(values), axis=0)  # squares of shares stay numbers, whatever the unit
+    shares = found.rest / np.where(largest > 0.0, largest, 1.0)
+    # a tone that is moved has no phase at time 0
+    phasors = found.phasors if drive.approach is None else found.amplitudes.astype(complex)
+    return Reading(
+        tones=phasors,
+        mean=found.mean,
+        rest=largest * np.sqrt(np.mean(shares**2, axis=0)),
+        level=largest,
+        condition=float(np.linalg.norm(fit.projector, 2) * math.sqrt(window.samples)),
+    )
 
 
-def off(found: Sequence[Reading], truth: Sequence[Reading]) -> float:
-    """Largest relative error of an amplitude over all shots."""
-    return max(f.off(t) for f, t in zip(found, truth, strict=True))
+def _communication_steps(run: Run) -> int:
+    if run.input_signal is not None:
+        return round(row_times(run)[-1] / run.input_signal.step_s)
+    return run.rows + 1 + len(run.legs)
 
 
 def _key(settings: Mapping[str, Scalar]) -> tuple[tuple[str, Scalar], ...]:

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from fitting.simulate.budget import Decision
-from fitting.simulate.probe import Probe, Reading, apart
+from fitting.simulate.budget import Basis, Decision, Kind
+from fitting.simulate.probe import Probe, Reading
 from fitting.text.arrays import Scalar
-from fitting.text.notation import number, prefixed
 
-#: Doublings of the time to settle, at most, and how far beyond the end one more look is taken.
-DOUBLINGS, FAR = 48, 16.0
+#: Doublings of the time to settle, at most, and how far beyond the end one more look is taken: no
+#: power of two, nor a simple fraction, or an oscillation in step with all times would not show.
+DOUBLINGS, FAR = 48, 16.3
 #: Changes that fall by less than this are not yet those of a transient that dies away.
 DYING = 0.6
 #: Factor on a measured change, for what it does not tell.
 SAFETY = 2.0
+#: Digits of a time to settle: no plan hangs on the last bit of what was seen.
+DIGITS = 3
+#: Beats between where a moved tone comes from and where it goes, in the first time tried.
+FIRST_BEATS = 0.25
 
 
 def settling_s(line_width_hz: float, accuracy: float) -> float:
@@ -33,37 +37,72 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
 
 
 @dataclass(frozen=True)
+class Limits:
+    """How much may be spent: `work` of the longest run, and the longest time to settle, s."""
+
+    work: float
+    longest_s: float = math.inf
+
+
+@dataclass(frozen=True)
 class Settled:
-    """Time to settle, the error that is left, and what was seen at the end."""
+    """Time to settle, the error that is left, and what was seen at the end.
+
+    `steady`: the amplitudes stood still at last; `prescribed`: the time is the user's own.
+    """
 
     settle_s: float
     bound: float
     last: tuple[Reading, ...]
-    seconds: float
     steady: bool
+    prescribed: bool = False
 
 
-def watch(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limit_s: float) -> Settled:
-    """Double the time until amplitudes stand still: twice in a row, and dying away."""
-    tones = [shot.tones_hz for shot in probe.shots]
-    step = min(10.0 / max(t) for t in tones)
-    step = max(step, *(probe.length_s(shot) / 16.0 for shot in probe.shots))
-    times, seen, changes = [0.0], [], []
-    here, seconds = probe.read(settings, 0.0)
-    seen.append(here)
+def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: Limits) -> Settled:
+    """Double the time until amplitudes stand still: twice in a row, and dying away.
+
+    Errors are relative as the probe tells; `wanted` is the largest that may be left.
+    """
+    times, seen, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
+    first_s = _first_s(probe)
     for k in range(DOUBLINGS):
-        time_s = step * 2.0**k
-        if seconds > limit_s / 2.0:
+        time_s = first_s * 2.0**k
+        if time_s > limits.longest_s or probe.work(settings, time_s) > limits.work:
             break
-        here, seconds = probe.read(settings, time_s)
-        changes.append(apart(here, seen[-1]))
+        seen.append(probe.read(settings, time_s))
+        changes.append(probe.changes(seen[-1], seen[-2]))
         times.append(time_s)
-        seen.append(here)
-        far_s = FAR * time_s if FAR * seconds <= 0.2 * limit_s else 0.0
-        if _stands(changes, wanted) and _far(probe, settings, far_s, here, wanted):
-            return _earliest(probe, settings, times, seen, changes[-1], wanted)
-    bound = min(1.0, SAFETY * changes[-1]) if changes else 1.0
-    return Settled(times[-1], bound, tuple(seen[-1]), seconds, False)
+        if _stands(changes[1:], wanted) and _stands_far(
+            probe, settings, time_s, wanted, limits.work
+        ):
+            return _earliest(probe, settings, times, seen, wanted)
+    bound = min(1.0, SAFETY * changes[-1])
+    return Settled(settle_s=times[-1], bound=bound, last=tuple(seen[-1]), steady=False)
+
+
+def settle_as_prescribed(
+    probe: Probe, settings: Mapping[str, Scalar], settle_s: float, reference: Settled
+) -> Settled:
+    """What a user's own time to settle leaves, by what was seen once amplitudes stood still."""
+    here = probe.read(settings, settle_s)
+    bound = SAFETY * probe.changes(reference.last, here) + reference.bound
+    return replace(
+        reference,
+        settle_s=settle_s,
+        bound=min(1.0, bound),
+        last=tuple(here),
+        prescribed=True,
+    )
+
+
+def _first_s(probe: Probe) -> float:
+    """The first time tried: ten periods, a part of the windows; enough for a change to show."""
+    least = min(10.0 / drive.fastest_hz for drive in probe.drives)
+    lengths = [probe.length_s(drive) / 16.0 for drive in probe.drives]
+    lines = [drive.fastest_hz for drive in probe.drives]
+    moved = any(drive.approach is not None for drive in probe.drives)
+    span_hz = max(lines) - min(lines)
+    return max(least, *lengths, FIRST_BEATS / span_hz if moved and span_hz else 0.0)
 
 
 def _stands(changes: list[float], wanted: float) -> bool:
@@ -72,11 +111,14 @@ def _stands(changes: list[float], wanted: float) -> bool:
     return changes[-1] <= max(DYING * changes[-2], 0.05 * wanted)
 
 
-def _far(
-    probe: Probe, settings: Mapping[str, Scalar], far_s: float, here: list[Reading], wanted: float
+def _stands_far(
+    probe: Probe, settings: Mapping[str, Scalar], time_s: float, wanted: float, work: float
 ) -> bool:
-    """Whether a look much later (0: not taken, it would cost too much) shows no slow transient."""
-    return far_s == 0.0 or apart(probe.read(settings, far_s)[0], here) <= 0.5 * wanted
+    """Whether a look much later (not taken where it costs too much) shows no slow transient."""
+    if FAR * probe.work(settings, time_s) > 0.4 * work:
+        return True
+    here, later = probe.read(settings, time_s), probe.read(settings, FAR * time_s)
+    return probe.changes(later, here) <= 0.5 * wanted
 
 
 def _earliest(
@@ -84,43 +126,42 @@ def _earliest(
     settings: Mapping[str, Scalar],
     times: list[float],
     seen: list[list[Reading]],
-    change: float,
     wanted: float,
 ) -> Settled:
-    """The shortest of the times tried that does, and one between it and the one before."""
-    last, left = seen[-1], SAFETY * change
-    errors = [apart(last, reading) for reading in seen]
+    """The shortest of the times tried that does, or one between it and the one before."""
+    last = seen[-1]
+    left = SAFETY * probe.changes(last, seen[-2])
+    errors = [probe.changes(last, reading) for reading in seen]
     k = next(i for i, e in enumerate(errors) if max(errors[i:]) <= 0.5 * wanted)
-    if k > 0 and times[k] > 0.0 and 0.0 < errors[k] < errors[k - 1]:
-        aim = 0.3 * wanted
-        part = math.log(max(errors[k - 1] / aim, 1.0)) / math.log(errors[k - 1] / errors[k])
-        time_s = times[k - 1] + min(part, 1.0) * (times[k] - times[k - 1])
-        if time_s < 0.95 * times[k]:
-            between, seconds = probe.read(settings, time_s)
-            error = apart(last, between)
-            if error <= 0.5 * wanted:
-                return Settled(time_s, SAFETY * error + left, tuple(last), seconds, True)
-    seconds = probe.read(settings, times[k])[1]
-    return Settled(times[k], SAFETY * errors[k] + left, tuple(last), seconds, True)
+    time_s, error = times[k], errors[k]
+    if k > 0 and 0.0 < errors[k] < errors[k - 1]:
+        part = math.log(max(errors[k - 1] / (0.3 * wanted), 1.0))
+        part = min(part / math.log(errors[k - 1] / errors[k]), 1.0)
+        between_s = _rounded_up(times[k - 1] + part * (times[k] - times[k - 1]))
+        if between_s < 0.95 * times[k]:
+            there = probe.changes(last, probe.read(settings, between_s))
+            if there <= 0.5 * wanted:
+                time_s, error = between_s, there
+    return Settled(settle_s=time_s, bound=SAFETY * error + left, last=tuple(last), steady=True)
 
 
-def settling(settled: Settled) -> Decision:
+def _rounded_up(time_s: float) -> float:
+    """A time with few digits, no shorter than that."""
+    grain = 10.0 ** (math.floor(math.log10(time_s)) + 1 - DIGITS)
+    return float(f"{math.ceil(time_s / grain * (1.0 - 1e-9)) * grain:.{DIGITS + 3}g}")
+
+
+def settling_decision(settled: Settled) -> Decision:
     """The decision on what was seen."""
-    factor, unit = prefixed(settled.settle_s, "s")
-    if settled.settle_s == 0.0:
-        return Decision(
-            "settling",
-            "none",
-            settled.bound,
-            "the response is steady from the start: amplitudes do not change with time",
-        )
-    shown = f"{number(settled.settle_s / factor, 3)} {unit}"
-    if not settled.steady:
-        why = "amplitudes still change by half as much when the time is doubled"
-        return Decision("settling", shown, settled.bound, why)
+    basis = Basis.WATCHED if settled.steady else Basis.UNSTEADY
+    if settled.steady and settled.prescribed:
+        basis = Basis.PRESCRIBED
+    elif settled.steady and settled.settle_s == 0.0:
+        basis = Basis.STEADY
     return Decision(
-        "settling",
-        shown,
-        settled.bound,
-        f"transient below {settled.bound:.1e}, by watching the amplitudes while the time doubled",
+        kind=Kind.SETTLING,
+        basis=basis,
+        bound=settled.bound,
+        numbers={"settle_s": settled.settle_s},
+        forced=settled.prescribed,
     )

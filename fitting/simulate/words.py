@@ -2,8 +2,76 @@
 
 from __future__ import annotations
 
-from fitting.signal.window import Window
-from fitting.text.notation import hertz
+from collections.abc import Callable, Mapping
+
+from fitting.signal.window import LONGEST_WINDOW_S, Window
+from fitting.simulate.budget import Basis, Budget, Decision, Kind, PlanRecord
+from fitting.simulate.frf import SweepResponse
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import Beside, Remainder, Spectrum
+from fitting.text.arrays import Scalar
+from fitting.text.notation import hertz, number, prefixed
+
+SUBJECTS = {Kind.MAXIMUM: "maximum of the sweep"}
+
+
+def plan_in_words(budget: Budget) -> tuple[str, ...]:
+    """A line per decision, and the sum; "settling: 66 ms; transient below 1.0e-09, ..."."""
+    return (*(decision_in_words(decision) for decision in budget.decisions), sum_in_words(budget))
+
+
+def decision_in_words(decision: Decision) -> str:
+    """One decision as a line: subject, choice, reason."""
+    mark = " (as asked for)" if decision.forced and decision.taken else ""
+    most = f"; at most {decision.bound:.1e}" if decision.cost > 0.0 else ""
+    reason = reason_in_words(decision)
+    return f"{subject_in_words(decision)}: {choice_in_words(decision)}{mark}; {reason}{most}"
+
+
+def subject_in_words(decision: Decision) -> str:
+    """What was decided on."""
+    if decision.kind == Kind.MODEL:
+        return decision.subject
+    return SUBJECTS.get(decision.kind, str(decision.kind))
+
+
+def choice_in_words(decision: Decision) -> str:
+    """What was chosen."""
+    return _CHOICES[decision.kind](decision)
+
+
+def reason_in_words(decision: Decision) -> str:
+    """Why, and what the bound rests on."""
+    if decision.kind == Kind.MODEL:
+        return _model_reason(decision)
+    return _REASONS[decision.basis](decision)
+
+
+def sum_in_words(budget: Budget | PlanRecord) -> str:
+    """The sum of the bounds against what was wanted."""
+    if budget.promised <= budget.wanted:
+        return (
+            f"In all: amplitudes within {budget.promised:.1e} of themselves, wanted "
+            f"{budget.wanted:.1e}."
+        )
+    largest = max(budget.decisions, key=lambda decision: decision.cost)
+    return (
+        f"In all: {budget.promised:.1e} is what can be promised, not the {budget.wanted:.1e} that "
+        f"was wanted; most of it is due to {subject_in_words(largest)} "
+        f"({choice_in_words(largest)})."
+    )
+
+
+def warnings_in_words(budget: Budget) -> tuple[str, ...]:
+    """What a user must know: a promise that cannot be given, reductions beyond their bound."""
+    said = [] if budget.kept else [f"Accuracy: {sum_in_words(budget).removeprefix('In all: ')}"]
+    said += [
+        f"{subject_in_words(d)} ({choice_in_words(d)}) is forced beyond its bound: it may be off "
+        f"by {d.bound:.1e}, wanted {budget.wanted:.1e}."
+        for d in budget.decisions
+        if d.taken and d.forced and d.bound > budget.wanted
+    ]
+    return tuple(said)
 
 
 def window_in_words(window: Window) -> str:
@@ -25,3 +93,227 @@ def window_in_words(window: Window) -> str:
     if window.held_steps:
         said += f"; the drive is held over steps of {window.input_step_s:.6g} s"
     return said
+
+
+# -- what came of a drive, of a sweep ---------------------------------------------------------
+
+
+def spectrum_in_words(spectrum: Spectrum) -> str:
+    """How a spectrum was taken, and what proves that its tones are apart."""
+    shown = f"{spectrum.window_s:.9g} s in {spectrum.samples} samples"
+    if spectrum.coherent:
+        return (
+            f"spectrum of {shown}: whole periods of every tone, each alone on bins "
+            f"{spectrum.bins}, none folded onto another one, onto 0 or onto half the sampling rate"
+        )
+    return (
+        f"the tones have no common period up to {LONGEST_WINDOW_S:g} s: spectrum of {shown}, "
+        "tapered"
+    )
+
+
+def settling_in_words(plan: DrivePlan) -> str:
+    """When sampling begins, and why then."""
+    decision = plan.budget.of(Kind.SETTLING)[0]
+    asked = ", as asked for" if decision.forced else ""
+    return f"sampling begins after {plan.settle_s:.9g} s{asked}: {reason_in_words(decision)}"
+
+
+def remainder_in_words(remainder: Remainder) -> str:
+    """What there is beside the tones, and what it is."""
+    what = {
+        Beside.UNEXPLAINED: f"most at {hertz(remainder.at_hz)}, which is no combination of the "
+        "tones but a free oscillation that has not died away, or a drive that is not among the "
+        "tones",
+        Beside.UNKNOWN: "harmonics, mixtures of the tones, or free oscillations, which are not "
+        "told apart without a common period of the tones",
+        Beside.COMBINATION: f"most at {hertz(remainder.at_hz)}, a combination of the tones, as in "
+        "a response that is not linear",
+        Beside.SMALL: "rounding, or the rest of a transient",
+        Beside.ROUNDING: "rounding",
+    }[remainder.kind]
+    return f"beside the tones there is {remainder.share:.1e} of the largest peak: {what}"
+
+
+def difference_in_words(response: SweepResponse) -> str:
+    """By how much the directions of a sweep differ."""
+    if response.difference is None:
+        return "one way only: whether there is another branch would show in --direction both"
+    said = "upward and downward sweep differ by at most "
+    said += f"{response.difference:.1e} of the largest amplitude"
+    return said + (": hysteresis" if response.jumps else "")
+
+
+# -- choices ----------------------------------------------------------------------------------
+
+
+def _settings(decision: Decision) -> str:
+    def word(value: Scalar) -> str:
+        return str(value).lower() if isinstance(value, bool) else str(value)
+
+    return ", ".join(f"{name} = {word(value)}" for name, value in decision.settings.items())
+
+
+def _time(decision: Decision) -> str:
+    settle_s = float(decision.numbers["settle_s"])
+    if settle_s == 0.0:
+        return "none"
+    factor, unit = prefixed(settle_s, "s")
+    return f"{number(settle_s / factor, 4)} {unit}"
+
+
+def _window(decision: Decision) -> str:
+    n = decision.numbers
+    lengths = [f"{float(n[key]):.4g}" for key in ("shortest_s", "longest_s")]
+    return f"{' to '.join(dict.fromkeys(lengths))} s, {_span(n)} samples"
+
+
+def _samples(decision: Decision) -> str:
+    order = decision.numbers["order"]
+    how = f"{_span(decision.numbers)} per run"
+    if int(order) > 1:
+        how += f", no combination of tones up to order {order} folded onto a tone"
+    return how
+
+
+def _span(numbers: Mapping[str, Scalar]) -> str:
+    return " to ".join(dict.fromkeys(str(numbers[key]) for key in ("least", "most")))
+
+
+_CHOICES: Mapping[Kind, Callable[[Decision], str]] = {
+    Kind.MODEL: _settings,
+    Kind.SETTLING: _time,
+    Kind.WINDOW: _window,
+    Kind.SOLVER: lambda d: ", ".join(
+        f"{name} = {float(value):.3g}" for name, value in d.settings.items()
+    ),
+    Kind.INPUT: lambda d: f"held over {d.numbers['steps_per_period']} steps per period",
+    Kind.SAMPLES: _samples,
+    Kind.ROUNDING: lambda d: "double precision",
+    Kind.MAXIMUM: lambda d: (
+        f"{d.numbers['points']} points {float(d.numbers['spacing_hz']):.4g} Hz apart"
+    ),
+}
+
+
+# -- reasons ----------------------------------------------------------------------------------
+
+
+def _compared(decision: Decision) -> str:
+    safety = f"{float(decision.numbers['safety']):g} times the change"
+    if decision.kind == Kind.SOLVER:
+        part = "a hundredth" if float(decision.numbers["part"]) < 0.1 else "half"
+        return f"{safety} of the amplitudes at {part} of it"
+    if decision.kind == Kind.INPUT:
+        return f"{safety} with twice as many"
+    finer = decision.numbers["finer"]
+    return f"{safety} with combinations up to order {finer} kept off"
+
+
+def _coherent(decision: Decision) -> str:
+    said = (
+        f"{decision.subject}: whole periods of every tone, none folded onto another, onto 0 or "
+        "onto half the rate: the fit of the tones is the Fourier bin, without leakage"
+    ).removeprefix(": ")
+    if decision.numbers.get("mixtures"):
+        mixtures = decision.numbers["mixtures"]
+        said += f", clear of the {mixtures} mixtures that a nonlinear response may have"
+    return said
+
+
+def _prescribed(decision: Decision) -> str:
+    if decision.kind == Kind.SOLVER:
+        return _compared(decision)
+    return f"transient below {decision.bound:.1e}, against amplitudes that stand still"
+
+
+def _less_damping(decision: Decision) -> str:
+    factor, unit = prefixed(float(decision.numbers["seen_s"]), "s")
+    return (
+        f"{number(float(decision.numbers['seen_s']) / factor, 3)} {unit} were seen to do: "
+        f"{_watched(decision)}; longer for less damping"
+    )
+
+
+def _watched(decision: Decision) -> str:
+    return (
+        f"transient below {decision.bound:.1e}, by watching the amplitudes while the time doubled"
+    )
+
+
+def _maximum(decision: Decision) -> str:
+    centre = hertz(float(decision.numbers["centre_hz"]))
+    if "bend" not in decision.numbers:
+        return (
+            f"the simulated maximum is interpolated around {centre} (1/A^2 as a polynomial of "
+            "degree four); more points are added where its bias exceeds the bound"
+        )
+    bend, safety = (float(decision.numbers[key]) for key in ("bend", "safety"))
+    return (
+        f"a parabola through 1/A^2 around {centre}; its remainder is bounded by its third "
+        f"derivative, {bend:.1e}/Hz of the second ({safety:g} times that at start and reference), "
+        "and more points are added where that exceeds the bound"
+    )
+
+
+_REASONS: Mapping[Basis, Callable[[Decision], str]] = {
+    Basis.STEADY: lambda d: (
+        "the response is steady from the start: amplitudes do not change with time"
+    ),
+    Basis.WATCHED: _watched,
+    Basis.UNSTEADY: lambda d: (
+        "amplitudes still change by half as much when the time is doubled: not steady"
+    ),
+    Basis.PRESCRIBED: _prescribed,
+    Basis.DECLARED: lambda d: "the FMU is declared to start on its periodic orbit",
+    Basis.LINE_WIDTH: lambda d: (
+        f"exp(-pi w t) falls below {d.bound:.1g} for half the line width of "
+        f"{float(d.numbers['width_hz']):.6g} Hz"
+    ),
+    Basis.LESS_DAMPING: _less_damping,
+    Basis.COHERENT: _coherent,
+    Basis.FITTED: lambda d: (
+        "tones without a common period of reasonable length are fitted, which leaves no leakage "
+        "either"
+    ),
+    Basis.COMPARED: _compared,
+    Basis.DOUBLE: lambda d: "samples of the weakest tone beside the strongest value",
+    Basis.POLYNOMIAL: _maximum,
+}
+
+
+def _model_reason(decision: Decision) -> str:
+    """Why a reduction is taken or not: its bound, what is left for it, what it saves."""
+    n = decision.numbers
+    if decision.basis == Basis.FORBIDDEN:
+        return "not taken: forbidden"
+    if decision.basis == Basis.REFUSED:
+        return f"not taken: the FMU refuses ({n['message']})"
+    saved = f"a run takes {number(float(n['work']), 2)} of the work" if "work" in n else ""
+    if not decision.taken and saved:
+        return f"not taken: no cheaper ({saved})"
+    how, left = _how(decision), float(n["left"])
+    fits = decision.bound <= left
+    if decision.forced:
+        return how if fits else f"{how}, beyond the {left:.1e} that is left for it"
+    if not saved:
+        return f"not taken: {how}, and {left:.1e} is left for it"
+    if fits:
+        return f"{how}; {saved}"
+    return f"{how}, more than is left for it, but a run without it would take too long"
+
+
+def _how(decision: Decision) -> str:
+    n = decision.numbers
+    if decision.basis == Basis.UNMEASURED:
+        return "its error cannot be measured, a run without it would take too long"
+    if decision.basis == Basis.STATED:
+        return f"by the FMU's {n['outputs']}"
+    safety = f"{float(n['safety']):g} times the"
+    if decision.basis == Basis.COMPARED:
+        return f"{safety} change"
+    return (
+        f"measured: {safety} {float(n['difference']):.1e} by which it differs from the full model "
+        f"with {n['substep']} = {float(n['step']):.3g} and that one's own {float(n['own']):.1e} "
+        f"(by halving); by the FMU's {n['outputs']} it would be {float(n['stated']):.1e}"
+    )

@@ -7,6 +7,7 @@ plain JSON, readable by any program. Where text and number share a place, number
 from __future__ import annotations
 
 import dataclasses
+import enum
 import json
 import math
 import types
@@ -60,6 +61,10 @@ def _decode(kind: Any, data: Any, where: str) -> Any:
         return _decode_union(arguments, data, where)
     if kind is float:
         return _decode_float(data, where)
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        values = [member.value for member in kind]
+        _check(data in values, data, f"one of {', '.join(map(str, values))}", where)
+        return kind(data)
     if dataclasses.is_dataclass(kind):
         return _decode_record(kind, data, where)
     if origin is tuple:

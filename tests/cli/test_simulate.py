@@ -15,10 +15,14 @@ import pytest
 
 from fitting.cli.main import main
 from fitting.fmu import Run
-from fitting.simulate.drive import Drive, simulate_drive
+from fitting.simulate.drive import Drive
+from fitting.simulate.planner import Knowledge, plan_drives
+from fitting.simulate.response import Beside, Shown, respond
+from fitting.simulate.words import remainder_in_words
 from tests.support.cfmu_build import build_c_fmu
 
 PAIR = (6.94016e6, 6.94036e6)
+AT_REST = ["--forbid", "periodic start"]
 
 
 def read(path: Path) -> tuple[list[str], np.ndarray]:
@@ -94,7 +98,7 @@ def test_published_pair_has_the_closed_amplitudes(
     assert {"all other frequencies", "rounding errors"} <= texts
     assert len([text for text in texts if re.fullmatch("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", text)]) > 4
     assert not {"0.1", "10", "100"} & texts  # powers and nothing else
-    assert "time − 0.2 s (ms)" in "".join(ET.parse(out / "trace.svg").getroot().itertext())
+    assert "time − 0 s (ms)" in "".join(ET.parse(out / "trace.svg").getroot().itertext())
 
 
 def test_figures_and_tables_are_reproducible(oscillator_fmu: Path, tmp_path: Path) -> None:
@@ -186,7 +190,7 @@ def test_free_oscillation_without_damping_is_told(
     oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Its amplitude is as steady as the response itself, but it is not the response."""
-    arguments = ["--set", "d1=0", "--set", "d2=0", "--set", "u2=6.9403 MHz"]
+    arguments = ["--set", "d1=0", "--set", "d2=0", "--set", "u2=6.9403 MHz", *AT_REST]
     assert main(["simulate", str(oscillator_fmu), *arguments, "--out", str(tmp_path)]) == 1
     text = capsys.readouterr().out
     found = re.search(r"warning: beside the tones there is (\S+) of the largest peak: (.*)", text)
@@ -204,7 +208,7 @@ def test_free_oscillation_without_damping_is_told(
 def test_what_does_not_settle_is_written_and_told(
     oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["--set", "d1=1e-6", "--set", "d2=1e-6", "--set", "u2=6.9403 MHz"]
+    arguments = ["--set", "d1=1e-6", "--set", "d2=1e-6", *AT_REST]
     assert main(["simulate", str(oscillator_fmu), *arguments, "--out", str(tmp_path)]) == 1
     text = capsys.readouterr().out
     assert "still change" in text
@@ -222,6 +226,37 @@ def test_a_single_tone_settles_after_many_of_its_short_windows(
     truth = closed_form(PAIR[0], 1.9498, 120.0, 90.0, (6.94026e6, 7.0276e6))[0]
     assert peaks[0, 1] == pytest.approx(truth, rel=1e-8)
     assert "rounding" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("accuracy", ["1e-2", "1e-4", "1e-9"])
+@pytest.mark.parametrize("settle", [[], ["--settle", "0.08 s"]])
+def test_a_start_at_rest_keeps_what_is_promised(
+    settle: list[str],
+    accuracy: str,
+    oscillator_fmu: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Settling by watching or as asked for, at any accuracy: one plan, and the command keeps it."""
+    arguments = ["--accuracy", accuracy, *AT_REST, *settle, "--out", str(tmp_path)]
+    assert main(["simulate", str(oscillator_fmu), *arguments]) == 0
+    said = capsys.readouterr().out
+    promised = float(re.findall(r"In all: amplitudes within (\S+) of themselves", said)[0])
+    _, peaks = read(tmp_path / "peaks.csv")
+    truth = [closed_form(tone, 1.9498, 120.0, 90.0, (6.94026e6, 7.0276e6))[0] for tone in PAIR]
+    assert np.max(np.abs(peaks[:, 1] / truth - 1.0)) <= promised <= float(accuracy)
+    assert ("settling: 80 ms (as asked for)" in said) == bool(settle)
+    assert "not steady" not in said
+
+
+def test_a_time_to_settle_that_is_too_short_is_told(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--accuracy", "1e-4", *AT_REST, "--settle", "5 ms", "--out", str(tmp_path)]
+    assert main(["simulate", str(oscillator_fmu), *arguments]) == 1
+    said = capsys.readouterr().out
+    assert "not the 1.0e-04 that was wanted; most of it is due to settling (5 ms)" in said
+    assert "a longer time before sampling by --settle TIME" in said
 
 
 @pytest.mark.parametrize("window", [[], ["--window", "25 ms", "--settle", "200 ms"]])
@@ -284,18 +319,20 @@ class Cubic:
 
 
 def test_mixtures_of_the_tones_belong_to_the_response() -> None:
-    drive = Drive({}, (310.0, 320.0), ("y",), window_s=2.0)
-    result = simulate_drive(drive, Cubic(own=0.0))
-    assert result.settled
-    assert result.explained
+    drive = Drive({}, (310.0, 320.0), ("y",))
+    plan = plan_drives((drive,), 1e-6, Cubic(own=0.0), Knowledge())
+    assert plan.budget.kept
+    response = respond(Cubic(own=0.0), plan, Shown(window_s=2.0))
     # cos a + cos b, cubed: 9/4 at either tone, 3/4 at 2a - b
-    np.testing.assert_allclose(result.peaks[:, 0], 1 + 9 / 32, rtol=1e-9)
-    found = re.search(r"there is (\S+) of the largest peak: (.*)", result.reasons[-1])
-    assert found is not None
-    assert float(found[1]) == pytest.approx((3 / 32) / (41 / 32), rel=0.05)
-    assert "combination of the tones" in found[2]
+    np.testing.assert_allclose(response.peaks[:, 0], 1 + 9 / 32, rtol=1e-9)
+    assert response.steady
+    beside = response.remainder
+    assert beside.kind == Beside.COMBINATION
+    assert beside.share == pytest.approx((3 / 32) / (41 / 32), rel=0.05)
+    assert "combination of the tones" in remainder_in_words(beside)
+    assert {(2, -1), (-1, 2)} <= {line.factors for line in response.lines}
 
-    result = simulate_drive(drive, Cubic(own=1e-4))
-    assert result.settled
-    assert not result.explained
-    assert "most at 317 Hz, which is no combination" in result.reasons[-1]
+    response = respond(Cubic(own=1e-4), plan, Shown(window_s=2.0))
+    assert not response.steady
+    assert response.remainder.kind == Beside.UNEXPLAINED
+    assert "most at 317 Hz, which is no combination" in remainder_in_words(response.remainder)

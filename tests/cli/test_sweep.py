@@ -141,7 +141,10 @@ def test_one_way_and_the_time_that_is_found(oscillator_fmu: Path, tmp_path: Path
         (["--from", "1", "--to", "2", "--points", "1"], "at least 2"),
         (["--from", "1", "--to", "2", "--settle", "-1"], "a time of at least 0"),
         (["--from", "1", "--to", "2", "--accuracy", "2"], "wanted 1e-12 to 1"),
-        (["--from", "1", "--to", "2", "--set", "A1=0"], "wanted a drive"),
+        (
+            ["--from", "1", "--to", "2", "--set", "A1=0"],
+            "wanted one that oscillates under the drive",
+        ),
     ],
 )
 def test_what_is_no_sweep_is_refused_in_one_line(

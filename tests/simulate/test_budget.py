@@ -17,9 +17,10 @@ from fitting.fmu import FmuWorkers, read_hints
 from fitting.fmu.accuracy import Hints, Reduction
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.sweep import swept_amplitudes
-from fitting.simulate.budget import Budget, Decision, sentences_of
+from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan, plan_drive
+from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
+from fitting.simulate.words import plan_in_words, reason_in_words, warnings_in_words
 from fitting.text.errors import BadInput
 from tests.support import reference
 from tests.support.cfmu_build import build_c_fmu
@@ -33,25 +34,31 @@ PERIODIC = Reduction("periodic start", {"periodic_start": True})
 
 def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
     budget = Budget(1e-4)
-    budget = budget.with_decision(Decision("settling", "66 ms", 3e-5, "transient"))
-    budget = budget.with_decision(Decision("mode", "left out", 0.2, "why", taken=False))
+    seen = {"settle_s": 0.066}
+    budget = budget.with_decision(Decision(Kind.SETTLING, Basis.WATCHED, 3e-5, numbers=seen))
+    budget = budget.with_decision(Decision(Kind.MODEL, Basis.STATED, 0.2, "mode", taken=False))
     assert budget.promised == 3e-5
     assert budget.left == pytest.approx(7e-5)
     assert budget.kept
-    assert budget.warnings == ()
-    over = budget.with_decision(Decision("solver", "rk4", 2e-4, "why"))
+    assert warnings_in_words(budget) == ()
+    coarse = {"safety": 2.0, "part": 0.5}
+    over = budget.with_decision(
+        Decision(Kind.SOLVER, Basis.COMPARED, 2e-4, "substep", coarse, {"substep": 1e-6})
+    )
     assert over.promised == pytest.approx(2.3e-4)
     assert over.left == 0.0
-    assert "2.3e-04 is what can be promised" in sentences_of(over)[-1]
-    assert "most of it is due to solver (rk4)" in over.warnings[0]
+    assert over.of(Kind.SOLVER, "substep") == over.decisions[2:]
+    budget = replace(over, decisions=(over.decisions[0], over.decisions[2]))
+    assert "2.3e-04 is what can be promised" in plan_in_words(budget)[-1]
+    assert "most of it is due to solver (substep = 1e-06)" in warnings_in_words(budget)[0]
 
 
 def test_what_is_no_decision_is_refused() -> None:
     with pytest.raises(ValueError, match="settling"):
-        Decision("settling", "", -1e-3, "")
+        Decision(Kind.SETTLING, Basis.WATCHED, -1e-3)
     with pytest.raises(ValueError, match="nan"):
-        Decision("settling", "", math.nan, "")
-    Decision("mode", "", math.nan, "not known", taken=False)
+        Decision(Kind.SETTLING, Basis.WATCHED, math.nan)
+    Decision(Kind.MODEL, Basis.STATED, math.nan, taken=False)  # not known
     for accuracy in (0.0, 1.0, math.nan):
         with pytest.raises(BadInput, match="accuracy"):
             Budget(accuracy)
@@ -81,13 +88,13 @@ def planned(
 ) -> DrivePlan:
     drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
     hints = Hints(force=force, forbid=forbid)
-    return plan_drive(drive, accuracy, workers, workers.description, hints)
+    return plan_drives((drive,), accuracy, workers, knowledge_of(workers.description, hints))
 
 
 def test_the_fmu_says_what_may_be_left_out(workers: FmuWorkers) -> None:
     own = read_hints(workers.description)
     assert own.substep == "rk4_substep"
-    assert own.reductions[0] == Reduction("periodic start", {"periodic_start": True})
+    assert own.reductions[0] == Reduction("periodic start", {"periodic_start": True}, cost=0.2)
     assert own.reductions[1].bound == "{output}_error"
 
 
@@ -96,7 +103,7 @@ def test_a_forbidden_reduction_is_not_taken_and_listed(workers: FmuWorkers) -> N
     listed = {d.subject: d for d in plan.decisions}
     assert "periodic_start" not in plan.settings
     assert (listed["periodic start"].taken, listed["periodic start"].forced) == (False, True)
-    assert "forbidden" in listed["periodic start"].sentence
+    assert "forbidden" in reason_in_words(listed["periodic start"])
     assert plan.settle_s > 0.0  # and so it has to settle
 
 
@@ -106,7 +113,7 @@ def test_a_reduction_that_saves_is_taken_where_its_bound_fits(workers: FmuWorker
     assert rough.settings == {"other_mode": 2}  # a start at rest is then several times as fast
     assert fine.settings == {}
     listed = {d.subject: d for d in fine.decisions}
-    assert "is left for it" in listed["far mode left out"].sentence
+    assert "is left for it" in reason_in_words(listed["far mode left out"])
     assert listed["far mode left out"].bound > 1e-9
 
 
@@ -114,7 +121,7 @@ def test_a_forced_reduction_is_taken_with_a_warning(workers: FmuWorkers) -> None
     plan = planned(workers, 1e-9, force=("far mode left out",))
     assert plan.settings["other_mode"] == 2
     assert not plan.budget.kept
-    assert any("far mode left out" in text for text in plan.budget.warnings)
+    assert any("far mode left out" in text for text in warnings_in_words(plan.budget))
 
 
 # --- an FMU that is not ours ---------------------------------------------------------------------
@@ -127,8 +134,8 @@ def test_a_foreign_fmu_is_settled_by_watching_it(accuracy: float, tmp_path: Path
     tones = (318.0, 322.0)
     drive = Drive({}, tones, ("displacement",), input="force", level=2.0, steps_per_period=20)
     with FmuWorkers(fmu) as running:
-        plan = plan_drive(drive, accuracy, running, running.description)
-        found = plan.read(running.run([plan.run])[0])[:, 0]
+        plan = plan_drives((drive,), accuracy, running, knowledge_of(running.description))
+        found = plan.read(running.run(plan.runs)[0])[:, 0]
     for tone, amplitude in zip(tones, found, strict=True):
         w = 2.0 * math.pi * tone
         truth = 2.0 / math.hypot(4e3 - 1e-3 * w * w, 2e-2 * w)
@@ -190,8 +197,8 @@ def test_the_plan_is_printed_and_nothing_written(
     [
         (["--accuracy", "2", "--plan"], "--accuracy: found 2.0"),
         (["--plan", "--force", "magic"], "no reduction 'magic'"),
-        (["--plan", "--settle", "1 ms"], "--settle"),
-        (["--force", "periodic start", "--out", "x"], "--force"),
+        (["--plan", "--settle=-1 ms"], "--settle"),
+        (["--force", "fairy dust", "--out", "x"], "no reduction 'fairy dust'"),
         ([], "--out"),
     ],
 )

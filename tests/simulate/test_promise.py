@@ -17,9 +17,10 @@ import pytest
 import build_fmu
 from fitting.fmu import FmuWorkers
 from fitting.fmu.accuracy import Hints
-from fitting.simulate.budget import SHARES
+from fitting.simulate.budget import SHARES, Basis, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import plan_drive
+from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
+from fitting.simulate.words import plan_in_words, warnings_in_words
 from tests.support import reference
 from tests.support.scenes import Scene
 
@@ -63,6 +64,12 @@ def truth_of(scene: Scene) -> np.ndarray:
     return np.array(rows)
 
 
+def planned(
+    drive: Drive, accuracy: float, running: FmuWorkers, hints: Hints | None = None
+) -> DrivePlan:
+    return plan_drives((drive,), accuracy, running, knowledge_of(running.description, hints))
+
+
 @pytest.fixture(scope="module")
 def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
     with FmuWorkers(oscillator_fmu) as running:
@@ -76,11 +83,11 @@ def test_linear_scenes_keep_the_promise(accuracy: float, workers: FmuWorkers) ->
         drive = Drive(scene.parameters, (scene.u1, scene.u2), ("q1_hybrid", "q2_hybrid"))
         # reductions take time to be tried; every tenth scene does
         hints = Hints() if k % 10 == 0 else Hints(forbid=REDUCTIONS)
-        plan = plan_drive(drive, accuracy, workers, workers.description, hints)
-        found = plan.read(workers.run([plan.run])[0])
+        plan = planned(drive, accuracy, workers, hints)
+        found = plan.read(workers.run(plan.runs)[0])
         error = float(np.max(np.abs(found / truth_of(scene) - 1.0)))
-        assert plan.promised <= accuracy, (scene, plan.sentences)
-        assert error <= plan.promised, (scene, error, plan.sentences)
+        assert plan.promised <= accuracy, (scene, plan_in_words(plan.budget))
+        assert error <= plan.promised, (scene, error, plan_in_words(plan.budget))
 
 
 # --- the cubic model -----------------------------------------------------------------------------
@@ -193,10 +200,10 @@ def test_cubic_scenes_keep_what_is_promised(
     drive = Drive(scene.parameters, tones, ("q1_hybrid",))
     kinds = set()
     for accuracy in (1e-2, 1e-4 if scene.A2 else 1e-5):
-        plan = plan_drive(drive, accuracy, cubic_workers, cubic_workers.description)
-        found = plan.read(cubic_workers.run([plan.run])[0])
+        plan = planned(drive, accuracy, cubic_workers)
+        found = plan.read(cubic_workers.run(plan.runs)[0])
         error = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
-        assert error <= plan.promised <= accuracy, (error, plan.sentences)
+        assert error <= plan.promised <= accuracy, (error, plan_in_words(plan.budget))
         kinds.add(plan.settings["solver"])
     # the envelope where it does (tones far apart: never), the full equations where they must
     assert kinds == ({2} if scene.A2 else {1, 2})
@@ -212,20 +219,20 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
     np.testing.assert_allclose(collocated(scene, 0.01, 84), truth, rtol=1e-9)
     drive = Drive(scene.parameters, (scene.u1,), ("q1_hybrid",))
     hints = Hints(forbid=("periodic start", "linear model"))
-    plan = plan_drive(drive, accuracy, cubic_workers, cubic_workers.description, hints)
-    found = plan.read(cubic_workers.run([plan.run])[0])
+    plan = planned(drive, accuracy, cubic_workers, hints)
+    found = plan.read(cubic_workers.run(plan.runs)[0])
     assert plan.settings["solver"] == solver
     error = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
-    assert error <= plan.promised <= accuracy, (error, plan.sentences)
-    envelope = next(d for d in plan.decisions if d.subject == "averaged envelope")
+    assert error <= plan.promised <= accuracy, (error, plan_in_words(plan.budget))
+    (envelope,) = plan.budget.of(Kind.MODEL, "averaged envelope")
     assert envelope.taken == (solver == 1)
-    assert "by which it differs from the full model" in envelope.sentence
-    stated = float(envelope.sentence.split("envelope_error it would be ")[1][:7])
-    assert stated > SHARES["model"] * accuracy  # by what is stated it would not have been taken
+    assert envelope.basis == Basis.REFINED
+    stated = float(envelope.numbers["stated"])
+    assert stated > SHARES[Kind.MODEL] * accuracy  # by what is stated it would not have been taken
     # what is measured is an upper bound of what averaging does leave out, and less than is stated
     hints = Hints(force=("averaged envelope",), forbid=hints.forbid)
-    plan = plan_drive(drive, 1e-4, cubic_workers, cubic_workers.description, hints)
-    found = plan.read(cubic_workers.run([plan.run])[0])
+    plan = planned(drive, 1e-4, cubic_workers, hints)
+    found = plan.read(cubic_workers.run(plan.runs)[0])
     left_out = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
     assert left_out < envelope.bound < stated
 
@@ -234,12 +241,12 @@ def test_what_cannot_be_promised_is_said(cubic_workers: FmuWorkers) -> None:
     scene = CUBIC_SCENES[0][0]
     drive = Drive(scene.parameters, (scene.u1,), ("q1_hybrid",))
     hints = Hints(force=("averaged envelope",))
-    plan = plan_drive(drive, 1e-6, cubic_workers, cubic_workers.description, hints)
+    plan = planned(drive, 1e-6, cubic_workers, hints)
     assert plan.settings["solver"] == 1
     assert plan.promised > 1e-6
     assert not plan.budget.kept
-    said = " ".join(plan.budget.warnings)
+    said = " ".join(warnings_in_words(plan.budget))
     assert "not the 1.0e-06 that was wanted" in said
     assert "averaged envelope (solver = 1) is forced beyond its bound" in said
-    error = abs(plan.amplitudes[0, 0] / collocated(scene, 0.01, 64)[0, 0] - 1.0)
+    error = abs(plan.amplitudes[0][0, 0] / collocated(scene, 0.01, 64)[0, 0] - 1.0)
     assert 1e-6 < error <= plan.promised

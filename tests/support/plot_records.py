@@ -6,8 +6,12 @@ import numpy as np
 
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
 from fitting.inference.knowledge import Effort, Knowledge, NuChoice, NuRow, Profile
-from fitting.simulate.drive import Drive, DriveResult, Trace
-from fitting.simulate.frf import Curve, FrfResult, Jump, Sweep
+from fitting.simulate.budget import Basis, Budget, Decision
+from fitting.simulate.budget import Kind as Decided
+from fitting.simulate.drive import Drive
+from fitting.simulate.frf import Curve, Jump, Sweep, SweepResponse
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import Beside, DriveResponse, Remainder, Spectrum, Trace
 
 TONES_HZ = (6940160.0, 6940360.0)
 
@@ -75,40 +79,62 @@ def nu_choice() -> NuChoice:
     return NuChoice(rows, 1e-2, 1e-2, 12.0, 1e-3, (), {"d1": 94.0}, {"d1": 1000.0})
 
 
-def drive_result() -> DriveResult:
+def drive_plan(drive: Drive) -> DrivePlan:
+    """A plan with one decision: 0.1 s to settle."""
+    numbers = {"settle_s": 0.1}
+    settling = Decision(Decided.SETTLING, Basis.WATCHED, 1e-7, numbers=numbers)
+    return DrivePlan(
+        drives=(drive,),
+        settings={},
+        windows=(drive.window(0.1),),
+        readings=(),
+        budget=Budget(1e-6, (settling,)),
+        settle_s=0.1,
+        order=1,
+        longest_s=100.0,
+    )
+
+
+def drive_result() -> DriveResponse:
     """Two tones with peaks of 3 and 2 µV on one output."""
     times = np.linspace(0.0, 1e-2, 41 * 3)
     wave = 5e-6 * np.cos(2 * np.pi * 100.0 * times)[:, None]
     f = np.arange(6940100.0, 6940420.0, 20.0)
     amplitudes = np.full((len(f), 1), 1e-12)
     amplitudes[[3, 13], 0] = 3e-6, 2e-6
-    return DriveResult(
-        drive=Drive({}, TONES_HZ, ("q1",)),
+    drive = Drive({}, TONES_HZ, ("q1",))
+    return DriveResponse(
+        drive=drive,
+        plan=drive_plan(drive),
+        peaks=np.array([[3e-6], [2e-6]]),
+        spectrum=Spectrum(
+            frequencies_hz=f,
+            amplitudes=amplitudes,
+            window_s=0.05,
+            samples=32,
+            coherent=True,
+            bins=(3, 13),
+            rounding=1e-13,
+        ),
+        lines=(),
+        remainder=Remainder(Beside.ROUNDING, 0.0, np.nan),
         beating=Trace(times, wave),
         carrier=Trace(times[:41] * 1e-4, wave[:41]),
-        frequencies_hz=f,
-        amplitudes=amplitudes,
-        peaks=np.array([[3e-6], [2e-6]]),
         constants={},
-        coherent=True,
-        rounding=1e-13,
-        settled=True,
-        explained=True,
-        reasons=("chosen",),
     )
 
 
-def frf_result() -> FrfResult:
+def frf_result() -> SweepResponse:
     """Up and down over five frequencies with a jump upward."""
     f = (6940100.0, 6940200.0, 6940300.0, 6940400.0, 6940500.0)
     up, down = np.array([1.0, 2.0, 4.0, 1.0, 0.5]), np.array([1.0, 1.5, 1.5, 1.0, 0.5])
-    return FrfResult(
-        sweep=Sweep({}, "u1", "Hz", f, "q1", ("up", "down")),
+    sweep = Sweep({}, "u1", "Hz", f, "q1", ("up", "down"))
+    return SweepResponse(
+        sweep=sweep,
+        plan=drive_plan(sweep.drive(f[2], f[0])),
         curves=(Curve("up", 1e-6 * up), Curve("down", 1e-6 * down)),
         jumps=(Jump("up", f[2], f[3]),),
-        settle_s=0.1,
-        settled=True,
-        reasons=("chosen",),
+        difference=0.6,
     )
 
 

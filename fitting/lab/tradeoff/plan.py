@@ -11,7 +11,7 @@ from fitting.lab.tradeoff.bench import SUBSTEPS, Bench, setting_values
 from fitting.lab.tradeoff.records import AMPLITUDES, Setting
 from fitting.lab.tradeoff.scenes import Scene, Solver
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan, plan_drive
+from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
 from fitting.text.arrays import FloatArray, Scalar
 
 
@@ -34,16 +34,16 @@ class Planned:
 
     def amplitudes(self, bench: Bench) -> FloatArray:
         """Amplitudes at the tones of all drives by the runs that were planned."""
-        answers = bench.run([plan.run for plan in self.plans])
+        answers = bench.run([plan.runs[0] for plan in self.plans])
         pairs = zip(self.plans, answers, strict=True)
         return np.concatenate([plan.read(values)[:, 0] for plan, values in pairs])
 
     def setting(self, scene: Scene) -> Setting:
         """The choice in the words of the grid, for tables: that of the first drive."""
         plan = self.plans[0]
-        values = plan.run.start_values
+        values = plan.runs[0].start_values
         solver = _solver_of(scene, values)
-        window = plan.window
+        window = plan.windows[0]
         return Setting(
             AMPLITUDES,
             solver.name,
@@ -52,21 +52,21 @@ class Planned:
             solver.kind,
             bool(scene.start) and bool(values.get(scene.start)),
             plan.settle_s,
-            window_s=window.step_s * window.samples,
+            window_s=window.length_s,
             samples=window.samples,
         )
 
 
-def plan_scene(bench: Bench, accuracy: float, limit_s: float) -> Planned:
-    """Plan every drive of a scene for an accuracy; no run of more than `limit_s` is planned.
+def plan_scene(bench: Bench, accuracy: float) -> Planned:
+    """Plan every drive of a scene for an accuracy, each by itself.
 
     What may be left out and what sets the accuracy is known from the campaign and the FMU itself.
 
     Raises:
-        BadInput, FmuFailure: as `fitting.simulate.drive_plan.plan_drive`.
+        BadInput, FmuFailure: as `fitting.simulate.planner.plan_drives`.
     """
     scene = bench.scene
-    description = bench.workers.description
+    known = knowledge_of(bench.workers.description, scene.hints)
     # the names that every setting of the grid sets, so that all runs share one layout
     every = setting_values(scene, scene.solvers[0], scene.solvers[0].resolutions[0])
     plans = []
@@ -80,9 +80,7 @@ def plan_scene(bench: Bench, accuracy: float, limit_s: float) -> Planned:
             level=scene.level,
             steps_per_period=scene.held or 100,
         )
-        plans.append(
-            plan_drive(drive, accuracy, bench.workers, description, scene.hints, limit_s=limit_s)
-        )
+        plans.append(plan_drives((drive,), accuracy, bench.workers, known))
     return Planned(accuracy, tuple(plans))
 
 

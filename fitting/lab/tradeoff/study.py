@@ -27,6 +27,7 @@ from fitting.lab.tradeoff.records import (
 )
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import Scene
+from fitting.simulate.words import plan_in_words
 from fitting.text.errors import BadInput, FmuFailure
 
 #: Rounds in which the cheapest settings and the plan's are timed again, in turns; how many for each
@@ -88,7 +89,7 @@ def run_study(
         if AMPLITUDES in order.quantities:
             for accuracy in order.accuracies:
                 tell(f"plan for {accuracy:g}")
-                planned[accuracy] = plan_scene(bench, accuracy, order.longest_s)
+                planned[accuracy] = plan_scene(bench, accuracy)
                 notes += told_plan(planned[accuracy])
                 if planned[accuracy].kept:
                     found.append(ruler.measure_planned(planned[accuracy]))
@@ -117,7 +118,8 @@ def told_plan(planned: Planned) -> list[str]:
     """The plan for an accuracy in sentences."""
     if not planned.kept:
         return [f"Accuracy {planned.accuracy:g}: no plan; it could promise {planned.promised:.1e}."]
-    return [f"Accuracy {planned.accuracy:g}: {line}" for line in planned.plans[0].sentences]
+    said = plan_in_words(planned.plans[0].budget)
+    return [f"Accuracy {planned.accuracy:g}: {line}" for line in said]
 
 
 def again(

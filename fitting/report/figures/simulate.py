@@ -8,8 +8,14 @@ from pathlib import Path
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure, save, style
 from fitting.report.plot.simulate import Named, tone_text
-from fitting.simulate.drive import DriveResult
-from fitting.simulate.frf import FrfResult
+from fitting.simulate.frf import SweepResponse
+from fitting.simulate.response import DriveResponse
+from fitting.simulate.words import (
+    difference_in_words,
+    remainder_in_words,
+    settling_in_words,
+    spectrum_in_words,
+)
 from fitting.text.notation import listed, number
 
 #: Lines at combinations of the tones that are marked.
@@ -17,7 +23,7 @@ MOST_MIXED = 4
 
 
 def save_figures(
-    result: DriveResult, model: str, units: Sequence[str], folder: Path, mixed: Named = ()
+    result: DriveResponse, model: str, units: Sequence[str], folder: Path, mixed: Named = ()
 ) -> list[Path]:
     """Draw and write both figures; the files written."""
     with style():
@@ -26,7 +32,7 @@ def save_figures(
     return [path for file in saved for path in (file.png, file.svg)]
 
 
-def draw_trace(result: DriveResult, model: str, units: Sequence[str]) -> Drawing:
+def draw_trace(result: DriveResponse, model: str, units: Sequence[str]) -> Drawing:
     """The envelope over two beats, beside it some periods at the envelope's maximum."""
     outputs = _oscillating(result)
     beats = result.beating is not None
@@ -49,13 +55,13 @@ def draw_trace(result: DriveResult, model: str, units: Sequence[str]) -> Drawing
         f"{', '.join(outputs)} of {model}, driven at {_tones_text(result)}; "
         + ("left the envelope, right " if beats else "")
         + "some periods of the oscillation itself. "
-        + " ".join(f"{reason}." for reason in result.reasons[1:])
+        + f"{settling_in_words(result.plan)}. {remainder_in_words(result.remainder)}."
     )
     return Drawing("trace", title, caption, caption, figure)
 
 
 def draw_spectrum(
-    result: DriveResult, model: str, units: Sequence[str], mixed: Named = ()
+    result: DriveResponse, model: str, units: Sequence[str], mixed: Named = ()
 ) -> Drawing:
     """Amplitudes over frequency, a panel per output, the tones labelled with their peaks.
 
@@ -76,42 +82,42 @@ def draw_spectrum(
             axes.set_ylim(low, high * (high / low) ** 0.4)  # room for the longer legend
         axes.legend(loc="upper right", ncols=2 if shown else 1)
         axes.set_xlabel(axes.get_xlabel() if axes is grid[-1, 0] else "")
-    caption = f"{title} of {model} ({', '.join(outputs)}); {result.reasons[0]}."
+    caption = f"{title} of {model} ({', '.join(outputs)}); {spectrum_in_words(result.spectrum)}."
     if result.constants:
         caption += f" Constant and not drawn: {', '.join(result.constants)}."
     return Drawing("spectrum", title, caption, caption, figure)
 
 
-def _oscillating(result: DriveResult) -> list[str]:
+def _oscillating(result: DriveResponse) -> list[str]:
     """Outputs that are drawn."""
     return [name for name in result.drive.outputs if name not in result.constants]
 
 
-def _subtitle(result: DriveResult, model: str) -> str:
+def _subtitle(result: DriveResponse, model: str) -> str:
     return f"{model}, driven at {_tones_text(result)}"
 
 
-def _tones_text(result: DriveResult) -> str:
+def _tones_text(result: DriveResponse) -> str:
     return listed(tone_text(tone) for tone in result.drive.tones_hz)
 
 
-def save_frf(result: FrfResult, model: str, unit: str, folder: Path) -> list[Path]:
+def save_frf(result: SweepResponse, model: str, unit: str, folder: Path) -> list[Path]:
     """Draw and write the figure; the files written."""
     with style():
         file = save(draw_frf(result, model, unit), folder)
     return [file.png, file.svg]
 
 
-def draw_frf(result: FrfResult, model: str, unit: str) -> Drawing:
+def draw_frf(result: SweepResponse, model: str, unit: str) -> Drawing:
     """Amplitude over frequency, each way with a marker of its own."""
     sweep = result.sweep
     title = f"Amplitude of {sweep.output} under a moved tone"
     figure = new_figure(title, model, synthetic=False, height=3.4)
     plot.swept_tone(result, unit=unit, ax=figure.subplots()).legend(loc="upper left")
+    said = settling_in_words(result.plan), difference_in_words(result)
     caption = (
         f"{title}, {model}: {len(sweep.frequencies_hz)} points, phase and state carried on from "
-        "point to point. "
-        + " ".join(f"{reason[0].upper()}{reason[1:]}." for reason in result.reasons)
+        "point to point. " + " ".join(f"{text[0].upper()}{text[1:]}." for text in said)
     )
     caption += "".join(
         f" The {jump.direction}ward sweep jumps between {number(jump.low_hz, 10)} and "

@@ -21,9 +21,8 @@ from fitting.report.plot.axes import (
     plain_ticks,
 )
 from fitting.report.shown import ShownTones
-from fitting.simulate.drive import COLUMN_SAMPLES, DriveResult, Trace
-from fitting.simulate.frf import FrfResult
-from fitting.simulate.lines import MixedLine
+from fitting.simulate.frf import SweepResponse
+from fitting.simulate.response import COLUMN_SAMPLES, DriveResponse, MixedLine, Trace
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import mathtext, number, power_of_ten, prefixed, scaling_for
 
@@ -108,7 +107,7 @@ def _envelope(experiment: ShownTones, time_s: FloatArray) -> FloatArray:
     return np.asarray(np.abs(np.sum(waves, axis=0)), dtype=float)
 
 
-def beating(result: DriveResult, output: str, *, unit: str = "", ax: Axes | None = None) -> Axes:
+def beating(result: DriveResponse, output: str, *, unit: str = "", ax: Axes | None = None) -> Axes:
     """Draw two beats of a simulated response over time.
 
     A trace of many periods is drawn filled, from the least to the largest value of each time.
@@ -146,7 +145,7 @@ def beating(result: DriveResult, output: str, *, unit: str = "", ax: Axes | None
     return axes
 
 
-def periods(result: DriveResult, output: str, *, unit: str = "", ax: Axes | None = None) -> Axes:
+def periods(result: DriveResponse, output: str, *, unit: str = "", ax: Axes | None = None) -> Axes:
     """Draw single periods of a simulated response over time.
 
     Args:
@@ -163,7 +162,7 @@ def periods(result: DriveResult, output: str, *, unit: str = "", ax: Axes | None
     return axes
 
 
-def _values(axes: Axes, result: DriveResult, trace: Trace, output: str, unit: str) -> FloatArray:
+def _values(axes: Axes, result: DriveResponse, trace: Trace, output: str, unit: str) -> FloatArray:
     """Values of an output as drawn, the label of its axis set."""
     column = result.drive.outputs.index(output)
     factor, shown = prefixed(float(np.max(np.abs(result.carrier.values[:, column]))), unit)
@@ -182,7 +181,7 @@ def _times(axes: Axes, trace: Trace) -> FloatArray:
 
 
 def amplitude_spectrum(
-    result: DriveResult,
+    result: DriveResponse,
     output: str,
     *,
     unit: str = "",
@@ -200,14 +199,17 @@ def amplitude_spectrum(
         mixed: lines at combinations of the tones to mark, with their names.
         ax: where to draw; pyplot's current axes if not given.
     """
-    axes = axes_of(ax)
+    axes, spectrum = axes_of(ax), result.spectrum
     column = result.drive.outputs.index(output)
-    along = scaling_for(result.frequencies_hz.tolist(), "Hz")
+    along = scaling_for(spectrum.frequencies_hz.tolist(), "Hz")
     factor, shown = prefixed(float(np.max(result.peaks[:, column])), unit)
-    amplitudes, peaks = result.amplitudes[:, column] / factor, result.peaks[:, column] / factor
-    frequencies = np.array([along(float(f)) for f in result.frequencies_hz])
-    least = _lower_limit(amplitudes, peaks, result.rounding)
-    what = "all other frequencies" if result.coherent else "spectrum, lines widened by the window"
+    amplitudes, peaks = (
+        spectrum.amplitudes[:, column] / factor,
+        result.peaks[:, column] / factor,
+    )
+    frequencies = np.array([along(float(f)) for f in spectrum.frequencies_hz])
+    least = _lower_limit(amplitudes, peaks, spectrum.rounding)
+    what = "all other frequencies" if spectrum.coherent else "spectrum, lines widened by the window"
     if len(frequencies) <= MOST_STEMS:
         axes.vlines(
             frequencies, least, np.maximum(amplitudes, least), color=BLUE, lw=1.0, label=what
@@ -226,10 +228,10 @@ def amplitude_spectrum(
             label=f"{tone_text(tone)}: {number(float(peak), 5)} {shown}",
         )
     largest = float(np.max(peaks))
-    if result.rounding * largest > least:
+    if spectrum.rounding * largest > least:
         axes.axhspan(
             least,
-            result.rounding * largest,
+            spectrum.rounding * largest,
             color=GREY,
             alpha=BAND,
             lw=0,
@@ -280,7 +282,7 @@ def tone_text(tone_hz: float) -> str:
     return f"{number(tone_hz / factor, 10)} {unit}"
 
 
-def swept_tone(result: FrfResult, *, unit: str = "", ax: Axes | None = None) -> Axes:
+def swept_tone(result: SweepResponse, *, unit: str = "", ax: Axes | None = None) -> Axes:
     """Draw the amplitude of an output under a tone that is moved upward and downward.
 
     Dotted lines mark where a branch ends and the amplitude jumps.

@@ -5,13 +5,14 @@ from __future__ import annotations
 from fitting.report.table import Cell, Column, Table, tabulate
 from fitting.report.words.plan import choice_words
 from fitting.simulate.budget import Decision, PlanRecord
+from fitting.simulate.words import reason_in_words, subject_in_words
 from fitting.text.notation import number
 
 DECISIONS: tuple[Column[Decision], ...] = (
-    Column("what", lambda decision: decision.subject, role="name"),
+    Column("what", subject_in_words, role="name"),
     Column("choice", choice_words, role="words"),
     Column("bound", lambda decision: decision.bound, digits=2),
-    Column("why", lambda decision: decision.sentence, role="words"),
+    Column("why", reason_in_words, role="words"),
 )
 
 

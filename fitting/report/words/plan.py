@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from fitting.simulate.budget import Decision, PlanRecord, told
+from fitting.simulate.budget import Decision, PlanRecord
+from fitting.simulate.words import choice_in_words, decision_in_words, subject_in_words
 
 
 def choice_words(decision: Decision) -> str:
     """What was chosen, and whether the user asked for it or forbade it."""
     marks = ["as asked for"] if decision.forced and decision.taken else []
     marks += [] if decision.taken else ["forbidden" if decision.forced else "not taken"]
-    return f"{decision.choice} ({', '.join(marks)})" if marks else decision.choice
+    choice = choice_in_words(decision)
+    return f"{choice} ({', '.join(marks)})" if marks else choice
 
 
 def plan_line(plan: PlanRecord) -> str:
     """The plan in one line for a terminal."""
-    taken = ", ".join(f"{d.subject} {d.choice}" for d in plan.decisions if d.taken)
+    decisions = (d for d in plan.decisions if d.taken)
+    taken = ", ".join(f"{subject_in_words(d)} {choice_in_words(d)}" for d in decisions)
     return f"plan: amplitudes within {plan.promised:.1e}, wanted {plan.wanted:.1e} ({taken})"
 
 
@@ -22,7 +25,7 @@ def remarks(plan: PlanRecord | None, sentences: tuple[str, ...]) -> tuple[str, .
     """Sentences of a plan that its table does not hold."""
     if plan is None:
         return sentences
-    held = {told(decision).lower() for decision in plan.decisions}
+    held = {decision_in_words(decision).lower() for decision in plan.decisions}
     return tuple(
         text
         for text in sentences

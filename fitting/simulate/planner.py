@@ -1,0 +1,612 @@
+"""The plan of drives: settling, window, solver and model for a wanted accuracy, each measured.
+
+Nothing is assumed of the FMU. Each error is the change that a better setting makes, times a safety
+factor that its decision names, so the promise holds as far as a change tells of what is left. What
+runs cost is counted (`fitting.simulate.probe`), so that a plan is the same on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from fitting.fmu import FmuDescription, Run, read_hints
+from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu.variables import VariableLike
+from fitting.signal.window import Window
+from fitting.simulate.batch import Workers
+from fitting.simulate.budget import (
+    SHARES,
+    Basis,
+    Budget,
+    Decision,
+    Kind,
+    PlanRecord,
+    record_of,
+)
+from fitting.simulate.drive import Drive
+from fitting.simulate.probe import Probe, Reading
+from fitting.simulate.reductions import (
+    CHEAPER,
+    FullModel,
+    forbidden,
+    measured,
+    model_decision,
+    not_taken,
+    refused,
+    with_numbers,
+)
+from fitting.simulate.settling import (
+    SAFETY,
+    Limits,
+    Settled,
+    settle,
+    settle_as_prescribed,
+    settling_decision,
+)
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.notation import hertz
+from fitting.text.units import checked_accuracy
+
+#: Combinations of the tones that do not fold onto a tone, tried in this order.
+ORDERS = (1, 5, 11, 21, 41)
+#: A refinement stops when its bound lies within its share and above this part of it.
+WASTED = 0.02
+ROUNDS = 10
+#: Of the accuracy, what a reduction that was measured may use; the other shares then shrink.
+MEASURED = 0.6
+#: A tolerance is tried from so many times its share on, where the very run that is planned tells.
+COARSE = 400.0
+#: Held steps of an input in a period, at most.
+MOST_HELD = 640
+#: Communication steps and substeps of a run, at most: some twenty seconds of an FMU in Python.
+MOST_WORK = 2e6
+#: A run that costs so many times that is not made at all.
+HOPELESS = 20.0
+
+
+class FmuLike(Workers, Protocol):
+    """What is needed of `fitting.fmu.FmuWorkers`: runs, and what the FMU says of itself."""
+
+    @property
+    def description(self) -> FmuDescription:
+        """What the FMU declares."""
+        ...
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of an FMU: how it is told to be accurate, and its variables by name."""
+
+    hints: Hints = field(default_factory=Hints)
+    variables: Mapping[str, VariableLike] = field(default_factory=dict)
+
+
+def knowledge_of(description: FmuDescription, hints: Hints | None = None) -> Knowledge:
+    """What an FMU says of itself, where `hints` do not say otherwise.
+
+    Raises:
+        BadInput: hints that name variables which the FMU does not have.
+    """
+    merged = (hints or Hints()).over(read_hints(description))
+    names = [name for name in (merged.tolerance, merged.substep) if name is not None]
+    names += [*merged.full, *(name for r in merged.reductions for name in r.set)]
+    for name in names:
+        description.variable(name)
+    return Knowledge(merged, description.variables)
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What a plan is for.
+
+    `examples`: the drives are examples of many that are to come, as a fit tries them; else they are
+    the very runs that are planned, and then what a run shows may stand for a bound that holds
+    beyond it. `of_largest`: errors are relative to the largest amplitude of all drives, else to
+    each. `settle_s`: the user's own time to settle. `work`, `longest_settle_s`: most that a run may
+    cost, and longest time to settle that is looked for. `fixed`: parameters that the user has set,
+    which the plan leaves as they are.
+    """
+
+    examples: bool = False
+    of_largest: bool = False
+    settle_s: float | None = None
+    work: float = MOST_WORK
+    longest_settle_s: float = math.inf
+    fixed: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class DrivePlan:
+    """What to simulate for some drives.
+
+    `settings` are the start values that the plan chose, `windows` when each drive is sampled;
+    `readings` what the plan saw with them, one per drive; `budget` holds the decisions. Samples
+    keep combinations of tones up to `order` off the tones, and common periods beyond `longest_s`
+    are given up for a tone fit.
+    """
+
+    drives: tuple[Drive, ...]
+    settings: Mapping[str, Scalar]
+    windows: tuple[Window, ...]
+    readings: tuple[Reading, ...]
+    budget: Budget
+    settle_s: float
+    order: int
+    longest_s: float
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """The runs that were planned, one per drive."""
+        pairs = zip(self.drives, self.windows, strict=True)
+        return tuple(drive.run(window, self.settings) for drive, window in pairs)
+
+    @property
+    def amplitudes(self) -> tuple[FloatArray, ...]:
+        """What the plan read, (lines, outputs) per drive; NaN where nothing oscillates."""
+        return tuple(reading.amplitudes for reading in self.readings)
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Every choice with its bound."""
+        return self.budget.decisions
+
+    @property
+    def promised(self) -> float:
+        """Sum of the bounds."""
+        return self.budget.promised
+
+    @property
+    def record(self) -> PlanRecord:
+        """The plan for a result."""
+        return record_of(self.budget, self.settings)
+
+    def read(self, values: FloatArray, drive: int = 0) -> FloatArray:
+        """Amplitudes (lines, outputs) in the samples (rows, outputs) of a drive's run."""
+        window = self.windows[drive]
+        return self.drives[drive].fit(window)(values[-window.samples :]).amplitudes
+
+
+def plan_drives(
+    drives: Sequence[Drive],
+    accuracy: float,
+    workers: Workers,
+    known: Knowledge,
+    options: PlanOptions | None = None,
+) -> DrivePlan:
+    """Plan drives of an FMU for amplitudes with a wanted relative accuracy, by measuring.
+
+    One time to settle, one setting of solver and model for all `drives`. No run that costs more
+    than the options allow is planned: where the accuracy would need one, the budget promises less
+    than was wanted. No clock is read: the same arguments give the same plan.
+
+    Raises:
+        BadInput: an accuracy out of range, tones that cannot be told apart, outputs that do not
+            oscillate, names that the FMU does not have, a drive whose shortest run costs too much.
+        FmuFailure: the FMU failed.
+    """
+    checked_accuracy(accuracy, "accuracy")
+    return _Planner(tuple(drives), accuracy, workers, known, options or PlanOptions()).plan()
+
+
+class _Planner:
+    """Decides for some drives what keeps an accuracy at the least work that was seen."""
+
+    def __init__(
+        self,
+        drives: tuple[Drive, ...],
+        accuracy: float,
+        workers: Workers,
+        known: Knowledge,
+        options: PlanOptions,
+    ) -> None:
+        self.hints, self.variables = known.hints, known.variables
+        self.accuracy, self.options = accuracy, options
+        self.probe = Probe(
+            drives=drives,
+            workers=workers,
+            substep=self.hints.substep,
+            tolerance=self.hints.tolerance,
+            of_largest=options.of_largest,
+        )
+        self.budget = Budget(accuracy)
+        self.limits = Limits(options.work, options.longest_settle_s)
+        self._room = 1.0  # part of their shares that a reduction leaves to other decisions
+        self._settled: dict[object, Settled] = {}
+
+    def plan(self) -> DrivePlan:
+        """All decisions, one after the other."""
+        fixed = self.options.fixed
+        settings = {k: v for k, v in self.hints.full.items() if k not in fixed}
+        settings = self._reductions(settings)
+        self.probe.shorten_windows(settings)
+        settled = self._settle(settings)
+        _require_oscillation(self.probe.drives, settled.last)
+        self._add(settling_decision(settled))
+        place = len(self.budget.decisions)
+        settings = self._solver(settings, settled.settle_s)
+        self._input(settings, settled.settle_s)
+        order, readings = self._samples(settings, settled.settle_s)
+        rounding = max(reading.rounding for reading in readings)
+        self._add(Decision(Kind.ROUNDING, Basis.DOUBLE, rounding))
+        longest_s = self.probe.longest_s
+        windows = tuple(d.window(settled.settle_s, order, longest_s) for d in self.probe.drives)
+        decisions = list(self.budget.decisions)
+        decisions.insert(place, window_decision(windows))
+        return DrivePlan(
+            drives=self.probe.drives,
+            settings=settings,
+            windows=windows,
+            readings=tuple(readings),
+            budget=Budget(self.accuracy, tuple(decisions)),
+            settle_s=settled.settle_s,
+            order=order,
+            longest_s=longest_s,
+        )
+
+    def _add(self, decision: Decision) -> None:
+        self.budget = self.budget.with_decision(decision)
+
+    def _share(self, kind: Kind) -> float:
+        return self.accuracy * SHARES[kind] * self._room
+
+    # -- settling -------------------------------------------------------------------------------
+
+    def _settle(self, settings: Mapping[str, Scalar]) -> Settled:
+        key = tuple(sorted(settings.items()))
+        if key not in self._settled:
+            work = self.probe.work(settings, 0.0)
+            if work > HOPELESS * self.limits.work:
+                raise BadInput(
+                    f"tones {hertz(*self.probe.drives[0].tones_hz)}: a run over one window takes "
+                    f"{work:.1e} steps of the FMU, wanted at most {self.limits.work:.1e}; wanted a "
+                    "longer substep or tones with a shorter common period"
+                )
+            fine = {**settings, **self._fine(settings)}
+            found = settle(self.probe, fine, self._share(Kind.SETTLING), self.limits)
+            if self.options.settle_s is not None:
+                found = settle_as_prescribed(self.probe, fine, self.options.settle_s, found)
+            self._settled[key] = found
+        return self._settled[key]
+
+    def _fine(self, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """A solver fine enough that its own noise is not taken for a transient."""
+        name = self.hints.tolerance
+        if name is None or name in settings or name in self.options.fixed:
+            return {}
+        low, high = self._range(name)
+        return {name: min(max(0.1 * self._share(Kind.SETTLING), low), high)}
+
+    # -- the solver's own accuracy --------------------------------------------------------------
+
+    def _solver(self, settings: dict[str, Scalar], settle_s: float) -> dict[str, Scalar]:
+        for name, first in self._solver_parameters(settings):
+            settings = self._refined(settings, settle_s, name, first)
+        return settings
+
+    def _solver_parameters(self, settings: Mapping[str, Scalar]) -> list[tuple[str, float]]:
+        """Parameters that set the solver's accuracy, with a first value for each."""
+        found: list[tuple[str, float]] = []
+        if self.hints.tolerance is not None:
+            coarse = 1.0 if self.options.examples else COARSE
+            found.append((self.hints.tolerance, coarse * self._share(Kind.SOLVER)))
+        if self.hints.substep is not None:
+            found.append((self.hints.substep, 1.0 / (40.0 * self.probe.fastest_hz)))
+        return [(name, value) for name, value in found if name not in settings]
+
+    def _range(self, name: str) -> tuple[float, float]:
+        variable = self.variables.get(name)
+        low = variable.min if variable is not None else None
+        high = variable.max if variable is not None else None
+        return max(low or 0.0, 1e-300), math.inf if high is None else high
+
+    def _part(self, name: str) -> float:
+        """By which part of it a solver's parameter is tried finer."""
+        return 0.01 if name == self.hints.tolerance else 0.5
+
+    def _error_at(
+        self, settings: Mapping[str, Scalar], settle_s: float, name: str, value: float
+    ) -> float:
+        """Change of the amplitudes by a finer value; infinite where the coarse one fails."""
+        finer = max(value * self._part(name), self._range(name)[0])
+        try:
+            here = self.probe.read({**settings, name: value}, settle_s)
+            better = self.probe.read({**settings, name: finer}, settle_s)
+        except FmuFailure:
+            return math.inf
+        if all((a.tones == b.tones).all() for a, b in zip(here, better, strict=True)):
+            return -1.0  # it is not this parameter that sets the accuracy
+        return max(SAFETY * self.probe.errors(here, better), self.probe.changes(better, here))
+
+    def _refined(
+        self, settings: dict[str, Scalar], settle_s: float, name: str, first: float
+    ) -> dict[str, Scalar]:
+        """The coarsest value whose measured error fits into the share; or the user's own value."""
+        if name in self.options.fixed:
+            own = float(self.probe.drives[0].start_values.get(name, 0.0)) or first
+            bound, value = self._error_at(settings, settle_s, name, own), own
+        else:
+            bound, value = self._coarsest(settings, settle_s, name, first)
+        if bound < 0.0:
+            return settings
+        forced = name in self.options.fixed
+        chosen: dict[str, Scalar] = {} if forced else {name: value}
+        self._add(
+            Decision(
+                kind=Kind.SOLVER,
+                basis=Basis.PRESCRIBED if forced else Basis.COMPARED,
+                bound=min(bound, 1.0),
+                subject=name,
+                numbers={"safety": SAFETY, "part": self._part(name)},
+                settings={name: value},
+                forced=forced,
+            )
+        )
+        return {**settings, **chosen}
+
+    def _coarsest(
+        self, settings: dict[str, Scalar], settle_s: float, name: str, value: float
+    ) -> tuple[float, float]:
+        """Bound and value; the bound is below zero where the parameter changes nothing."""
+        low, high = self._range(name)
+        share, best = self._share(Kind.SOLVER), (math.inf, value)
+        value = min(max(value, low), high)
+        for _ in range(ROUNDS):
+            bound = self._error_at(settings, settle_s, name, value)
+            if bound < 0.0:
+                return bound, value
+            if _better(bound, value, best, share):
+                best = bound, value
+            if WASTED * share <= bound <= share:
+                break
+            # an order of four is the guess for substeps, of one for a tolerance
+            power = 0.25 if self._part(name) == 0.5 else 1.0
+            factor = min(max((0.3 * share / max(bound, 1e-300)) ** power, 0.05), 10.0)
+            # no finer than runs may take: the work is taken to go as one over the value
+            spent = self.probe.work({**settings, name: value}, settle_s) / self.limits.work
+            there = min(max(value * max(factor, min(1.0, spent)), low), high)
+            if there == value or (bound > share and there > 0.9 * value):
+                break
+            value = there
+        return best
+
+    def _input(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
+        """How long a generated input is held: images of the staircase fold onto the tones."""
+        if all(drive.input is None for drive in self.probe.drives):
+            return
+        share, chosen, bound = self._share(Kind.INPUT), self.probe.drives, math.inf
+        here = self.probe.read(settings, settle_s)
+        while bound > share and self.probe.finer_input(MOST_HELD):
+            better = self.probe.read(settings, settle_s)
+            bound = SAFETY * self.probe.errors(here, better)
+            if bound <= share or self.options.examples:
+                break
+            chosen, here = self.probe.drives, better
+        self.probe.go_on(chosen)
+        steps = max(drive.steps_per_period for drive in chosen)
+        self._add(
+            Decision(
+                kind=Kind.INPUT,
+                basis=Basis.COMPARED,
+                bound=min(bound, 1.0),
+                numbers={"steps_per_period": steps, "safety": SAFETY},
+            )
+        )
+
+    # -- samples --------------------------------------------------------------------------------
+
+    def _samples(
+        self, settings: Mapping[str, Scalar], settle_s: float
+    ) -> tuple[int, list[Reading]]:
+        """The least order of combinations kept off the tones at which more change nothing."""
+        share = self._share(Kind.SAMPLES)
+        found = ORDERS[0], ORDERS[0], math.inf
+        for order, finer in pairwise(ORDERS):
+            try:
+                here = self.probe.read(settings, settle_s, order)
+                better = self.probe.read(settings, settle_s, finer)
+            except BadInput:  # no sampling keeps so many lines off the tones
+                break
+            found = order, finer, SAFETY * self.probe.errors(here, better)
+            if found[2] <= share:
+                break
+        order, finer, bound = found
+        longest_s = self.probe.longest_s
+        counts = [d.window(settle_s, order, longest_s).samples for d in self.probe.drives]
+        self._add(
+            Decision(
+                kind=Kind.SAMPLES,
+                basis=Basis.COMPARED,
+                bound=min(bound, 1.0),
+                numbers={
+                    "least": min(counts),
+                    "most": max(counts),
+                    "order": order,
+                    "finer": finer,
+                    "safety": SAFETY,
+                },
+            )
+        )
+        return order, self.probe.read(settings, settle_s, order)
+
+    # -- reductions of the model ----------------------------------------------------------------
+
+    def _reductions(self, settings: dict[str, Scalar]) -> dict[str, Scalar]:
+        spent, chosen = 0.0, set(self.options.fixed)
+        for reduction in self.hints.reductions:
+            if not chosen.isdisjoint(reduction.set) or not self._changes(settings, reduction):
+                continue
+            decision = self._reduction(settings, reduction, self._share(Kind.MODEL) - spent)
+            self._add(decision)
+            if decision.taken:
+                settings = {**settings, **reduction.set}
+                chosen |= set(reduction.set)
+                spent += decision.bound
+        self._leave(spent / self.accuracy)
+        return settings
+
+    def _leave(self, spent: float) -> None:
+        """Shrink all further shares but the maximum's where reductions took more than theirs."""
+        model, free = SHARES[Kind.MODEL], 1.0 - SHARES[Kind.MAXIMUM]
+        if model < spent <= MEASURED:
+            self._room = (free - spent) / (free - model)
+            self._settled.clear()
+
+    def _reduction(
+        self, settings: dict[str, Scalar], reduction: Reduction, left: float
+    ) -> Decision:
+        """Whether a reduction is taken: it fits into what is left and saves work."""
+        if reduction.name in self.hints.forbid:
+            return forbidden(reduction)
+        forced = reduction.name in self.hints.force
+        if not forced and reduction.cost >= 1.0 and not self._too_long(settings):
+            # what is known not to save is not looked at: that may take long
+            self._settle(settings)
+            least = reduction.cost * self.probe.work({**settings, **reduction.set}, 0.0)
+            if (part := least / self._work(settings)) > CHEAPER:
+                unknown = model_decision(reduction, Basis.UNMEASURED, 0.0)
+                return replace(not_taken(with_numbers(unknown, work=part)), bound=math.nan)
+        try:
+            decision = with_numbers(self._effect(settings, reduction), left=left)
+            if decision.basis == Basis.STATED and decision.bound > left:
+                decision = self._measured(settings, reduction, decision)
+        except FmuFailure as error:
+            if forced:
+                raise
+            return refused(reduction, error.message)
+        fits = decision.bound <= float(decision.numbers["left"])
+        if forced:
+            return replace(decision, bound=min(decision.bound, 1.0), forced=True)
+        if not fits and not self._too_long(settings):
+            return not_taken(decision)
+        part = reduction.cost * self._work({**settings, **reduction.set}) / self._work(settings)
+        decision = with_numbers(decision, work=part)
+        if part > CHEAPER:
+            return not_taken(decision)
+        return replace(decision, bound=min(decision.bound, 1.0))
+
+    def _effect(self, settings: dict[str, Scalar], reduction: Reduction) -> Decision:
+        """A reduction with its bound: what the FMU states, else the change that it makes."""
+        reduced = {**settings, **reduction.set}
+        self.probe.shorten_windows(reduced)
+        after = self._settle(reduced)
+        names = self._bound_outputs(reduction)
+        if names:
+            fine = {**reduced, **self._fine(reduced)}
+            bound = max(self.probe.largest(fine, after.settle_s, name) for name in names)
+            # relative to the strongest line of an output, while a promise holds for the weakest
+            bound *= max(reading.spread for reading in after.last)
+            decision = model_decision(reduction, Basis.STATED, bound)
+            return with_numbers(decision, outputs=" and ".join(names))
+        if self._too_long(settings):
+            return model_decision(reduction, Basis.UNMEASURED, 1.0)
+        whole = self._settle(settings)
+        bound = SAFETY * self.probe.errors(after.last, whole.last) + whole.bound
+        return with_numbers(model_decision(reduction, Basis.COMPARED, bound), safety=SAFETY)
+
+    def _measured(
+        self, settings: dict[str, Scalar], reduction: Reduction, stated: Decision
+    ) -> Decision:
+        """The decision with a measured bound, where that may fit and the stated one does not."""
+        left = float(stated.numbers["left"])
+        first, substep = dict(self._solver_parameters(settings)), self.hints.substep
+        most = left + self.accuracy * (MEASURED - SHARES[Kind.MODEL])
+        if self.options.examples or most <= 0.0 or substep not in first or substep is None:
+            return stated
+        if substep in self.options.fixed or self._too_long(settings):
+            return stated
+        reduced = {**settings, **reduction.set}
+        full = FullModel({**settings, **self._fine(settings)}, substep, first[substep], ORDERS[2])
+        try:
+            found = measured(
+                self.probe, {**reduced, **self._fine(reduced)}, full, (left, most), self.limits
+            )
+        except (BadInput, FmuFailure):  # then what is stated has to do
+            return stated
+        if found is None or found["bound"] >= stated.bound:
+            return stated
+        bound = found.pop("bound")
+        return with_numbers(
+            replace(stated, basis=Basis.REFINED, bound=bound),
+            left=most,
+            stated=stated.bound,
+            safety=SAFETY,
+            substep=substep,
+            **found,
+        )
+
+    def _too_long(self, settings: Mapping[str, Scalar]) -> bool:
+        """Whether a settled run costs more than allowed."""
+        return self._work(settings) > self.limits.work
+
+    def _bound_outputs(self, reduction: Reduction) -> list[str]:
+        """Outputs that bound a reduction, for what is read; none where the FMU has not all."""
+        if reduction.bound is None:
+            return []
+        outputs = {name for drive in self.probe.drives for name in drive.outputs}
+        names = sorted({reduction.bound.replace("{output}", name) for name in outputs})
+        return names if all(name in self.variables for name in names) else []
+
+    def _changes(self, settings: Mapping[str, Scalar], reduction: Reduction) -> bool:
+        """Whether a reduction sets anything that is not so already."""
+        return any(
+            {**drive.start_values, **settings}.get(name) != value
+            for drive in self.probe.drives
+            for name, value in reduction.set.items()
+        )
+
+    def _work(self, settings: Mapping[str, Scalar]) -> float:
+        """Work of a settled run; by the time that another setting needs, where none is known."""
+        key = tuple(sorted(settings.items()))
+        if key in self._settled:
+            return self.probe.work(settings, self._settled[key].settle_s)
+        others = [settled.settle_s for settled in self._settled.values()]
+        return self.probe.work(settings, max(others, default=0.0))
+
+
+def window_decision(windows: Sequence[Window]) -> Decision:
+    """The decision on windows, which cost nothing that was not measured."""
+    lengths = [float(f"{window.length_s:.6g}") for window in windows]
+    counts = [window.samples for window in windows]
+    tones = {window.tones_hz for window in windows}
+    coherent = all(window.coherent for window in windows)
+    return Decision(
+        kind=Kind.WINDOW,
+        basis=Basis.COHERENT if coherent else Basis.FITTED,
+        bound=0.0,
+        subject=hertz(*windows[0].tones_hz) if len(tones) == 1 else "",
+        numbers={
+            "shortest_s": min(lengths),
+            "longest_s": max(lengths),
+            "least": min(counts),
+            "most": max(counts),
+            "mixtures": max(window.mixtures for window in windows),
+        },
+    )
+
+
+def _require_oscillation(drives: Sequence[Drive], readings: Sequence[Reading]) -> None:
+    for drive, reading in zip(drives, readings, strict=True):
+        if all(reading.constant):
+            pairs = zip(drive.outputs, reading.mean, strict=True)
+            said = ", ".join(f"{name} is constant at {float(v):.9g}" for name, v in pairs)
+            raise BadInput(f"outputs: {said}; wanted one that oscillates under the drive")
+
+
+def _better(bound: float, value: float, best: tuple[float, float], share: float) -> bool:
+    """A value that keeps the share beats a finer one that does; else the smaller error."""
+    if bound <= share:
+        return best[0] > share or value > best[1]
+    return bound < best[0]
+
+
+def constants_of(drive: Drive, reading: Reading) -> dict[str, float]:
+    """Values of the outputs that do not oscillate, by name."""
+    rows = zip(drive.outputs, reading.constant, np.asarray(reading.mean).tolist(), strict=True)
+    return {name: value for name, constant, value in rows if constant}

@@ -1,0 +1,174 @@
+"""One planner: a plan is the same whatever the clock says, and keeps what a user sets."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.accuracy import Hints, Reduction
+from fitting.simulate.budget import Basis, Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.planner import Knowledge, PlanOptions, knowledge_of, plan_drives
+from fitting.simulate.probe import Probe
+from fitting.simulate.response import plan_drive, simulate
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from tests.support import reference
+from tests.support.scenes import STRING
+
+PAIR = (6.94016e6, 6.94036e6)
+AT_REST = Hints(forbid=("periodic start",))
+
+
+@pytest.fixture(scope="module")
+def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(oscillator_fmu) as running:
+        yield running
+
+
+class Ringing:
+    """Response y = cos 2 pi f t + exp(-t / tau) cos 2 pi f' t of a mode that is not driven.
+
+    `substep` adds an error of its square, where the FMU has one.
+    """
+
+    def __init__(self, tau_s: float, delays_s: Sequence[float] = (0.0,)) -> None:
+        self.tau_s = tau_s
+        self.delays_s = itertools.cycle(delays_s)
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Outputs of each run."""
+        time.sleep(next(self.delays_s))
+        found = []
+        for run in runs:
+            t = run.settle_s + np.arange(run.samples) * run.sample_step_s
+            y = np.cos(2 * np.pi * 100.0 * t)
+            y += np.exp(-t / self.tau_s) * np.cos(2 * np.pi * 93.7 * t)
+            step = float(run.start_values.get("substep", 0.0))
+            found.append((y * (1.0 + step**2))[:, np.newaxis])
+        return found
+
+
+RINGING = Drive({}, (100.0,), ("y",))
+STEPPED = Knowledge(Hints(substep="substep", reductions=(Reduction("none", {"a": 1}),)))
+
+
+def test_a_plan_is_the_same_on_a_machine_that_stalls() -> None:
+    """Delays of none to 40 ms, in another order each time; a run takes microseconds by itself."""
+    plans = [
+        plan_drives((RINGING,), 1e-4, Ringing(0.3, delays), STEPPED).record
+        for delays in ((0.0,), (0.0, 0.0, 0.04, 0.0, 0.01), (0.02, 0.0, 0.0))
+    ]
+    assert plans[0] == plans[1] == plans[2]
+    assert plans[0].promised <= 1e-4
+
+
+def test_no_clock_is_asked(workers: FmuWorkers, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
+    honest = plan_drive(workers, drive, 1e-4)
+    ticks = itertools.count(1.0, 17.0)
+    for clock in ("perf_counter", "process_time", "time"):
+        monkeypatch.setattr(time, clock, lambda: next(ticks) ** 2)
+    lied_to = plan_drive(workers, drive, 1e-4)
+    assert lied_to.record == honest.record
+    assert lied_to.runs == honest.runs
+
+
+@pytest.mark.parametrize("tau_s", [0.05, 2.0])
+def test_the_time_to_settle_follows_the_transient(tau_s: float) -> None:
+    """What is left of exp(-t / tau) after it is what the plan says, and it is not wasted."""
+    plan = plan_drives((RINGING,), 1e-4, Ringing(tau_s), Knowledge())
+    (settling,) = plan.budget.of(Kind.SETTLING)
+    assert settling.basis == Basis.WATCHED
+    assert math.exp(-plan.settle_s / tau_s) <= settling.bound <= 1e-4
+    assert plan.settle_s < 2.0 * tau_s * math.log(1e6)
+    assert float(f"{plan.settle_s:.3g}") == plan.settle_s or plan.settle_s * 1600 % 1 == 0
+
+
+def test_what_takes_too_much_work_is_not_looked_at_and_said() -> None:
+    options = PlanOptions(work=500.0)
+    plan = plan_drives((RINGING,), 1e-4, Ringing(100.0), Knowledge(), options)
+    (settling,) = plan.budget.of(Kind.SETTLING)
+    assert settling.basis == Basis.UNSTEADY
+    assert not plan.budget.kept
+    with pytest.raises(BadInput, match="a run over one window takes"):
+        plan_drives((RINGING,), 1e-4, Ringing(1.0), Knowledge(), PlanOptions(work=0.1))
+
+
+def test_work_is_counted_in_steps() -> None:
+    """A window of 0.01 s in 5 samples after 1 s: 6 communication steps, 1.008 s of substeps."""
+    named = Probe((RINGING,), Ringing(1.0), substep="substep")
+    window = RINGING.window(1.0)
+    assert window.samples == 5
+    last_s = window.times_s()[-1]
+    assert named.work({"substep": 1e-3}, 1.0) == pytest.approx(6 + last_s / 1e-3)
+    assert named.work({}, 1.0) == pytest.approx(6 + last_s * 40 * 100.0)
+    # a name that changes nothing takes no substeps; who names none is taken for compiled code
+    assert Probe((RINGING,), Ringing(1.0), substep="other").work({}, 1.0) == 6
+    assert Probe((RINGING,), Ringing(1.0)).work({}, 1.0) == pytest.approx(6 + last_s * 10.0)
+
+
+def truth(theta: float) -> np.ndarray:
+    """|X| of the first mode at both tones, 50 digits, for the FMU's own start values."""
+    scene = STRING.__class__("own", theta=theta, eta_plus=6.94026e6, eta_minus=7.0276e6)
+    return np.array([float(abs(reference.phasors(scene, u)[0])) for u in PAIR])
+
+
+@pytest.mark.parametrize(("settle_s", "kept"), [(5e-3, False), (40e-3, True)])
+def test_a_prescribed_time_to_settle_is_a_part_of_the_promise(
+    settle_s: float, kept: bool, workers: FmuWorkers
+) -> None:
+    drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
+    response = simulate(workers, drive, 1e-2, settle_s=settle_s, hints=AT_REST)
+    (settling,) = response.plan.budget.of(Kind.SETTLING)
+    assert settling.forced
+    assert response.plan.settle_s == settle_s
+    assert response.plan.budget.kept == response.steady == kept
+    error = np.max(np.abs(response.peaks[:, 0] / truth(1.9) - 1.0))
+    assert error <= response.accuracy
+    assert response.accuracy < 0.5
+
+
+def test_what_the_user_sets_is_left_as_it_is(workers: FmuWorkers) -> None:
+    values = {"theta": 1.9, "periodic_start": False, "other_mode": 1}
+    plan = plan_drive(workers, Drive(values, PAIR, ("q1_hybrid",)), 1e-2)
+    assert not set(plan.settings) & set(values)
+    assert plan.settle_s > 0.0
+    assert not plan.budget.of(Kind.MODEL, "far mode left out")
+
+
+def test_a_prescribed_substep_is_measured(workers: FmuWorkers) -> None:
+    """rk4 of the linear model at 100 Hz, Q = 10: 10 substeps a period are not enough for 1e-4."""
+    values = {
+        "solver": 2,
+        "rk4_substep": 1e-3,
+        "periodic_start": False,
+        "d1": 10.0,
+        "d2": 10.0,
+        "eta_plus": 100.0,
+        "eta_minus": 130.0,
+        "u1": 100.0,
+        "A2": 0.0,
+    }
+    plan = plan_drive(workers, Drive(values, (100.0,), ("q1_hybrid",)), 1e-4)
+    (solver,) = plan.budget.of(Kind.SOLVER, "rk4_substep")
+    assert solver.forced
+    assert solver.basis == Basis.PRESCRIBED
+    scene = STRING.__class__(
+        "slow", theta=1.9498, d1=10.0, d2=10.0, eta_plus=100.0, eta_minus=130.0
+    )
+    wanted = float(abs(reference.phasors(scene, 100.0)[0]))
+    error = abs(plan.amplitudes[0][0, 0] / wanted - 1.0)
+    assert 1e-4 < error <= plan.promised
+
+
+def test_hints_of_the_fmu_that_do_not_exist_are_refused(workers: FmuWorkers) -> None:
+    with pytest.raises(BadInput, match="no variable 'stride'"):
+        knowledge_of(workers.description, Hints(substep="stride"))
