@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fitting.campaign.data import Campaign
-from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -90,7 +90,7 @@ class Binder:
         return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
 
 
-def bind_hints(campaign: Campaign, binder: Binder) -> Hints:
+def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
     """The [accuracy] table in the FMU's names and units.
 
     Raises:
@@ -114,7 +114,7 @@ def bind_hints(campaign: Campaign, binder: Binder) -> Hints:
         reductions.append(Reduction(entry.name, settings, entry.bound))
     full = {name: binder.setting(name, w) for name, w in choice.full.items()}
     try:
-        return Hints(
+        return AccuracyAnnotation(
             choice.tolerance, choice.substep, full, tuple(reductions), choice.force, choice.forbid
         )
     except BadInput as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.binder import Binder, bind_hints
+from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings, WrittenParameter
@@ -22,7 +22,7 @@ from fitting.campaign.noise import (
     sweep_sigmas,
 )
 from fitting.campaign.parameters import Parameter
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -98,9 +98,9 @@ class Setup:
 
     ``output`` is the variable that is observed; ``start_values`` hold for every run;
     ``steady_start`` says that the FMU begins on its periodic orbit; ``line_width_hz`` tells how
-    long it takes to settle; ``accuracy`` is what simulated amplitudes are wanted to; ``hints`` say
-    what is known of the FMU's accuracy and of what may be left out; ``source`` is named where
-    something is wrong.
+    long it takes to settle; ``accuracy`` is what simulated amplitudes are wanted to;
+    ``annotation`` says what is known of the FMU's accuracy and of what may be left out; ``source``
+    is named where something is wrong.
     """
 
     drive: Drive
@@ -109,7 +109,7 @@ class Setup:
     steady_start: bool = False
     line_width_hz: float | None = None
     accuracy: float = 1e-6
-    hints: Hints = field(default_factory=Hints)
+    annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
     source: str = ""
 
 
@@ -174,7 +174,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         steady_start=file.observe.steady_start,
         line_width_hz=file.observe.line_width,
         accuracy=file.accuracy.amplitude,
-        hints=bind_hints(campaign, binder),
+        annotation=bind_annotation(campaign, binder),
         source=top,
     )
     bound = BoundCampaign(

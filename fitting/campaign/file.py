@@ -446,7 +446,7 @@ class WrittenReduction(Keys):
 class WrittenAccuracy(Keys):
     """How accurate amplitudes must be, and what may be left out for it.
 
-    `fitting.fmu.accuracy.Hints` tells what the names mean.
+    `fitting.fmu.accuracy.AccuracyAnnotation` tells what the names mean.
     """
 
     amplitude: Positive = 1e-06

@@ -19,7 +19,7 @@ from fitting.cli.options import (
 )
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuWorkers
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import combination_name
 from fitting.simulate.budget import Kind
 from fitting.simulate.drive import Drive
@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
                 drive,
                 args.accuracy,
                 settle_s=None if args.settle is None else _settling(args.settle),
-                hints=Hints(force=tuple(args.force), forbid=tuple(args.forbid)),
+                annotation=AccuracyAnnotation(force=tuple(args.force), forbid=tuple(args.forbid)),
                 shown=shown,
             )
         print(*plan_in_words(plan.budget), sep="\n")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import starts
 from fitting.fit.problem import Problem
-from fitting.fmu import FmuWorkers, read_hints
+from fitting.fmu import FmuWorkers, read_accuracy_annotation
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
@@ -56,7 +56,7 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
     """
     for bound in problem.campaigns.values():
         refuse_other_drives(bound, workers)
-    variables, own = workers.description.variables, read_hints(workers.description)
+    variables, own = workers.description.variables, read_accuracy_annotation(workers.description)
     plans = {
         name: measured_plan(bound, workers, variables, own)
         for name, bound in problem.campaigns.items()

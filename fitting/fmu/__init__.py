@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fitting.fmu.annotation import read_hints
+    from fitting.fmu.annotation import read_accuracy_annotation
     from fitting.fmu.description import (
         FmuDescription,
         FmuVariable,
@@ -18,7 +18,24 @@ if TYPE_CHECKING:
         validation_problems,
     )
     from fitting.fmu.pool import FmuWorkers
-    from fitting.fmu.records import Counts, InputSignal, Leg, Run, row_times
+    from fitting.fmu.runs import Counts, InputSignal, Run, Segment, row_times
+else:
+    _MODULES = {
+        "annotation": ("read_accuracy_annotation",),
+        "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
+        "pool": ("FmuWorkers",),
+        "runs": ("Counts", "InputSignal", "Segment", "Run", "row_times"),
+    }
+
+    def __getattr__(name: str) -> object:
+        """A public name, loaded from its module and kept."""
+        for module, names in _MODULES.items():
+            if name in names:
+                found = getattr(importlib.import_module(f"{__name__}.{module}"), name)
+                globals()[name] = found
+                return found
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "Counts",
@@ -26,27 +43,10 @@ __all__ = [
     "FmuVariable",
     "FmuWorkers",
     "InputSignal",
-    "Leg",
     "Run",
+    "Segment",
+    "read_accuracy_annotation",
     "read_description",
-    "read_hints",
     "row_times",
     "validation_problems",
 ]
-
-_MODULES = {
-    "annotation": ("read_hints",),
-    "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
-    "pool": ("FmuWorkers",),
-    "records": ("Counts", "InputSignal", "Leg", "Run", "row_times"),
-}
-
-
-def __getattr__(name: str) -> object:
-    """A public name, loaded from its module and kept."""
-    for module, names in _MODULES.items():
-        if name in names:
-            found = getattr(importlib.import_module(f"{__name__}.{module}"), name)
-            globals()[name] = found
-            return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

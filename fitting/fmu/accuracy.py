@@ -1,4 +1,4 @@
-"""How an FMU is told to be accurate, and what may be left out of it to be cheaper."""
+"""The accuracy annotation of an FMU: how it is told to be accurate, and what may be left out."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Reduction:
 
 
 @dataclass(frozen=True)
-class Hints:
+class AccuracyAnnotation:
     """What is known of an FMU: how it is told to be accurate, and what makes it cheaper.
 
     `tolerance` and `substep` name the parameters that bound its solver's relative error and its
@@ -75,8 +75,8 @@ class Hints:
                     known = ", ".join(names) or "none"
                     raise BadInput(f"{key}: no reduction '{name}', wanted one of: {known}")
 
-    def over(self, own: Hints) -> Hints:
-        """These hints, and what an FMU says of its `own` where these say nothing.
+    def over(self, own: AccuracyAnnotation) -> AccuracyAnnotation:
+        """What is said here, and by an FMU's `own` annotation where nothing is.
 
         Raises:
             BadInput: `force` or `forbid` name none of the reductions.

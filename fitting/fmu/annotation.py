@@ -15,7 +15,7 @@ from __future__ import annotations
 import zipfile
 from xml.etree import ElementTree
 
-from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.description import FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -27,8 +27,8 @@ PLACES = (
 )
 
 
-def read_hints(description: FmuDescription) -> Hints:
-    """The hints in an FMU's own annotation, in its names and units.
+def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
+    """The accuracy annotation in an FMU, in its names and units.
 
     Raises:
         BadInput: the annotation names a variable that is not there, or a value of another kind.
@@ -37,12 +37,12 @@ def read_hints(description: FmuDescription) -> Hints:
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
     found = [element for place in PLACES for element in root.iterfind(place)]
     if not found:
-        return Hints()
+        return AccuracyAnnotation()
     element = found[0]
     for name in (element.get("tolerance"), element.get("substep")):
         if name is not None:
             description.variable(name)
-    return Hints(
+    return AccuracyAnnotation(
         element.get("tolerance"),
         element.get("substep"),
         _settings(element.find("Full"), description),

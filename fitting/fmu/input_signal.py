@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fitting.fmu.records import Tone
+from fitting.fmu.runs import Tone
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import FloatArray
 

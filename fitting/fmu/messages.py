@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fitting.fmu.orders import Layout, Order
-from fitting.fmu.records import Counts
-from fitting.fmu.reuse import Verdict
+from fitting.fmu.reuse import ReuseDecision
+from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.runs import Counts
 from fitting.text.arrays import FloatArray
 
 
@@ -24,7 +24,7 @@ class Task(NamedTuple):
     """What a worker is there for: an FMU, what is known about its reuse, and its two files."""
 
     fmu: UnpackedFmu
-    verdict: Verdict
+    verdict: ReuseDecision
     log_path: str
     pulse_path: str
 
@@ -33,13 +33,13 @@ class Batch(NamedTuple):
     """Runs to do, and the layouts that they refer to."""
 
     layouts: list[Layout]
-    orders: list[Order]
+    requests: list[RunRequest]
 
 
 class Reply(NamedTuple):
-    """Results of the first ``done`` orders, flat; the rest is left if ``used_up`` or ``failure``.
+    """Results of the first ``done`` requests, flat; the rest is left if ``used_up`` or ``failure``.
 
-    ``used_up``: this process should do no more; ``failure``: why the order after the last done one
+    ``used_up``: this process should do no more; ``failure``: why the one after the last done one
     failed.
     """
 
@@ -49,4 +49,4 @@ class Reply(NamedTuple):
     failure: str | None
     warnings: tuple[str, ...]
     counts: Counts
-    verdict: Verdict
+    verdict: ReuseDecision

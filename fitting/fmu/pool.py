@@ -21,9 +21,9 @@ import numpy as np
 
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.messages import Batch, Reply, UnpackedFmu
-from fitting.fmu.orders import Order, Orders
-from fitting.fmu.records import Counts, Run
-from fitting.fmu.reuse import Verdict
+from fitting.fmu.reuse import ReuseDecision
+from fitting.fmu.run_requests import RunRequest, RunRequests
+from fitting.fmu.runs import Counts, Run
 from fitting.fmu.worker_process import WorkerProcess
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure
@@ -60,10 +60,10 @@ class _Open:
 
 @dataclass
 class _Job:
-    """A batch on its way: orders, the runs they were made of, and their results."""
+    """A batch on its way: requests, the runs they were made of, and their results."""
 
     runs: Sequence[Run]
-    orders: list[Order]
+    requests: list[RunRequest]
     results: list[FloatArray]
     todo: dict[int, list[int]]  # by worker: numbers of the runs that it has still to do
 
@@ -102,10 +102,10 @@ class FmuWorkers:
         self.latest_warnings: tuple[str, ...] = ()
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
-        self._orders = Orders(self.description)
+        self._requests = RunRequests(self.description)
         self._open = _Open([None] * workers)
         self._finaliser = weakref.finalize(self, self._open.close)
-        self._verdicts = [Verdict() for _ in range(workers)]
+        self._verdicts = [ReuseDecision() for _ in range(workers)]
         if reuse == "never":
             for verdict in self._verdicts:
                 verdict.refuse("so it was asked for")
@@ -137,8 +137,8 @@ class FmuWorkers:
         of that run; BadInput for names and values that do not fit the FMU.
         """
         self.latest_warnings = ()
-        orders = self._orders.take_all(runs)
-        job = _Job(runs, orders, [np.empty(0)] * len(orders), self._shares(len(orders)))
+        requests = self._requests.take_all(runs)
+        job = _Job(runs, requests, [np.empty(0)] * len(requests), self._shares(len(requests)))
         try:
             self._start_missing()
             for number in job.todo:
@@ -193,8 +193,8 @@ class FmuWorkers:
 
     def _send(self, number: int, job: _Job) -> None:
         worker = self._open.processes[number] or self._start(number)
-        orders = [job.orders[i] for i in job.todo[number]]
-        worker.send(Batch(self._orders.layouts, orders))
+        requests = [job.requests[i] for i in job.todo[number]]
+        worker.send(Batch(self._requests.layouts, requests))
 
     def _wait(self, job: _Job) -> None:
         """Take what has arrived, and look after who is late."""
@@ -222,7 +222,7 @@ class FmuWorkers:
         todo = job.todo[number]
         position = 0
         for i in todo[: reply.done]:
-            shape = (job.orders[i].rows, len(job.runs[i].outputs))
+            shape = (job.requests[i].rows, len(job.runs[i].outputs))
             size = shape[0] * shape[1]
             job.results[i] = reply.results[position : position + size].reshape(shape)
             position += size

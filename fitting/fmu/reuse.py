@@ -1,4 +1,4 @@
-"""May an instance be reset and used again? Found out by comparison, not taken from the FMU's word.
+"""Reuse of an instance after a reset: allowed by comparison, not on the FMU's word.
 
 The first run of a layout has a new instance. When a run comes that differs from it in a value that
 no comparison has varied yet, both are repeated: the new run after a reset, the first one after
@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fitting.fmu.log import CallFailed
-from fitting.fmu.orders import Layout, Order
+from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.text.arrays import FloatArray
 
-Place = tuple[int, int] | str  # a value of an order: (group, position), or the input's tones
+Place = tuple[int, int] | str  # a value of a request: (group, position), or the input's tones
 
 UNDECIDED = "no comparison of a reset instance with a new one was needed"
 REUSED = "instances are reset and reused: runs repeated after a reset were the same bit for bit"
@@ -27,14 +27,14 @@ REUSED = "instances are reset and reused: runs repeated after a reset were the s
 class Trial:
     """What has been compared for one layout."""
 
-    order: Order
+    request: RunRequest
     result: FloatArray
     varied: set[Place] = field(default_factory=set)
-    pending: tuple[Order, FloatArray] | None = None
+    pending: tuple[RunRequest, FloatArray] | None = None
 
 
 @dataclass
-class Verdict:
+class ReuseDecision:
     """Whether instances are reused (None: undecided), and why; outlives the worker process."""
 
     reused: bool | None = None
@@ -49,30 +49,30 @@ class Verdict:
 
 
 def run_with_reuse(
-    verdict: Verdict,
+    verdict: ReuseDecision,
     layouts: list[Layout],
-    order: Order,
-    fresh: Callable[[Order], FloatArray],
-    again: Callable[[Order], FloatArray],
+    request: RunRequest,
+    fresh: Callable[[RunRequest], FloatArray],
+    again: Callable[[RunRequest], FloatArray],
 ) -> FloatArray:
     """Result of a run, on a reset instance where that is proven to be as good as a new one.
 
     ``fresh`` runs an order on a new instance, ``again`` on the present one after a reset.
     """
     if verdict.reused is False:
-        return fresh(order)
-    trial = verdict.trials.get(order.layout)
+        return fresh(request)
+    trial = verdict.trials.get(request.layout)
     if trial is None:
-        result = fresh(order)
-        verdict.trials[order.layout] = Trial(order, result)
+        result = fresh(request)
+        verdict.trials[request.layout] = Trial(request, result)
         return result
-    new = _differing(trial.order, order) - trial.varied
+    new = _differing(trial.request, request) - trial.varied
     if not new:
-        return again(order) if trial.varied else fresh(order)
+        return again(request) if trial.varied else fresh(request)
     failure = None
-    if trial.pending is None or trial.pending[0] != order:
-        failure = _repeat(verdict, trial, layouts[order.layout], order, again)
-    result = fresh(order)
+    if trial.pending is None or trial.pending[0] != request:
+        failure = _repeat(verdict, trial, layouts[request.layout], request, again)
+    result = fresh(request)
     if failure is not None:  # and on a new instance the same run did not fail
         verdict.refuse(f"a run after a reset failed ({failure})")
     elif trial.pending is not None and _same(result, trial.pending[1]):
@@ -80,34 +80,34 @@ def run_with_reuse(
         trial.pending = None
         verdict.reused, verdict.note = True, REUSED
     elif trial.pending is not None:
-        outputs = layouts[order.layout].outputs
+        outputs = layouts[request.layout].outputs
         verdict.refuse(_difference(outputs, trial.pending[1], result))
     return result
 
 
 def _repeat(
-    verdict: Verdict,
+    verdict: ReuseDecision,
     trial: Trial,
     layout: Layout,
-    order: Order,
-    again: Callable[[Order], FloatArray],
+    request: RunRequest,
+    again: Callable[[RunRequest], FloatArray],
 ) -> CallFailed | None:
     """The new run and the first one, each after a reset; returned: the failure of either."""
     trial.pending = None
     try:
-        result = again(order)
-        repeated = again(trial.order)
+        result = again(request)
+        repeated = again(trial.request)
     except CallFailed as error:
         return error
     if _same(repeated, trial.result):
-        trial.pending = (order, result)
+        trial.pending = (request, result)
     else:
         verdict.refuse(_difference(layout.outputs, repeated, trial.result))
     return None
 
 
-def _differing(a: Order, b: Order) -> set[Place]:
-    if a.values == b.values and a.tones == b.tones and a.legs == b.legs:
+def _differing(a: RunRequest, b: RunRequest) -> set[Place]:
+    if a.values == b.values and a.tones == b.tones and a.segments == b.segments:
         return set()
     places: set[Place] = {
         (group, position)
@@ -118,8 +118,8 @@ def _differing(a: Order, b: Order) -> set[Place]:
     }
     if a.tones != b.tones:
         places.add("tones")
-    if a.legs != b.legs:
-        places.add("legs")
+    if a.segments != b.segments:
+        places.add("segments")
     return places
 
 

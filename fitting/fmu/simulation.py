@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.fmu.input_signal import held_values
-from fitting.fmu.interface import Access, Interface
+from fitting.fmu.instance import FmuInstance, VariableAccess
 from fitting.fmu.log import CallFailed
-from fitting.fmu.orders import Layout, Order
-from fitting.fmu.records import row_times
+from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.runs import row_times
 from fitting.text.arrays import FloatArray
 
 Reader = Callable[[int], None]
@@ -24,13 +24,13 @@ class Binding(NamedTuple):
     """A layout with its functions and buffers; ``input`` is set where the run has a signal."""
 
     layout: Layout
-    sets: tuple[Access, ...]
-    gets: tuple[Access, ...]
-    input: Access | None
-    moved: Access | None = None
+    sets: tuple[VariableAccess, ...]
+    gets: tuple[VariableAccess, ...]
+    input: VariableAccess | None
+    moved: VariableAccess | None = None
 
 
-def bind(fmu: Interface, layout: Layout) -> Binding:
+def bind(fmu: FmuInstance, layout: Layout) -> Binding:
     """Functions and buffers for a layout, made once for many runs."""
     return Binding(
         layout,
@@ -41,61 +41,63 @@ def bind(fmu: Interface, layout: Layout) -> Binding:
     )
 
 
-def simulate(fmu: Interface, binding: Binding, order: Order) -> FloatArray:
+def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatArray:
     """One run of a new or reset instance, shape (samples, outputs).
 
     Raises CallFailed for a status that is not OK or a warning, for a step that ends early and,
-    unless ``order.allow_nan``, for an output that is not a finite number.
+    unless ``request.allow_nan``, for an output that is not a finite number.
     """
-    result = np.empty((order.rows, len(binding.layout.outputs)))
-    for access, values in zip(binding.sets, order.values, strict=True):
+    result = np.empty((request.rows, len(binding.layout.outputs)))
+    for access, values in zip(binding.sets, request.values, strict=True):
         fmu.set(access, values)
     read = _reader(fmu, binding, result)
-    fmu.enter_initialisation(order.start_time_s)
+    fmu.enter_initialisation(request.start_time_s)
     if binding.input is None:
         fmu.leave_initialisation()
-        now = _stride(fmu, order, read)
+        now = _stride(fmu, request, read)
         if binding.moved is not None:
-            _follow(fmu, binding.moved, order, read, now)
+            _follow(fmu, binding.moved, request, read, now)
     else:
-        _stride_with_input(fmu, binding.input, order, read)
+        _stride_with_input(fmu, binding.input, request, read)
     fmu.terminate()
-    if not (order.allow_nan or np.isfinite(result).all()):
-        raise CallFailed(fmu.with_log(_not_finite(binding.layout.outputs, order, result)))
+    if not (request.allow_nan or np.isfinite(result).all()):
+        raise CallFailed(fmu.with_log(_not_finite(binding.layout.outputs, request, result)))
     return result
 
 
-def steps_of(order: Order) -> int:
+def steps_of(request: RunRequest) -> int:
     """Communication steps of a run."""
-    if order.step_s:
-        lead, each = _whole_steps(order)
-        return lead + each * (order.samples - 1)
-    legs = sum(leg.samples - 1 + bool(leg.settle_s) for leg in order.legs)
-    return order.samples - 1 + bool(order.settle_s) + legs
+    if request.step_s:
+        lead, each = _whole_steps(request)
+        return lead + each * (request.samples - 1)
+    segments = sum(segment.samples - 1 + bool(segment.settle_s) for segment in request.segments)
+    return request.samples - 1 + bool(request.settle_s) + segments
 
 
-def _follow(fmu: Interface, moved: Access, order: Order, read: Reader, now: float) -> None:
-    """Legs after the first stretch: move the variable, one step to each of their samples."""
-    row = order.samples
-    for leg in order.legs:
-        fmu.set(moved, (leg.value,))
-        first = now + leg.settle_s
-        for j in range(leg.samples):
-            then = first + j * leg.sample_step_s
+def _follow(
+    fmu: FmuInstance, moved: VariableAccess, request: RunRequest, read: Reader, now: float
+) -> None:
+    """Segments after the first stretch: move the variable, one step to each of their samples."""
+    row = request.samples
+    for segment in request.segments:
+        fmu.set(moved, (segment.value,))
+        first = now + segment.settle_s
+        for j in range(segment.samples):
+            then = first + j * segment.sample_step_s
             if then > now:
                 fmu.step(now, then - now)
             read(row)
             row, now = row + 1, then
 
 
-def _stride(fmu: Interface, order: Order, read: Reader) -> float:
+def _stride(fmu: FmuInstance, request: RunRequest, read: Reader) -> float:
     """One step to each sample; the time of the last."""
-    step = order.sample_step_s
-    first = now = order.start_time_s + order.settle_s
-    if order.settle_s:
-        fmu.step(order.start_time_s, first - order.start_time_s)
+    step = request.sample_step_s
+    first = now = request.start_time_s + request.settle_s
+    if request.settle_s:
+        fmu.step(request.start_time_s, first - request.start_time_s)
     read(0)
-    for j in range(1, order.samples):
+    for j in range(1, request.samples):
         then = first + j * step
         fmu.step(now, then - now)
         read(j)
@@ -103,17 +105,19 @@ def _stride(fmu: Interface, order: Order, read: Reader) -> float:
     return now
 
 
-def _stride_with_input(fmu: Interface, drive: Access, order: Order, read: Reader) -> None:
+def _stride_with_input(
+    fmu: FmuInstance, drive: VariableAccess, request: RunRequest, read: Reader
+) -> None:
     """Many steps to each sample, with the input held over each."""
-    start, step = order.start_time_s, order.step_s
-    lead, each = _whole_steps(order)
-    values = held_values(order.tones, start, step, steps_of(order) + 1).tolist()
+    start, step = request.start_time_s, request.step_s
+    lead, each = _whole_steps(request)
+    values = held_values(request.tones, start, step, steps_of(request) + 1).tolist()
     fmu.set(drive, (values[0],))
     fmu.leave_initialisation()
     if lead == 0:
         read(0)
     now = start
-    for k in range(1, steps_of(order) + 1):
+    for k in range(1, steps_of(request) + 1):
         fmu.set(drive, (values[k - 1],))
         then = start + k * step
         fmu.step(now, then - now)
@@ -122,13 +126,13 @@ def _stride_with_input(fmu: Interface, drive: Access, order: Order, read: Reader
             read((k - lead) // each)
 
 
-def _whole_steps(order: Order) -> tuple[int, int]:
+def _whole_steps(request: RunRequest) -> tuple[int, int]:
     """Steps before the first sample, and from one sample to the next."""
-    each = round(order.sample_step_s / order.step_s) if order.samples > 1 else 1
-    return round(order.settle_s / order.step_s), each
+    each = round(request.sample_step_s / request.step_s) if request.samples > 1 else 1
+    return round(request.settle_s / request.step_s), each
 
 
-def _reader(fmu: Interface, binding: Binding, result: FloatArray) -> Reader:
+def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
     """Function that reads all outputs into row j of the result."""
     instance, check = fmu.instance, fmu.check
     first = binding.gets[0]
@@ -153,7 +157,7 @@ def _reader(fmu: Interface, binding: Binding, result: FloatArray) -> Reader:
     return read_mixed
 
 
-def _not_finite(outputs: tuple[str, ...], order: Order, result: FloatArray) -> str:
+def _not_finite(outputs: tuple[str, ...], request: RunRequest, result: FloatArray) -> str:
     j, column = np.argwhere(~np.isfinite(result))[0]
-    at = row_times(order)[int(j)]
+    at = row_times(request)[int(j)]
     return f"output {outputs[column]} is {result[j, column]} at t = {at!r} s"

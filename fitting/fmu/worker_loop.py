@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from fitting.fmu.interface import Interface, load
+from fitting.fmu.instance import FmuInstance, load
 from fitting.fmu.log import CallFailed, Log
 from fitting.fmu.messages import Batch, Reply, Task, UnpackedFmu
-from fitting.fmu.orders import Layout, Order
 from fitting.fmu.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
-from fitting.fmu.records import Counts
-from fitting.fmu.reuse import Verdict, run_with_reuse
+from fitting.fmu.reuse import ReuseDecision, run_with_reuse
+from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.runs import Counts
 from fitting.fmu.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
@@ -39,22 +39,24 @@ class _UsedUp(Exception):
 class _Holder:
     """The FMU of this process, its instance, and the account of what was done with it."""
 
-    def __init__(self, fmu: UnpackedFmu, log: Log, verdict: Verdict, pulse: memoryview) -> None:
+    def __init__(
+        self, fmu: UnpackedFmu, log: Log, verdict: ReuseDecision, pulse: memoryview
+    ) -> None:
         self.verdict = verdict
         self.log = log
         self._limit = 1 if fmu.one_instance_per_process else MOST_INSTANCES
         self._unpacked = fmu
         self._pulse = pulse
-        self._fmu: Interface | None = None
+        self._fmu: FmuInstance | None = None
         self._instances = 0
         self._bindings: dict[int, Binding] = {}
         self._layouts: list[Layout] = []
         self._runs = self._steps = self._new_instances = 0
         self._seconds = 0.0
 
-    def do(self, layouts: list[Layout], order: Order) -> FloatArray:
+    def do(self, layouts: list[Layout], request: RunRequest) -> FloatArray:
         self._layouts = layouts
-        return run_with_reuse(self.verdict, layouts, order, self._fresh, self._again)
+        return run_with_reuse(self.verdict, layouts, request, self._fresh, self._again)
 
     def take_counts(self) -> Counts:
         counts = Counts(self._runs, self._steps, self._seconds, self._new_instances)
@@ -66,7 +68,7 @@ class _Holder:
         if self._fmu is not None:
             self._fmu.free()
 
-    def _fresh(self, order: Order) -> FloatArray:
+    def _fresh(self, request: RunRequest) -> FloatArray:
         if self._instances >= self._limit:
             raise _UsedUp
         if self._fmu is None:
@@ -77,32 +79,32 @@ class _Holder:
         self._pulse[IN_TRIAL] = 0
         self._instances += 1
         self._new_instances += 1
-        return self._simulate(self._fmu, order)
+        return self._simulate(self._fmu, request)
 
-    def _again(self, order: Order) -> FloatArray:
-        trial = self.verdict.trials[order.layout]
+    def _again(self, request: RunRequest) -> FloatArray:
+        trial = self.verdict.trials[request.layout]
         fmu = self._fmu
         if fmu is None or fmu.instance is None:  # a new process has taken over
-            return self._fresh(order)
+            return self._fresh(request)
         self._pulse[IN_TRIAL] = not trial.varied
         self._pulse[BEGUN] += 1
         self.log.new_run()
         began = time.perf_counter()
         fmu.reset()
         self._seconds += time.perf_counter() - began
-        result = self._simulate(fmu, order)
+        result = self._simulate(fmu, request)
         self._pulse[IN_TRIAL] = 0
         return result
 
-    def _simulate(self, fmu: Interface, order: Order) -> FloatArray:
-        binding = self._bindings.get(order.layout)
+    def _simulate(self, fmu: FmuInstance, request: RunRequest) -> FloatArray:
+        binding = self._bindings.get(request.layout)
         if binding is None:
-            binding = self._bindings[order.layout] = bind(fmu, self._layouts[order.layout])
+            binding = self._bindings[request.layout] = bind(fmu, self._layouts[request.layout])
         began = time.perf_counter()
-        result = simulate(fmu, binding, order)
+        result = simulate(fmu, binding, request)
         self._seconds += time.perf_counter() - began
         self._runs += 1
-        self._steps += steps_of(order)
+        self._steps += steps_of(request)
         return result
 
 
@@ -161,10 +163,10 @@ def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
     pulse[BEGUN] += 1
     results: list[FloatArray] = []
     used_up, failure = False, None
-    for number, order in enumerate(batch.orders):
+    for number, request in enumerate(batch.requests):
         pulse[AT_RUN] = number
         try:
-            results.append(holder.do(batch.layouts, order))
+            results.append(holder.do(batch.layouts, request))
         except _UsedUp:
             used_up = True
             break

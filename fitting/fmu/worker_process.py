@@ -16,7 +16,7 @@ from typing import Any
 from fitting.fmu import worker_main
 from fitting.fmu.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.pulse import AT_RUN, BEGUN, IN_TRIAL, new_pulse
-from fitting.fmu.reuse import Verdict
+from fitting.fmu.reuse import ReuseDecision
 
 START_S = 120.0  # longest start of a process, before it touches the FMU
 LAST_WORDS = 500  # characters of what the FMU printed before it crashed
@@ -30,7 +30,7 @@ class WorkerProcess:
     Raises OSError if no process can be started.
     """
 
-    def __init__(self, fmu: UnpackedFmu, verdict: Verdict, home: Path, name: str) -> None:
+    def __init__(self, fmu: UnpackedFmu, verdict: ReuseDecision, home: Path, name: str) -> None:
         self._log_path = home / f"{name}.log"
         pulse_path = home / f"{name}.pulse"
         self._pulse = new_pulse(pulse_path)

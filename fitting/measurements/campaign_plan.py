@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import references, starts
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.planning import Plan, known_width_hz, plan_campaign, with_windows
@@ -35,7 +35,7 @@ def measured_plan(
     bound: BoundCampaign,
     workers: Workers,
     variables: Mapping[str, VariableLike],
-    own: Hints | None = None,
+    own: AccuracyAnnotation | None = None,
 ) -> Plan:
     """Plan of a campaign with settling, solver and reductions measured at start and reference.
 
@@ -52,12 +52,12 @@ def measured_plan(
     drives = _drives(bound, model, workers)
     if not drives:
         return draft
-    hints = _applicable(bound, bound.setup.hints.over(own or Hints()))
+    annotation = _applicable(bound, bound.setup.annotation.over(own or AccuracyAnnotation()))
     found = plan_drives(
         drives,
         bound.setup.accuracy,
         workers,
-        Knowledge(hints, variables),
+        Knowledge(annotation, variables),
         PlanOptions(examples=True),
     )
     settle_s = _settle_s(bound, found, draft)
@@ -68,17 +68,17 @@ def measured_plan(
     return _few_nodes(bound, replace(model, setup=bound.setup, plan=plan), workers)
 
 
-def _applicable(bound: BoundCampaign, hints: Hints) -> Hints:
-    """Hints without reductions of what the campaign itself fits, tries or sets per experiment."""
+def _applicable(bound: BoundCampaign, annotation: AccuracyAnnotation) -> AccuracyAnnotation:
+    """The annotation without what the campaign itself fits, tries or sets per experiment."""
     own = {p.target for p in bound.parameters} | {n for p in bound.parameters for n in p.adds_to}
     own |= set(bound.alternatives[0]) | {n for e in bound.experiments for n in e.settings}
-    kept = tuple(r for r in hints.reductions if own.isdisjoint(r.set))
+    kept = tuple(r for r in annotation.reductions if own.isdisjoint(r.set))
     names = {r.name for r in kept}
     return replace(
-        hints,
+        annotation,
         reductions=kept,
-        force=tuple(n for n in hints.force if n in names),
-        forbid=tuple(n for n in hints.forbid if n in names),
+        force=tuple(n for n in annotation.force if n in names),
+        forbid=tuple(n for n in annotation.forbid if n in names),
     )
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fitting.fmu import InputSignal, Leg, Run, row_times
+from fitting.fmu import InputSignal, Run, Segment, row_times
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.tones import ToneFit, common_period
 from fitting.signal.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window, whole_steps
@@ -97,7 +97,7 @@ class Drive:
         input_step_s: float,
     ) -> Run:
         signal, moved = None, ""
-        legs: tuple[Leg, ...] = ()
+        segments: tuple[Segment, ...] = ()
         values = {**self.start_values, **settings}
         times = window.settle_s, window.step_s, window.samples
         if self.input is not None:
@@ -105,8 +105,8 @@ class Drive:
             signal = InputSignal(self.input, rows, input_step_s)
         if self.approach is not None:
             moved, values[self.approach.name] = self.approach.name, self.approach.first
-            legs = (Leg(self.approach.value, *times),)
-        return Run(values, *times, outputs, input_signal=signal, moved=moved, legs=legs)
+            segments = (Segment(self.approach.value, *times),)
+        return Run(values, *times, outputs, input_signal=signal, moved=moved, segments=segments)
 
     def fit(self, window: Window) -> ToneFit:
         """The fit of the lines in the last samples of a run with that window."""

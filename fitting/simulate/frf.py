@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.fmu import Leg, Run, row_times
-from fitting.fmu.accuracy import Hints
+from fitting.fmu import Run, Segment, row_times
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import USUAL_ORDER
 from fitting.signal.tones import ToneFit
 from fitting.signal.window import Window
@@ -125,16 +125,16 @@ def plan_sweep(
     accuracy: float = USUAL_SWEEP_ACCURACY,
     *,
     settle_s: float | None = None,
-    hints: Hints | None = None,
+    annotation: AccuracyAnnotation | None = None,
 ) -> DrivePlan:
     """The plan on which `sweep` stands; its arguments and errors."""
     f = sweep.frequencies_hz
     tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
     # from the far end of the sweep: further than any step of it
     drives = [sweep.drive(u, f[0] if u > 0.5 * (f[0] + f[-1]) else f[-1]) for u in tried]
-    known = knowledge_of(workers.description, hints)
+    known = knowledge_of(workers.description, annotation)
     # what a reduction leaves out is known at the points that are tried, and a sweep visits others
-    whole = replace(known.hints, full={}, reductions=(), force=(), forbid=())
+    whole = replace(known.annotation, full={}, reductions=(), force=(), forbid=())
     options = PlanOptions(
         examples=True,
         of_largest=True,
@@ -142,7 +142,7 @@ def plan_sweep(
         longest_settle_s=LONGEST_SETTLE_S,
         fixed=frozenset(sweep.start_values),
     )
-    return plan_drives(drives, accuracy, workers, replace(known, hints=whole), options)
+    return plan_drives(drives, accuracy, workers, replace(known, annotation=whole), options)
 
 
 def sweep(
@@ -151,7 +151,7 @@ def sweep(
     accuracy: float = USUAL_SWEEP_ACCURACY,
     *,
     settle_s: float | None = None,
-    hints: Hints | None = None,
+    annotation: AccuracyAnnotation | None = None,
 ) -> SweepResponse:
     """Plan a sweep of an FMU and take it each way that is asked for.
 
@@ -161,7 +161,7 @@ def sweep(
         accuracy: wanted largest error of an amplitude, as a part of the largest amplitude.
         settle_s: time at each point in s; None: found by watching the amplitudes at some points,
             come to from the far end of the sweep.
-        hints: which parameters set the solver's accuracy, where the FMU does not say so.
+        annotation: which parameters set the solver's accuracy, where the FMU does not say so.
 
     Returns:
         A curve per direction, the jumps between them, the plan. The model is the FMU's as its
@@ -171,7 +171,7 @@ def sweep(
         BadInput: the tone cannot be moved during a run, or does not drive the output.
         FmuFailure: the FMU failed.
     """
-    plan = plan_sweep(workers, what, accuracy, settle_s=settle_s, hints=hints)
+    plan = plan_sweep(workers, what, accuracy, settle_s=settle_s, annotation=annotation)
     return take_sweep(workers, what, plan)
 
 
@@ -203,10 +203,10 @@ def _path_run(what: Sweep, path: Sequence[float], plan: DrivePlan) -> tuple[Run,
     drives = [what.drive(f, path[0]) for f in path]
     windows = [drive.window(plan.settle_s, plan.order, plan.longest_s) for drive in drives]
     first, *rest = zip(drives, windows, strict=True)
-    legs = tuple(
-        Leg(d.approach.value, plan.settle_s, w.step_s, w.samples) for d, w in rest if d.approach
+    segments = tuple(
+        Segment(d.approach.value, plan.settle_s, w.step_s, w.samples) for d, w in rest if d.approach
     )
-    return replace(first[0].run(first[1], plan.settings), legs=legs), windows
+    return replace(first[0].run(first[1], plan.settings), segments=segments), windows
 
 
 def _amplitudes(

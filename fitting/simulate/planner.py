@@ -15,8 +15,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fitting.fmu import FmuDescription, Run, read_hints
-from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu import FmuDescription, Run, read_accuracy_annotation
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.variables import VariableLike
 from fitting.signal.window import Window
 from fitting.simulate.batch import Workers
@@ -84,17 +84,19 @@ class FmuLike(Workers, Protocol):
 class Knowledge:
     """What is known of an FMU: how it is told to be accurate, and its variables by name."""
 
-    hints: Hints = field(default_factory=Hints)
+    annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
     variables: Mapping[str, VariableLike] = field(default_factory=dict)
 
 
-def knowledge_of(description: FmuDescription, hints: Hints | None = None) -> Knowledge:
-    """What an FMU says of itself, where `hints` do not say otherwise.
+def knowledge_of(
+    description: FmuDescription, annotation: AccuracyAnnotation | None = None
+) -> Knowledge:
+    """What an FMU says of itself, where `annotation` does not say otherwise.
 
     Raises:
-        BadInput: hints that name variables which the FMU does not have.
+        BadInput: annotation that name variables which the FMU does not have.
     """
-    merged = (hints or Hints()).over(read_hints(description))
+    merged = (annotation or AccuracyAnnotation()).over(read_accuracy_annotation(description))
     names = [name for name in (merged.tolerance, merged.substep) if name is not None]
     names += [*merged.full, *(name for r in merged.reductions for name in r.set)]
     for name in names:
@@ -206,13 +208,13 @@ class _Planner:
         known: Knowledge,
         options: PlanOptions,
     ) -> None:
-        self.hints, self.variables = known.hints, known.variables
+        self.annotation, self.variables = known.annotation, known.variables
         self.accuracy, self.options = accuracy, options
         self.probe = Probe(
             drives=drives,
             workers=workers,
-            substep=self.hints.substep,
-            tolerance=self.hints.tolerance,
+            substep=self.annotation.substep,
+            tolerance=self.annotation.tolerance,
             of_largest=options.of_largest,
         )
         self.budget = Budget(accuracy)
@@ -223,7 +225,7 @@ class _Planner:
     def plan(self) -> DrivePlan:
         """All decisions, one after the other."""
         fixed = self.options.fixed
-        settings = {k: v for k, v in self.hints.full.items() if k not in fixed}
+        settings = {k: v for k, v in self.annotation.full.items() if k not in fixed}
         settings = self._reductions(settings)
         self.probe.shorten_windows(settings)
         settled = self._settle(settings)
@@ -277,7 +279,7 @@ class _Planner:
 
     def _fine(self, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """A solver fine enough that its own noise is not taken for a transient."""
-        name = self.hints.tolerance
+        name = self.annotation.tolerance
         if name is None or name in settings or name in self.options.fixed:
             return {}
         low, high = self._range(name)
@@ -293,11 +295,11 @@ class _Planner:
     def _solver_parameters(self, settings: Mapping[str, Scalar]) -> list[tuple[str, float]]:
         """Parameters that set the solver's accuracy, with a first value for each."""
         found: list[tuple[str, float]] = []
-        if self.hints.tolerance is not None:
+        if self.annotation.tolerance is not None:
             coarse = 1.0 if self.options.examples else COARSE
-            found.append((self.hints.tolerance, coarse * self._share(Kind.SOLVER)))
-        if self.hints.substep is not None:
-            found.append((self.hints.substep, 1.0 / (40.0 * self.probe.fastest_hz)))
+            found.append((self.annotation.tolerance, coarse * self._share(Kind.SOLVER)))
+        if self.annotation.substep is not None:
+            found.append((self.annotation.substep, 1.0 / (40.0 * self.probe.fastest_hz)))
         return [(name, value) for name, value in found if name not in settings]
 
     def _range(self, name: str) -> tuple[float, float]:
@@ -308,7 +310,7 @@ class _Planner:
 
     def _part(self, name: str) -> float:
         """By which part of it a solver's parameter is tried finer."""
-        return 0.01 if name == self.hints.tolerance else 0.5
+        return 0.01 if name == self.annotation.tolerance else 0.5
 
     def _error_at(
         self, settings: Mapping[str, Scalar], settle_s: float, name: str, value: float
@@ -439,7 +441,7 @@ class _Planner:
 
     def _reductions(self, settings: dict[str, Scalar]) -> dict[str, Scalar]:
         spent, chosen = 0.0, set(self.options.fixed)
-        for reduction in self.hints.reductions:
+        for reduction in self.annotation.reductions:
             if not chosen.isdisjoint(reduction.set) or not self._changes(settings, reduction):
                 continue
             decision = self._reduction(settings, reduction, self._share(Kind.MODEL) - spent)
@@ -462,9 +464,9 @@ class _Planner:
         self, settings: dict[str, Scalar], reduction: Reduction, left: float
     ) -> Decision:
         """Whether a reduction is taken: it fits into what is left and saves work."""
-        if reduction.name in self.hints.forbid:
+        if reduction.name in self.annotation.forbid:
             return forbidden(reduction)
-        forced = reduction.name in self.hints.force
+        forced = reduction.name in self.annotation.force
         if not forced and reduction.cost >= 1.0 and not self._too_long(settings):
             # what is known not to save is not looked at: that may take long
             self._settle(settings)
@@ -515,7 +517,7 @@ class _Planner:
     ) -> Decision:
         """The decision with a measured bound, where that may fit and the stated one does not."""
         left = float(stated.numbers["left"])
-        first, substep = dict(self._solver_parameters(settings)), self.hints.substep
+        first, substep = dict(self._solver_parameters(settings)), self.annotation.substep
         most = left + self.accuracy * (MEASURED - SHARES[Kind.MODEL])
         if self.options.examples or most <= 0.0 or substep not in first or substep is None:
             return stated

@@ -239,7 +239,7 @@ def _reading(drive: Drive, window: Window, values: FloatArray) -> Reading:
 def _communication_steps(run: Run) -> int:
     if run.input_signal is not None:
         return round(row_times(run)[-1] / run.input_signal.step_s)
-    return run.rows + 1 + len(run.legs)
+    return run.rows + 1 + len(run.segments)
 
 
 def _key(settings: Mapping[str, Scalar]) -> tuple[tuple[str, Scalar], ...]:

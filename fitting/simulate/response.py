@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from fitting.fmu import Run, row_times
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
 from fitting.signal.tones import exact, fit_tones, tones_in_words, unit_hint
@@ -154,7 +154,7 @@ def plan_drive(
     accuracy: float = USUAL_ACCURACY,
     *,
     settle_s: float | None = None,
-    hints: Hints | None = None,
+    annotation: AccuracyAnnotation | None = None,
     shown: Shown | None = None,
 ) -> DrivePlan:
     """The plan on which `simulate` stands; its arguments and errors."""
@@ -165,7 +165,7 @@ def plan_drive(
         longest_settle_s=longest_s,
         fixed=frozenset(drive.start_values),
     )
-    known = knowledge_of(workers.description, hints)
+    known = knowledge_of(workers.description, annotation)
     return plan_drives((drive,), accuracy, workers, known, options)
 
 
@@ -175,7 +175,7 @@ def simulate(
     accuracy: float = USUAL_ACCURACY,
     *,
     settle_s: float | None = None,
-    hints: Hints | None = None,
+    annotation: AccuracyAnnotation | None = None,
     shown: Shown | None = None,
 ) -> DriveResponse:
     """Plan, run and read one drive of an FMU.
@@ -186,8 +186,8 @@ def simulate(
         accuracy: wanted largest relative error of an amplitude, between 0 and 1.
         settle_s: time before sampling in s; None: found by watching the amplitudes. What a given
             time leaves of the transient is a part of the promise.
-        hints: how the FMU is told to be accurate, and reductions to force or forbid, where it is
-            not to be taken from the FMU's own annotation.
+        annotation: how the FMU is told to be accurate, and reductions to force or forbid, where it
+            is not to be taken from the FMU's own annotation.
         shown: window in s and number of samples of the spectrum.
 
     Returns:
@@ -200,7 +200,9 @@ def simulate(
         FmuFailure: the FMU failed.
     """
     shown = shown or Shown()
-    plan = plan_drive(workers, drive, accuracy, settle_s=settle_s, hints=hints, shown=shown)
+    plan = plan_drive(
+        workers, drive, accuracy, settle_s=settle_s, annotation=annotation, shown=shown
+    )
     return respond(workers, plan, shown)
 
 

@@ -38,7 +38,7 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import starts, to_search
 from fitting.fit.objective import Objective, evaluate_many, make_objective, stencil
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, Run, read_hints
+from fitting.fmu import FmuWorkers, Run, read_accuracy_annotation
 from fitting.fmu.models import provide_fmu
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
@@ -250,7 +250,7 @@ class Bench:
 
 def bench_of(bound: BoundCampaign, workers: FmuWorkers) -> Bench:
     """Objectives of a campaign on running workers."""
-    variables, own = workers.description.variables, read_hints(workers.description)
+    variables, own = workers.description.variables, read_accuracy_annotation(workers.description)
     plan = measured_plan(bound, workers, variables, own)
     response = through(workers, bound, plan, bound.alternatives[0])
     adaptive = make_objective(response, bound.parameters, problem_of([bound]).data)

@@ -12,7 +12,7 @@ import pytest
 
 import build_fmu
 from fitting.cli.main import main
-from fitting.fmu import FmuWorkers, Leg, Run, row_times
+from fitting.fmu import FmuWorkers, Run, Segment, row_times
 from fitting.lab.string import TwoModes, steady_state
 from fitting.text.errors import BadInput
 from tests.models.test_duffing import branches, folds, one_mode
@@ -162,16 +162,16 @@ def test_what_is_no_sweep_is_refused_in_one_line(
     assert not out.exists()
 
 
-# --- what a run with legs is ---------------------------------------------------------------------
+# --- what a run with segments is -----------------------------------------------------------------
 
 VALUES = {"theta": 1.9498, "d1": 120.0, "u1": 6940250.0, "A2": 0.0}
 
 
-def test_legs_to_the_same_value_are_a_run_that_goes_on(oscillator_fmu: Path) -> None:
+def test_segments_to_the_same_value_are_a_run_that_goes_on(oscillator_fmu: Path) -> None:
     with FmuWorkers(oscillator_fmu) as workers:
         whole = Run(VALUES, 1e-3, 1e-4, 12, ("q1_hybrid",))
-        legs = (Leg(6940250.0, 1e-4, 1e-4, 3), Leg(6940250.0, 1e-4, 1e-4, 5))
-        parted = Run(VALUES, 1e-3, 1e-4, 4, ("q1_hybrid",), moved="u1", legs=legs)
+        segments = (Segment(6940250.0, 1e-4, 1e-4, 3), Segment(6940250.0, 1e-4, 1e-4, 5))
+        parted = Run(VALUES, 1e-3, 1e-4, 4, ("q1_hybrid",), moved="u1", segments=segments)
         one, other, again = workers.run([whole, parted, parted])
     assert parted.rows == 12
     assert row_times(parted) == pytest.approx(row_times(whole), rel=1e-12)
@@ -183,22 +183,32 @@ def test_a_moved_tone_is_followed_without_a_leap(oscillator_fmu: Path) -> None:
     """Right after a move the displacement is what it was; long after it is the other tone's."""
     modes = TwoModes(1.9498, 120.0, 90.0, 6940260.0, 7027600.0)
     values = VALUES | {"d2": 90.0, "eta_plus": 6940260.0, "eta_minus": 7027600.0}
-    legs = (Leg(6940310.0, 1e-10, 1e-9, 1), Leg(6940310.0, 0.2, 1e-9, 1000))
+    segments = (Segment(6940310.0, 1e-10, 1e-9, 1), Segment(6940310.0, 0.2, 1e-9, 1000))
     with FmuWorkers(oscillator_fmu) as workers:
-        run = Run(values, 0.2, 1.0, 1, ("q1_hybrid",), moved="u1", legs=legs)
+        run = Run(values, 0.2, 1.0, 1, ("q1_hybrid",), moved="u1", segments=segments)
         rows = workers.run([run])[0][:, 0]
     amplitudes = np.abs(steady_state(modes, np.array([6940250.0, 6940310.0]))[:, 0])
     assert abs(rows[1] - rows[0]) < 2 * math.pi * 7e6 * 1.1e-10 * amplitudes[0]
     assert np.abs(rows[2:]).max() == pytest.approx(amplitudes[1], rel=1e-4)
 
 
-def test_legs_that_cannot_be_are_refused(oscillator_fmu: Path) -> None:
-    leg = (Leg(1.0, 0.0, 1.0, 1),)
+def test_segments_that_cannot_be_are_refused(oscillator_fmu: Path) -> None:
+    segments = (Segment(1.0, 0.0, 1.0, 1),)
     with pytest.raises(BadInput, match="wanted a start value"):
-        Run({}, 0.0, 1.0, 1, ("q1_hybrid",), moved="u1", legs=leg)
+        Run({}, 0.0, 1.0, 1, ("q1_hybrid",), moved="u1", segments=segments)
     with pytest.raises(BadInput, match="wanted finite numbers"):
-        Leg(math.nan, 0.0, 1.0, 1)
+        Segment(math.nan, 0.0, 1.0, 1)
     with FmuWorkers(oscillator_fmu) as workers, pytest.raises(BadInput, match="tunable Real"):
         workers.run(
-            [Run({"reflection": True}, 0.0, 1.0, 1, ("q1_hybrid",), moved="reflection", legs=leg)]
+            [
+                Run(
+                    {"reflection": True},
+                    0.0,
+                    1.0,
+                    1,
+                    ("q1_hybrid",),
+                    moved="reflection",
+                    segments=segments,
+                )
+            ]
         )

@@ -13,8 +13,8 @@ import pytest
 from fitting.campaign import bind, read_campaign
 from fitting.campaign.parameters import starts
 from fitting.cli.main import main
-from fitting.fmu import FmuWorkers, read_hints
-from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu import FmuWorkers, read_accuracy_annotation
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.sweep import swept_amplitudes
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
@@ -64,11 +64,11 @@ def test_what_is_no_decision_is_refused() -> None:
             Budget(accuracy)
     one = Reduction("one", {"a": 1})
     with pytest.raises(BadInput, match="no reduction 'two', wanted one of: one"):
-        Hints(reductions=(one,), forbid=("two",))
+        AccuracyAnnotation(reductions=(one,), forbid=("two",))
     with pytest.raises(BadInput, match="both"):
-        Hints(reductions=(one,), forbid=("one",), force=("one",))
+        AccuracyAnnotation(reductions=(one,), forbid=("one",), force=("one",))
     with pytest.raises(BadInput, match="no reduction 'two', wanted one of: none"):
-        Hints(forbid=("two",)).over(Hints())
+        AccuracyAnnotation(forbid=("two",)).over(AccuracyAnnotation())
 
 
 # --- reductions through the FMU ------------------------------------------------------------------
@@ -87,12 +87,12 @@ def planned(
     forbid: tuple[str, ...] = (),
 ) -> DrivePlan:
     drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
-    hints = Hints(force=force, forbid=forbid)
-    return plan_drives((drive,), accuracy, workers, knowledge_of(workers.description, hints))
+    annotation = AccuracyAnnotation(force=force, forbid=forbid)
+    return plan_drives((drive,), accuracy, workers, knowledge_of(workers.description, annotation))
 
 
 def test_the_fmu_says_what_may_be_left_out(workers: FmuWorkers) -> None:
-    own = read_hints(workers.description)
+    own = read_accuracy_annotation(workers.description)
     assert own.substep == "rk4_substep"
     assert own.reductions[0] == Reduction("periodic start", {"periodic_start": True}, cost=0.2)
     assert own.reductions[1].bound == "{output}_error"
@@ -160,7 +160,7 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
             start_values=start,
             steady_start=False,
             accuracy=1e-6,
-            hints=Hints(reductions=(PERIODIC,), forbid=(PERIODIC.name,)),
+            annotation=AccuracyAnnotation(reductions=(PERIODIC,), forbid=(PERIODIC.name,)),
         ),
     )
     plan = measured_plan(bound, workers, workers.description.variables)

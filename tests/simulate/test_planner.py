@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fitting.fmu import FmuWorkers, Run
-from fitting.fmu.accuracy import Hints, Reduction
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.simulate.budget import Basis, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import Knowledge, PlanOptions, knowledge_of, plan_drives
@@ -24,7 +24,7 @@ from tests.support import reference
 from tests.support.scenes import STRING
 
 PAIR = (6.94016e6, 6.94036e6)
-AT_REST = Hints(forbid=("periodic start",))
+AT_REST = AccuracyAnnotation(forbid=("periodic start",))
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,9 @@ class Ringing:
 
 
 RINGING = Drive({}, (100.0,), ("y",))
-STEPPED = Knowledge(Hints(substep="substep", reductions=(Reduction("none", {"a": 1}),)))
+STEPPED = Knowledge(
+    AccuracyAnnotation(substep="substep", reductions=(Reduction("none", {"a": 1}),))
+)
 
 
 def test_a_plan_is_the_same_on_a_machine_that_stalls() -> None:
@@ -126,7 +128,7 @@ def test_a_prescribed_time_to_settle_is_a_part_of_the_promise(
     settle_s: float, kept: bool, workers: FmuWorkers
 ) -> None:
     drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
-    response = simulate(workers, drive, 1e-2, settle_s=settle_s, hints=AT_REST)
+    response = simulate(workers, drive, 1e-2, settle_s=settle_s, annotation=AT_REST)
     (settling,) = response.plan.budget.of(Kind.SETTLING)
     assert settling.forced
     assert response.plan.settle_s == settle_s
@@ -171,4 +173,4 @@ def test_a_prescribed_substep_is_measured(workers: FmuWorkers) -> None:
 
 def test_hints_of_the_fmu_that_do_not_exist_are_refused(workers: FmuWorkers) -> None:
     with pytest.raises(BadInput, match="no variable 'stride'"):
-        knowledge_of(workers.description, Hints(substep="stride"))
+        knowledge_of(workers.description, AccuracyAnnotation(substep="stride"))

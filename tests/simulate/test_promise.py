@@ -16,7 +16,7 @@ import pytest
 
 import build_fmu
 from fitting.fmu import FmuWorkers
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.budget import SHARES, Basis, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
@@ -65,9 +65,9 @@ def truth_of(scene: Scene) -> np.ndarray:
 
 
 def planned(
-    drive: Drive, accuracy: float, running: FmuWorkers, hints: Hints | None = None
+    drive: Drive, accuracy: float, running: FmuWorkers, annotation: AccuracyAnnotation | None = None
 ) -> DrivePlan:
-    return plan_drives((drive,), accuracy, running, knowledge_of(running.description, hints))
+    return plan_drives((drive,), accuracy, running, knowledge_of(running.description, annotation))
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +82,8 @@ def test_linear_scenes_keep_the_promise(accuracy: float, workers: FmuWorkers) ->
         scene = linear_scene(k)
         drive = Drive(scene.parameters, (scene.u1, scene.u2), ("q1_hybrid", "q2_hybrid"))
         # reductions take time to be tried; every tenth scene does
-        hints = Hints() if k % 10 == 0 else Hints(forbid=REDUCTIONS)
-        plan = planned(drive, accuracy, workers, hints)
+        annotation = AccuracyAnnotation() if k % 10 == 0 else AccuracyAnnotation(forbid=REDUCTIONS)
+        plan = planned(drive, accuracy, workers, annotation)
         found = plan.read(workers.run(plan.runs)[0])
         error = float(np.max(np.abs(found / truth_of(scene) - 1.0)))
         assert plan.promised <= accuracy, (scene, plan_in_words(plan.budget))
@@ -218,8 +218,8 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
     truth = collocated(scene, 0.01, 64)
     np.testing.assert_allclose(collocated(scene, 0.01, 84), truth, rtol=1e-9)
     drive = Drive(scene.parameters, (scene.u1,), ("q1_hybrid",))
-    hints = Hints(forbid=("periodic start", "linear model"))
-    plan = planned(drive, accuracy, cubic_workers, hints)
+    annotation = AccuracyAnnotation(forbid=("periodic start", "linear model"))
+    plan = planned(drive, accuracy, cubic_workers, annotation)
     found = plan.read(cubic_workers.run(plan.runs)[0])
     assert plan.settings["solver"] == solver
     error = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
@@ -230,8 +230,8 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
     stated = float(envelope.numbers["stated"])
     assert stated > SHARES[Kind.MODEL] * accuracy  # by what is stated it would not have been taken
     # what is measured is an upper bound of what averaging does leave out, and less than is stated
-    hints = Hints(force=("averaged envelope",), forbid=hints.forbid)
-    plan = planned(drive, 1e-4, cubic_workers, hints)
+    annotation = AccuracyAnnotation(force=("averaged envelope",), forbid=annotation.forbid)
+    plan = planned(drive, 1e-4, cubic_workers, annotation)
     found = plan.read(cubic_workers.run(plan.runs)[0])
     left_out = float(np.max(np.abs(found[:, 0] / truth[:, 0] - 1.0)))
     assert left_out < envelope.bound < stated
@@ -240,8 +240,8 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
 def test_what_cannot_be_promised_is_said(cubic_workers: FmuWorkers) -> None:
     scene = CUBIC_SCENES[0][0]
     drive = Drive(scene.parameters, (scene.u1,), ("q1_hybrid",))
-    hints = Hints(force=("averaged envelope",))
-    plan = planned(drive, 1e-6, cubic_workers, hints)
+    annotation = AccuracyAnnotation(force=("averaged envelope",))
+    plan = planned(drive, 1e-6, cubic_workers, annotation)
     assert plan.settings["solver"] == 1
     assert plan.promised > 1e-6
     assert not plan.budget.kept

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, VariableLike, WrittenFmu
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.lab.tradeoff.scenes import Drive, Scene, Solver, single_tone
 from fitting.signal.scale import half_power_width
 from fitting.text.arrays import Scalar
@@ -54,7 +54,7 @@ def scene_of_campaign(
         output=bound.setup.output,
         width_hz=width,
         fastest_hz=max(tones, default=0.0),
-        solvers=solvers_of(bound.setup.hints, values, variables),
+        solvers=solvers_of(bound.setup.annotation, values, variables),
         linear=False,
         steady=bound.setup.steady_start,
         tone=drive.frequencies[0] if drive.kind == "tones" else "",
@@ -65,7 +65,7 @@ def scene_of_campaign(
         held=drive.samples_per_period if drive.kind == "input" else 0,
         sweep_values={**sweep.settings, **fitted} if sweep is not None else {},
         sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
-        hints=bound.setup.hints,
+        annotation=bound.setup.annotation,
         synthetic=bound.synthetic,
     )
     if drives or sweep is None:
@@ -76,22 +76,24 @@ def scene_of_campaign(
 
 
 def solvers_of(
-    hints: Hints, values: Mapping[str, Scalar], variables: Mapping[str, VariableLike]
+    annotation: AccuracyAnnotation,
+    values: Mapping[str, Scalar],
+    variables: Mapping[str, VariableLike],
 ) -> tuple[Solver, ...]:
-    """The full model and each reduction, with every knob that the hints name.
+    """The full model and each reduction, with every knob that the annotation names.
 
     All of them set the same variables; what one does not name has the campaign's value, or the
     FMU's own.
     """
     knobs = [
-        ("tolerance", hints.tolerance, TOLERANCES, QUICK_TOLERANCES),
-        ("substeps per period", hints.substep, SUBSTEPS, QUICK_SUBSTEPS),
+        ("tolerance", annotation.tolerance, TOLERANCES, QUICK_TOLERANCES),
+        ("substeps per period", annotation.substep, SUBSTEPS, QUICK_SUBSTEPS),
     ]
-    reductions = hints.reductions
-    names = [*hints.full, *(name for r in reductions for name in r.set)]
+    reductions = annotation.reductions
+    names = [*annotation.full, *(name for r in reductions for name in r.set)]
     names += [name for _, name, _, _ in knobs if name is not None]
     defaults = {n: values[n] if n in values else _start(variables[n]) for n in names}
-    full = {**defaults, **hints.full}
+    full = {**defaults, **annotation.full}
     kinds = [("full model" if names else "fmu", full)]
     kinds += [(r.name, {**full, **r.set}) for r in reductions]
     found = []

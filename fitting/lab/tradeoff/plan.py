@@ -66,7 +66,7 @@ def plan_scene(bench: Bench, accuracy: float) -> Planned:
         BadInput, FmuFailure: as `fitting.simulate.planner.plan_drives`.
     """
     scene = bench.scene
-    known = knowledge_of(bench.workers.description, scene.hints)
+    known = knowledge_of(bench.workers.description, scene.annotation)
     # the names that every setting of the grid sets, so that all runs share one layout
     every = setting_values(scene, scene.solvers[0], scene.solvers[0].resolutions[0])
     plans = []

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign import WrittenFmu
-from fitting.fmu.accuracy import Hints
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.lab.exact import line_width_hz
 from fitting.lab.string import TwoModes
 from fitting.text.arrays import Scalar
@@ -58,7 +58,7 @@ class Scene:
     starts so anyway; `modes` the truth, None for a campaign, with the
     cubic coefficients in `values`; `tone` and `levels` the FMU's parameters for sweeps; `input` a
     held input instead of tones of the FMU; `sweep_hz` frequencies of a
-    campaign's own sweep; `hints` what a campaign tells the plan.
+    campaign's own sweep; `annotation` what a campaign tells the plan.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Scene:
     damping: tuple[str, ...] = ()
     sweep_values: Mapping[str, Scalar] = field(default_factory=dict)
     sweep_hz: tuple[float, ...] = ()
-    hints: Hints | None = None
+    annotation: AccuracyAnnotation | None = None
     synthetic: bool = True
 
     @property

@@ -1,4 +1,4 @@
-"""What is asked of an FMU: one run, its input signal; and the account of what was done."""
+"""Runs: what is asked of an FMU, with input signal and segments, and the count of what was done."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class InputSignal:
 
 
 @dataclass(frozen=True)
-class Leg:
-    """What follows in a run: a tunable variable moved to ``value``, settling and samples again.
+class Segment:
+    """A segment of a piecewise run: a variable moved to ``value``, settling and samples again.
 
     Raises BadInput for numbers that are not finite or not positive.
     """
@@ -80,11 +80,11 @@ class Run:
     ``start_values`` are set before initialisation; ``outputs`` are read at every sample.
     ``allow_nan``: an output that is not a finite number is handed back instead of being a failure.
 
-    ``legs`` go on from the last sample without a new start, so that a tone that is ``moved`` keeps
-    its phase and the state its branch; their samples follow in the result.
+    ``segments`` go on from the last sample without a new start, so that a tone that is ``moved``
+    keeps its phase and the state its branch; their samples follow in the result.
 
     Raises BadInput for times that are not finite or not positive, for a step that does not divide
-    them, and for legs beside a signal or without a start value of what they move.
+    them, and for segments beside a signal or without a start value of what they move.
     """
 
     start_values: Mapping[str, Scalar]
@@ -96,17 +96,17 @@ class Run:
     input_signal: InputSignal | None = None
     allow_nan: bool = False
     moved: str = ""
-    legs: tuple[Leg, ...] = ()
+    segments: tuple[Segment, ...] = ()
 
     @property
     def rows(self) -> int:
         """Samples in all."""
-        return self.samples + sum(leg.samples for leg in self.legs)
+        return self.samples + sum(segment.samples for segment in self.segments)
 
     def __post_init__(self) -> None:
-        if self.legs and (self.input_signal is not None or self.moved not in self.start_values):
+        if self.segments and (self.input_signal is not None or self.moved not in self.start_values):
             raise BadInput(
-                f"legs move {self.moved!r}: wanted a start value of it, and no input signal"
+                f"segments move {self.moved!r}: wanted a start value of it, and no input signal"
             )
         if not (math.isfinite(self.settle_s) and self.settle_s >= 0):
             raise BadInput(f"settle_s is {self.settle_s!r}, wanted a time of at least 0")
@@ -146,16 +146,16 @@ class Timed(Protocol):
     @property
     def samples(self) -> int: ...  # noqa: D102
     @property
-    def legs(self) -> tuple[Leg, ...]: ...  # noqa: D102
+    def segments(self) -> tuple[Segment, ...]: ...  # noqa: D102
 
 
 def row_times(run: Timed) -> list[float]:
     """Time of every row of a run's result, s."""
     first = run.start_time_s + run.settle_s
     times = [first + j * run.sample_step_s for j in range(run.samples)]
-    for leg in run.legs:
-        first = times[-1] + leg.settle_s
-        times += [first + j * leg.sample_step_s for j in range(leg.samples)]
+    for segment in run.segments:
+        first = times[-1] + segment.settle_s
+        times += [first + j * segment.sample_step_s for j in range(segment.samples)]
     return times
 
 

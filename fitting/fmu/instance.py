@@ -23,7 +23,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from fitting.fmu.log import CallFailed, Log, label
 from fitting.fmu.messages import UnpackedFmu
-from fitting.fmu.orders import Group
+from fitting.fmu.run_requests import Group
 from fitting.text.arrays import Scalar
 
 WARNING, DISCARD = 1, 2
@@ -41,7 +41,7 @@ _CTYPES: dict[str, Any] = {
 }
 
 
-class Access(NamedTuple):
+class VariableAccess(NamedTuple):
     """A get or set function for a group of variables: function(instance, references, n, buffer).
 
     ``tail`` are the arguments that FMI 3.0 wants behind these.
@@ -55,7 +55,7 @@ class Access(NamedTuple):
     tail: tuple[int, ...]
 
 
-class Interface:
+class FmuInstance:
     """An FMU instance; the subclasses know what differs between FMI 2.0 and 3.0.
 
     Every method raises CallFailed for a status that is neither OK nor a warning.
@@ -102,11 +102,11 @@ class Interface:
         """Initial values are computed here."""
         self.check(self._exit(self.instance), "ExitInitializationMode")
 
-    def access(self, verb: str, group: Group) -> Access:
+    def access(self, verb: str, group: Group) -> VariableAccess:
         """Function and buffers to get or set ("Get", "Set") a group of variables."""
         n = len(group.references)
         element = self.boolean if group.fmi_type == "Boolean" else _CTYPES[group.fmi_type]
-        return Access(
+        return VariableAccess(
             self._function(verb + group.fmi_type),
             verb + group.fmi_type,
             (ctypes.c_uint * n)(*group.references),
@@ -115,7 +115,7 @@ class Interface:
             (n,) if self.values_counted else (),
         )
 
-    def set(self, access: Access, values: tuple[Scalar, ...]) -> None:
+    def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:
         """Set the variables of a group."""
         if access.name == "SetString":
             access.buffer[:] = [str(text).encode() for text in values]
@@ -161,7 +161,7 @@ class Interface:
         raise NotImplementedError
 
 
-class Interface2(Interface):
+class FmuInstance2(FmuInstance):
     """FMI 2.0."""
 
     prefix = "fmi2"
@@ -210,7 +210,7 @@ class Interface2(Interface):
         return reached.value if known else math.nan
 
 
-class Interface3(Interface):
+class FmuInstance3(FmuInstance):
     """FMI 3.0, without event mode and early return."""
 
     prefix = "fmi3"
@@ -255,13 +255,13 @@ class Interface3(Interface):
             raise self.stopped(reached, wanted, "fmi3DoStep returned early")
 
 
-def load(unpacked: UnpackedFmu, log: Log) -> Interface:
+def load(unpacked: UnpackedFmu, log: Log) -> FmuInstance:
     """The library of an unpacked FMU, loaded; no instance yet.
 
     Raises CallFailed if it cannot be loaded or lacks a function.
     """
-    kinds: tuple[Any, type[Interface]] = (
-        (FMU2Slave, Interface2) if unpacked.fmi_version == "2.0" else (FMU3Slave, Interface3)
+    kinds: tuple[Any, type[FmuInstance]] = (
+        (FMU2Slave, FmuInstance2) if unpacked.fmi_version == "2.0" else (FMU3Slave, FmuInstance3)
     )
     library, interface = kinds
     try:

@@ -1,4 +1,4 @@
-"""Runs, as people name things -> orders, as a worker needs them: value references and numbers.
+"""Run requests: runs, as people name things, in the value references that a worker needs.
 
 A layout is what many runs share: which variables are set and read. A variable that any layout sets
 is set by all of them (to its declared start value where the run does not name it), so that nothing
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.records import Leg, Run, Tone
+from fitting.fmu.runs import Run, Segment, Tone
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
@@ -39,7 +39,7 @@ class Layout(NamedTuple):
     moved: Group | None = None
 
 
-class Order(NamedTuple):
+class RunRequest(NamedTuple):
     """One run: ``values`` for each group of the layout's ``sets``."""
 
     layout: int
@@ -51,19 +51,19 @@ class Order(NamedTuple):
     allow_nan: bool
     tones: tuple[Tone, ...] = ()
     step_s: float = 0.0
-    legs: tuple[Leg, ...] = ()
+    segments: tuple[Segment, ...] = ()
 
     @property
     def rows(self) -> int:
         """Samples in all."""
-        return self.samples + sum(leg.samples for leg in self.legs)
+        return self.samples + sum(segment.samples for segment in self.segments)
 
 
 _Key = tuple[tuple[str, ...], tuple[str, ...], str | None, str]
 
 
-class Orders:
-    """Turns runs into orders; keeps the layouts, numbered in the order of their making."""
+class RunRequests:
+    """Turns runs into requests; keeps the layouts, numbered in the order of their making."""
 
     def __init__(self, description: FmuDescription) -> None:
         self.layouts: list[Layout] = []
@@ -72,15 +72,15 @@ class Orders:
         self._numbers: dict[_Key, int] = {}
         self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
 
-    def take_all(self, runs: Sequence[Run]) -> list[Order]:
-        """The orders for a batch; raises BadInput as `take` does."""
+    def take_all(self, runs: Sequence[Run]) -> list[RunRequest]:
+        """The requests for a batch; raises BadInput as `take` does."""
         self._grown = False
-        orders = [self.take(run) for run in runs]
-        # a variable that a later run was the first to set is missing in the orders before it
-        return [self.take(run) for run in runs] if self._grown else orders
+        requests = [self.take(run) for run in runs]
+        # a variable that a later run was the first to set is missing in the requests before it
+        return [self.take(run) for run in runs] if self._grown else requests
 
-    def take(self, run: Run) -> Order:
-        """The order for one run.
+    def take(self, run: Run) -> RunRequest:
+        """The request for one run.
 
         Raises BadInput for a name that the FMU does not have, a variable that cannot be set or
         read, and a value of the wrong type.
@@ -96,7 +96,7 @@ class Orders:
             tuple([given[name] if name in given else defaults[name] for name in group.names])
             for group in self.layouts[number].sets
         )
-        return Order(
+        return RunRequest(
             number,
             values,
             run.settle_s,
@@ -106,7 +106,7 @@ class Orders:
             run.allow_nan,
             signal.tones if signal else (),
             signal.step_s if signal else 0.0,
-            run.legs,
+            run.segments,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
