@@ -111,7 +111,7 @@ def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
                 "read",
             )
         settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
-        reductions.append(Reduction(entry.name, settings, entry.bound))
+        reductions.append(Reduction(entry.name, settings, entry.bound, entry.cost))
     full = {name: binder.setting(name, w) for name, w in choice.full.items()}
     try:
         return AccuracyAnnotation(

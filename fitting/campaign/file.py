@@ -436,6 +436,8 @@ class WrittenReduction(Keys):
     """Start values that make the FMU cheaper."""
     bound: Text | None = None
     """FMU output that bounds what is left out; {output} is the observed one."""
+    cost: Positive = 0.5
+    """Part of a run's work that is left: 1 where the reduction saves nothing."""
 
     def __post_init__(self) -> None:
         if not self.set:
