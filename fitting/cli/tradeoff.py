@@ -18,12 +18,11 @@ from fitting.cli.options import whole_number
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.models import provide_fmu
-from fitting.lab.tradeoff import memory as memories
 from fitting.lab.tradeoff.campaign import scene_of_campaign
 from fitting.lab.tradeoff.records import QUANTITIES, Study
 from fitting.lab.tradeoff.scenes import BUILT_IN, Scene, scene_named
-from fitting.lab.tradeoff.study import Order, run_study
-from fitting.lab.tradeoff.tables import csv_of, markdown, terminal
+from fitting.lab.tradeoff.study import Memory, Order, run_study
+from fitting.report.tables.tradeoff import csv_of, markdown, terminal
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.records import to_plain
@@ -68,11 +67,11 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     order = Order(
-        _accuracies(args.accuracies),
-        args.seed,
-        args.quick,
-        QUICK_LONGEST_S if args.quick else LONGEST_S,
-        ONLY.get(args.only, QUANTITIES),
+        accuracies=_accuracies(args.accuracies),
+        seed=args.seed,
+        quick=args.quick,
+        longest_s=QUICK_LONGEST_S if args.quick else LONGEST_S,
+        quantities=ONLY.get(args.only, QUANTITIES),
     )
     campaign = read_campaign(args.campaign) if args.campaign else None
     scene = scene_named(args.scene or BUILT_IN[0])
@@ -84,12 +83,14 @@ def run(args: argparse.Namespace) -> int:
             bound = bind(campaign, description.variables)
             scene = scene_of_campaign(bound, choice, description.variables)
         job = _job(scene, order, description)
-        memory = memories.resume(args.out, job) if args.resume else memories.begin(args.out, job)
+        memory = Memory(args.out, job)
         if args.resume:
+            memory.resume()
             print(memory.resumed("settings"))
         with status_line(NAME) as tell:
             study = run_study(scene, workers, order, memory, tell)
-        study = replace(study, provenance=_provenance(args, description, workers.reuse_note))
+        provenance = _provenance(args, description, workers.reuse_note, study.cost_kind)
+        study = replace(study, provenance=provenance)
     for path in _write(study, args.out):
         print(path)
     print("\n".join(["", *terminal(study)]))
@@ -126,7 +127,7 @@ def _job(scene: Scene, order: Order, description: FmuDescription) -> str:
 
 
 def _provenance(
-    args: argparse.Namespace, description: FmuDescription, reuse: str
+    args: argparse.Namespace, description: FmuDescription, reuse: str, cost_kind: str
 ) -> dict[str, str]:
     words = ["fmu-fit", NAME]
     if args.campaign:
@@ -136,21 +137,23 @@ def _provenance(
     words += ["--out", args.out.as_posix()]
     words += ["--only", args.only] if args.only else []
     words += ["--quick"] if args.quick else []
+    cost = (
+        "processor time of this process and the FMU's; medians"
+        if cost_kind == "processor"
+        else f"wall time, {args.workers} worker processes; medians"
+    )
     return {
         "command": shlex.join(words),
         "FMU": f"{description.model_name}, {description.path.name}, SHA-256 {description.sha256}",
         "machine": f"{platform.machine()}, {os.cpu_count()} processors, {platform.system()}",
         "versions": f"fmu-fit {fitting.__version__}, Python {platform.python_version()}",
         "instances": reuse,
-        "cost": "processor time of this process and the FMU's, wall time where that is not known; "
-        "medians",
+        "cost": cost,
     }
 
 
 def _write(study: Study, out: Path) -> list[Path]:
-    from fitting.report.figures.tradeoff import (
-        save_figures,  # worker processes import this file, too
-    )
+    from fitting.report.figures.tradeoff import save_figures  # matplotlib takes its time
     from fitting.report.tradeoff import write_report
 
     write_whole(out / "tradeoff.csv", csv_of(study))

@@ -125,6 +125,11 @@ class FmuWorkers:
         self.close()
 
     @property
+    def pids(self) -> tuple[int, ...]:
+        """Numbers of the processes that are running."""
+        return tuple(worker.pid for worker in self._open.processes if worker is not None)
+
+    @property
     def reuse_note(self) -> str:
         """A sentence: whether instances are reset and reused or new for every run, and why."""
         notes = {verdict.reused: verdict.note for verdict in self._verdicts}

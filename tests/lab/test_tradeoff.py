@@ -19,15 +19,15 @@ from fitting.cli.main import main
 from fitting.fmu import FmuWorkers
 from fitting.lab import exact as exact_modes
 from fitting.lab.string import TwoModes, steady_state
-from fitting.lab.tradeoff import memory as memories
-from fitting.lab.tradeoff.bench import Bench, Patience
+from fitting.lab.tradeoff.bench import Bench, Patience, largest_lines, read, window_of
+from fitting.lab.tradeoff.extrapolation import closed_orbits, stepped_setting
 from fitting.lab.tradeoff.front import cheapest, pareto
-from fitting.lab.tradeoff.quantities import error_of, exact_references, values_of
-from fitting.lab.tradeoff.reading import largest_lines, sample
-from fitting.lab.tradeoff.records import AMPLITUDES, COHERENT, Measurement, Setting
-from fitting.lab.tradeoff.reference import closed_orbits, refined_setting, richardson
+from fitting.lab.tradeoff.quantities import error_of, values_of
+from fitting.lab.tradeoff.records import AMPLITUDES, COHERENT, Cost, Measurement, Setting
+from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
-from fitting.lab.tradeoff.study import Order, run_study
+from fitting.lab.tradeoff.study import Memory, Order, run_study
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference
 
@@ -108,11 +108,11 @@ def test_scalloping_is_the_textbooks(flat: bool, decibel: float) -> None:
 def test_readers_find_both_tones(reader: str) -> None:
     """Tones of known size, sampled far below their frequency."""
     tones, sizes = (6.94016e6, 6.94036e6), (1.0, 0.5)
-    plan = sample(tones, 0.0, reader, 12.37 / 200.0 if reader != COHERENT else 0.025, 101)
+    plan = window_of(tones, 0.0, reader, 12.37 / 200.0, 101)
     t = plan.settle_s + np.arange(plan.samples) * plan.step_s
     turns = [np.mod(tone * t, 1.0) for tone in tones]
     values = sum(a * np.cos(2 * np.pi * x + 0.3) for a, x in zip(sizes, turns, strict=True))
-    found = plan.amplitudes(np.asarray(values))
+    found = read(reader, plan, np.asarray(values))
     np.testing.assert_allclose(found, sizes, rtol=1e-8 if reader == COHERENT else 3e-3)
 
 
@@ -120,8 +120,8 @@ def test_readers_find_both_tones(reader: str) -> None:
 
 
 def measured(error: float, cost: float) -> Measurement:
-    setting = Setting(AMPLITUDES, "exact", window_s=1.0, samples=7)
-    return Measurement(setting, error, False, cost, cost, 1, 1, 1, 1)
+    setting = Setting(quantity=AMPLITUDES, solver="exact", window_s=1.0, samples=7)
+    return Measurement(setting=setting, error=error, cost=Cost(seconds=cost, cpu_s=cost))
 
 
 small = st.integers(1, 6).map(float)
@@ -150,6 +150,11 @@ def test_cheapest_has_the_accuracy(pairs: list[tuple[float, float]], wanted: flo
 # --- the FMU -------------------------------------------------------------------------------------
 
 
+def richardson(coarse: FloatArray, fine: FloatArray) -> FloatArray:
+    """Limit of a method of order four from two runs, the second with half the step."""
+    return np.asarray(fine + (fine - coarse) / 15.0)
+
+
 @pytest.fixture(scope="module")
 def sensor(oscillator_fmu: Path) -> Iterator[Bench]:
     with FmuWorkers(oscillator_fmu) as workers:
@@ -159,15 +164,14 @@ def sensor(oscillator_fmu: Path) -> Iterator[Bench]:
 def test_runge_kutta_settles_where_its_recursion_stands_still(sensor: Bench) -> None:
     """So an extrapolated row's error is what a run would have shown; and it falls with order 4."""
     scene = sensor.scene
-    truth = exact_references(scene)[0]
+    truth = references_of(sensor)[0]
     errors = []
     for count in (20.0, 40.0, 80.0):
-        setting = refined_setting(scene, count, scene.settling_s(1e-12))
+        setting = stepped_setting(scene, count, scene.settling_s(1e-12))
         found = values_of(sensor, setting, None)
-        step = sensor.sampling(setting, scene.drives[0]).step_s
+        step = sensor.window(setting, scene.drives[0]).step_s
         h = step / math.ceil(step * count * scene.fastest_hz * (1 - 1e-12))
-        assert scene.modes is not None
-        still = exact_modes.runge_kutta_amplitudes(scene.modes, 0, scene.drives[0].tones_hz, h)
+        still = exact_modes.runge_kutta_amplitudes(SENSOR, 0, scene.drives[0].tones_hz, h)
         # settling is cut into substeps of its own, a little shorter or longer
         apart = np.abs(found - still) / np.abs(still - np.array(truth.values))
         assert np.all(apart < 0.05)
@@ -177,30 +181,63 @@ def test_runge_kutta_settles_where_its_recursion_stands_still(sensor: Bench) -> 
     assert errors[2] > 1e-8
 
 
-def test_closed_orbits_are_closed_at_the_strings_own_q(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> None:
+@pytest.fixture(scope="module")
+def duffing_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_fmu.build("DuffingOscillator", tmp_path_factory.mktemp("duffing"))
+
+
+def test_harmonic_balance_is_where_runge_kutta_settles(duffing_fmu: Path) -> None:
+    """The reference takes no FMU; an FMU from rest, refined and extrapolated, agrees."""
+    scene = scene_named("duffing")
+    with FmuWorkers(duffing_fmu) as workers:
+        bench = Bench(scene, workers, ONCE)
+        settle = scene.settling_s(1e-6)
+        settings = [stepped_setting(scene, count, settle) for count in (40.0, 80.0)]
+        coarse, fine = (values_of(bench, setting, None) for setting in settings)
+        peaks = references_of(bench)[0]
+    assert peaks.error < 1e-9
+    assert error_of(richardson(coarse, fine), peaks) < 1e-5  # what is left is of order five
+    assert error_of(fine, peaks) > 3e-5
+
+
+def test_closed_orbits_are_closed_at_the_strings_own_q(duffing_fmu: Path) -> None:
     """With next to no cubic force rk4 must stand where the linear recursion does.
 
     In one period a start off the orbit moves by 4e-5 of the distance only: hard to see, easy to
     take for closed.
     """
-    fmu = build_fmu.build("DuffingOscillator", tmp_path_factory.mktemp("duffing"))
     scene = scene_named("duffing-string")
     weak = {"alpha1": 1e18, "alpha2": 1e18, "kappa": 1e18}
-    scene = replace(scene, values={**scene.values, **weak})
-    with FmuWorkers(fmu) as workers:
-        found = closed_orbits(Bench(scene, workers, ONCE), (160.0, 320.0))
+    single = replace(scene.single, start_values={**scene.single.start_values, **weak})
+    scene = replace(scene, single=single)
+    with FmuWorkers(duffing_fmu) as workers:
+        bench = Bench(scene, workers, ONCE)
+        found = [closed_orbits(bench, substeps) for substeps in (160.0, 320.0)]
     tones = scene.drives[0].tones_hz
     for count, orbit in zip((160, 320), found, strict=True):
         # the tone of the higher frequency has the same whole number of substeps in its period
         h = 1.0 / (count * tones[0])
-        assert scene.modes is not None
-        still = exact_modes.runge_kutta_amplitudes(scene.modes, 0, tones[:1], h)
+        still = exact_modes.runge_kutta_amplitudes(STRING, 0, tones[:1], h)
         np.testing.assert_allclose(orbit[:1], still, rtol=1e-8)
     truth = exact_modes.amplitudes(STRING, 0, tones)
     np.testing.assert_allclose(found[0], truth, rtol=2e-3)
     np.testing.assert_allclose(richardson(*found), truth, rtol=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_processor_time_is_told_of_one_process_only(oscillator_fmu: Path, count: int) -> None:
+    """Of several the sum is nobody's waiting: then wall time is what costs are compared by."""
+    scene = scene_named("low-q")
+    setting = stepped_setting(scene, 40.0, 0.0)
+    with FmuWorkers(oscillator_fmu, workers=count) as workers:
+        bench = Bench(scene, workers, ONCE)
+        bench.warm(dict(setting.values))
+        _, cost = bench.timed(lambda: values_of(bench, setting, None))
+    found = Measurement(setting=setting, error=0.0, cost=cost)
+    told = count == 1 and Path("/proc/self/schedstat").exists()
+    assert math.isfinite(cost.cpu_s) == told
+    assert found.cost_s == (cost.cpu_s if told else cost.seconds)
+    assert (cost.repeats, cost.runs, cost.reads) == (1, 1, 64)
 
 
 def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Path) -> None:
@@ -213,9 +250,12 @@ def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Pat
             raise KeyboardInterrupt
 
     with FmuWorkers(oscillator_fmu) as workers:
-        broken = run_study(scene, workers, order, memories.begin(tmp_path, "job"), stop)
-        resumed = run_study(scene, workers, order, memories.resume(tmp_path, "job"))
-        whole = run_study(scene, workers, order, memories.begin(tmp_path / "whole", "job"))
+        broken = run_study(scene, workers, order, Memory(tmp_path, "job"), stop)
+        kept = Memory(tmp_path, "job")
+        assert kept.resume()
+        assert len(kept) == 19
+        resumed = run_study(scene, workers, order, kept)
+        whole = run_study(scene, workers, order, Memory(tmp_path / "whole", "job"))
     assert broken.status == "interrupted"
     assert len(broken.measurements) == 19
     first = {m.setting.key: m.error for m in broken.measurements}
@@ -228,7 +268,7 @@ def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Pat
     for a, b in zip(resumed_grid, whole_grid, strict=True):
         assert a.extrapolated or a.error == b.error
     with pytest.raises(BadInput, match="belongs to other data"):
-        memories.resume(tmp_path, "another job")
+        Memory(tmp_path, "another job").resume()
 
 
 # --- the command ---------------------------------------------------------------------------------

@@ -1,26 +1,30 @@
-"""Runs of a scene at a setting: amplitudes from an FMU, and what they cost."""
+"""Runs of a scene at a setting: when it is sampled, how it is read, and what that costs."""
 
 from __future__ import annotations
 
 import math
-import multiprocessing
 import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
-from fitting.fmu import FmuWorkers, InputSignal, Run
-from fitting.lab.tradeoff.reading import Sampling, sample
-from fitting.lab.tradeoff.records import COHERENT, Setting
-from fitting.lab.tradeoff.scenes import Drive, Scene, Solver
+import numpy as np
+from scipy.signal import windows
+
+from fitting.fmu import FmuWorkers, Run
+from fitting.lab.tradeoff.records import COHERENT, FLAT_TOP, HELD, SUBSTEPS, Cost, Setting
+from fitting.lab.tradeoff.scenes import LONGEST_PERIOD_S, Scene
+from fitting.signal.window import SPARE_SAMPLES, Window, plan_window, whole_steps
+from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, Scalar
 
-#: Held steps per period where neither setting nor campaign says.
-HELD = "held steps per period"
-SUBSTEPS = "substeps per period"
-#: Samples over one period of a single tone.
-SINGLE_SAMPLES = 5
+Result = TypeVar("Result")
+
+#: Where the mean of the tones is seen, as a share of the sampling rate: amid the band.
+PLACE = 0.25
 
 
 @dataclass(frozen=True)
@@ -32,19 +36,6 @@ class Patience:
     long_s: float = 0.5
 
 
-@dataclass(frozen=True)
-class Cost:
-    """Medians of wall and processor time in s, calls of one repeat."""
-
-    seconds: float
-    cpu_s: float
-    repeats: int
-    runs: int
-    steps: int
-    reads: int
-    solver_steps: int
-
-
 class Bench:
     """A scene on running FMU workers; counts what every evaluation asks for."""
 
@@ -52,76 +43,68 @@ class Bench:
         self.scene, self.workers, self.patience = scene, workers, patience
         self._reads = self._solver_steps = 0
         # every layout begins with a run that is cheap to repeat when a reset is put to the test
-        if scene.solvers:
-            self.warm(setting_values(scene, scene.solvers[0], scene.solvers[0].resolutions[0]))
+        first = scene.solvers[0]
+        self.warm(scene.values_of(first, first.resolutions[0]))
 
-    def warm(self, values: dict[str, Scalar], drives: Sequence[Drive] = ()) -> None:
-        """Let the workers prove that these values may vary between resets, on runs of no length."""
-        chosen = drives or self.scene.drives[:1]
-        self.workers.run(
-            [
-                Run({**self.scene.values, **d.values, **values}, 0.0, 1.0, 1, self._outputs(d))
-                for d in chosen
-            ]
-        )
+    def warm(self, values: dict[str, Scalar]) -> None:
+        """Let the workers prove that these values may vary between resets, on a short run."""
+        self.idle(values, 0.0)
+
+    def idle(self, values: dict[str, Scalar], length_s: float) -> float:
+        """One run of that length with a single sample, which is handed back."""
+        drive = self.scene.drives[0]
+        run = Run({**drive.start_values, **values}, length_s, 1.0, 1, drive.outputs)
+        return float(self.workers.run([run])[0][0, 0])
 
     def amplitudes(
-        self, setting: Setting, drives: Sequence[Drive] | None = None, scene: Scene | None = None
+        self, setting: Setting, drives: Sequence[Drive] | None = None
     ) -> list[FloatArray]:
-        """Amplitudes at the tones of every drive (the scene's own), one array each."""
-        scene = scene or self.scene
-        driven = scene.drives if drives is None else drives
-        plans = [self.sampling(setting, drive) for drive in driven]
-        runs = [self._run(scene, setting, d, s) for d, s in zip(driven, plans, strict=True)]
-        answers = self.workers.run(runs)
-        self._reads += sum(s.samples for s in plans)
-        self._solver_steps += sum(substeps(setting, scene, s) for s in plans)
-        return [s.amplitudes(a[:, 0]) for s, a in zip(plans, answers, strict=True)]
+        """Amplitudes (tones,) of every drive (the scene's own)."""
+        driven = self.scene.drives if drives is None else drives
+        seen = [self.window(setting, drive) for drive in driven]
+        pairs = list(zip(driven, seen, strict=True))
+        answers = self.run([drive.run(window, setting.values) for drive, window in pairs])
+        self._solver_steps += sum(self.substeps(setting, window) for window in seen)
+        return [
+            read(setting.reader, window, values[:, 0])
+            for window, values in zip(seen, answers, strict=True)
+        ]
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        """Outputs of runs that were made elsewhere, counted like any other."""
+        """Outputs of runs, counted."""
         self._reads += sum(run.samples for run in runs)
         return self.workers.run(runs)
 
-    def timed(self, work: Callable[[], float]) -> tuple[float, Cost]:
-        """Result of some work, and its cost."""
+    def timed(self, work: Callable[[], Result]) -> tuple[Result, Cost]:
+        """Result of some work, and its cost: medians of the times, counts of one repeat."""
         walls: list[float] = []
         cpus: list[float] = []
         patience = self.patience
         while True:
             before, self._reads, self._solver_steps = self.workers.counts, 0, 0
-            cpu, wall = cpu_seconds(), time.perf_counter()
+            cpu, wall = cpu_seconds(self.workers), time.perf_counter()
             result = work()
             walls.append(time.perf_counter() - wall)
-            cpus.append(cpu_seconds() - cpu)
-            total = sum(walls)
-            if total >= patience.long_s or (
-                len(walls) >= patience.least and total >= patience.total_s
-            ):
+            cpus.append(cpu_seconds(self.workers) - cpu)
+            if sum(walls) >= (patience.long_s if len(walls) < patience.least else patience.total_s):
                 break
         counts = self.workers.counts
         return result, Cost(
-            statistics.median(walls),
-            statistics.median(cpus),
-            len(walls),
-            counts.runs - before.runs,
-            counts.steps - before.steps,
-            self._reads,
-            self._solver_steps,
+            seconds=statistics.median(walls),
+            cpu_s=statistics.median(cpus),
+            repeats=len(walls),
+            runs=counts.runs - before.runs,
+            steps=counts.steps - before.steps,
+            reads=self._reads,
+            solver_steps=self._solver_steps,
         )
 
-    def idle(self, values: dict[str, Scalar], length_s: float) -> float:
-        """One run of that length with a single sample, which is handed back."""
-        scene = self.scene
-        start = {**scene.values, **scene.drives[0].values, **values}
-        return float(self.workers.run([Run(start, length_s, 1.0, 1, (scene.output,))])[0][0, 0])
-
-    def sampling(self, setting: Setting, drive: Drive) -> Sampling:
+    def window(self, setting: Setting, drive: Drive) -> Window:
         """When a drive is sampled at a setting; a single tone over one period of its own."""
         held = int(setting.resolution) if setting.resolution_kind == HELD else self.scene.held
         if len(drive.tones_hz) == 1 and setting.reader == COHERENT:
-            return sample(drive.tones_hz, setting.settle_s, COHERENT, 0.0, SINGLE_SAMPLES, held)
-        return sample(
+            return window_of(drive.tones_hz, setting.settle_s, COHERENT, 0.0, 0, held)
+        return window_of(
             drive.tones_hz,
             setting.settle_s,
             setting.reader,
@@ -130,59 +113,93 @@ class Bench:
             held,
         )
 
-    def _run(self, scene: Scene, setting: Setting, drive: Drive, s: Sampling) -> Run:
-        values = {**scene.values, **drive.values, **setting.values}
-        signal = None
-        if scene.input is not None:
-            rows = tuple((tone, scene.level, 0.0) for tone in drive.tones_hz)
-            signal = InputSignal(scene.input, rows, s.input_step_s)
-        return Run(
-            values, s.settle_s, s.step_s, s.samples, self._outputs(drive), input_signal=signal
-        )
-
-    def _outputs(self, drive: Drive) -> tuple[str, ...]:
-        return (drive.output or self.scene.output,)
+    def substeps(self, setting: Setting, window: Window) -> int:
+        """Steps of a solver with a fixed substep, doStep calls for others."""
+        if setting.resolution_kind != SUBSTEPS:
+            return window.samples - 1 + bool(window.settle_s)
+        longest = 1.0 / (setting.resolution * self.scene.fastest_hz)
+        lead = math.ceil(window.settle_s / longest * (1.0 - 1e-12))
+        each = max(1, math.ceil(window.step_s / longest * (1.0 - 1e-12)))
+        return lead + (window.samples - 1) * each
 
 
-def setting_values(
-    scene: Scene, solver: Solver, resolution: float, periodic: bool = False
-) -> dict[str, Scalar]:
-    """Start values of a solver at a resolution; every setting of a scene sets the same variables.
+@lru_cache(maxsize=4096)
+def window_of(
+    tones_hz: tuple[float, ...],
+    settle_s: float,
+    reader: str,
+    window_s: float,
+    samples: int,
+    held: int = 0,
+) -> Window:
+    """When to take about that many samples.
 
-    Then all runs share one layout, and the workers prove only once that a reset may vary them.
+    The coherent reader takes a common period, and where the tones have none the window of a tone
+    fit. The other readers place the tones amid the band, over about `window_s`. `held` > 0: input
+    steps per period of the fastest tone, of which a step and the settling take a whole number. Kept
+    for who asks again: no cost of a simulation that is repeated.
     """
-    values: dict[str, Scalar] = {}
-    for other in reversed(scene.solvers):
-        values.update(other.values)
-    values.update(solver.values)
-    for other in scene.solvers:
-        if other.variable and other.variable not in values:
-            values[other.variable] = 0.0
-    if solver.variable:
-        values[solver.variable] = (
-            1.0 / (resolution * scene.fastest_hz) if solver.kind == SUBSTEPS else resolution
+    if reader == COHERENT:
+        spare = samples - 2 * len(tones_hz) - 1 if samples else SPARE_SAMPLES
+        return plan_window(
+            tones_hz,
+            settle_s,
+            samples_per_period=held,
+            spare=max(0, spare),
+            longest_s=LONGEST_PERIOD_S,
         )
-    if scene.start:
-        values[scene.start] = periodic
-    return values
+    mean = sum(tones_hz) / len(tones_hz)
+    step = (max(0, round(mean * window_s / samples - PLACE)) + PLACE) / mean
+    count = 0
+    if held:
+        count = max(1, round(step * max(tones_hz) * held))
+        step = count / (max(tones_hz) * held)
+        settle_s = whole_steps(settle_s, step / count)
+    return Window(tones_hz, settle_s, step, samples, coherent=False, held_steps=count)
 
 
-def substeps(setting: Setting, scene: Scene, s: Sampling) -> int:
-    """Steps of a solver with a fixed substep, doStep calls for others."""
-    if setting.resolution_kind != SUBSTEPS:
-        return s.samples - 1 + bool(s.settle_s)
-    longest = 1.0 / (setting.resolution * scene.fastest_hz)
-    lead = math.ceil(s.settle_s / longest * (1.0 - 1e-12))
-    return lead + (s.samples - 1) * max(1, math.ceil(s.step_s / longest * (1.0 - 1e-12)))
+def read(reader: str, window: Window, samples: FloatArray) -> FloatArray:
+    """Amplitudes (tones,) in the sampled values (samples,)."""
+    if reader == COHERENT:
+        return window.read(samples).amplitudes
+    return largest_lines(samples, window.step_s, window.tones_hz, flat=reader == FLAT_TOP)
 
 
-def cpu_seconds() -> float:
-    """Processor time of this process and its workers in s; NaN where the system does not tell."""
-    total = time.process_time()
-    for child in multiprocessing.active_children():
-        try:
-            text = Path(f"/proc/{child.pid}/schedstat").read_text(encoding="ascii")
-        except OSError:
-            return math.nan
-        total += int(text.split()[0]) * 1e-9
-    return total
+def largest_lines(
+    samples: FloatArray, step_s: float, tones_hz: Sequence[float], *, flat: bool
+) -> FloatArray:
+    """Amplitude (tones,) of the largest line of a spectrum about each tone, nearer than any other.
+
+    2 |sum x_j w_j exp(-2 pi i j k/n)| / sum w_j at the bins k: with a flat-top window w at most
+    0.01 dB off for a tone between two bins, without one (w = 1) at most 3.92 dB.
+
+    Source: G. Heinzel, A. Ruediger, R. Schilling, Spectrum and spectral density estimation by the
+    DFT, 2002, section 8.
+    """
+    n = samples.size
+    taper = windows.flattop(n, sym=False) if flat else np.ones(n)
+    lines = 2.0 * np.abs(np.fft.rfft(samples * taper)) / float(np.sum(taper))
+    turns = [tone * step_s % 1.0 for tone in tones_hz]
+    seen = [n * min(turn, 1.0 - turn) for turn in turns]  # folded, in bins
+    found = []
+    for place in seen:
+        others = [abs(place - other) for other in seen if other != place]
+        reach = max(1.0, 0.5 * min(others, default=4.0))
+        low, high = int(np.ceil(place - reach)), int(np.floor(place + reach))
+        found.append(float(np.max(lines[max(0, low) : min(lines.size, high + 1)])))
+    return np.array(found)
+
+
+def cpu_seconds(workers: FmuWorkers) -> float:
+    """Processor time of this process and the FMU's in s.
+
+    NaN where the system does not tell, or where several processes share the work: then the sum of
+    their times is none that anybody waits for.
+    """
+    if len(workers.pids) != 1:
+        return math.nan
+    try:
+        text = Path(f"/proc/{workers.pids[0]}/schedstat").read_text(encoding="ascii")
+    except OSError:
+        return math.nan
+    return time.process_time() + int(text.split()[0]) * 1e-9

@@ -9,14 +9,18 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, VariableLike, WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.lab.tradeoff.scenes import Drive, Scene, Solver, single_tone
+from fitting.lab.tradeoff.records import SUBSTEPS, TOLERANCE
+from fitting.lab.tradeoff.scenes import Scene, Solver
 from fitting.signal.scale import half_power_width
+from fitting.simulate.drive import Drive
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
+#: Held steps of a drive that is none.
+USUAL_STEPS = 100
 #: What is tried of a solver that the campaign's [accuracy] table names.
 TOLERANCES, QUICK_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8), (1e-2, 1e-4, 1e-6)
-SUBSTEPS, QUICK_SUBSTEPS = (20.0, 40.0, 80.0, 160.0), (20.0, 80.0)
+FEW_SUBSTEPS, QUICK_SUBSTEPS = (20.0, 40.0, 80.0, 160.0), (20.0, 80.0)
 
 
 def scene_of_campaign(
@@ -39,31 +43,44 @@ def scene_of_campaign(
         )
     drive, sweep = bound.setup.drive, bound.sweep
     fitted: dict[str, Scalar] = {p.name: p.reference for p in bound.parameters}
-    values: dict[str, Scalar] = dict(bound.setup.start_values)
-    values.update(dict.fromkeys(drive.amplitudes, drive.level))
-    values.update({**bound.alternatives[0], **fitted})
-    drives = tuple(Drive(e.tones_hz, {**e.settings, **fitted}, e.output) for e in bound.experiments)
-    tones = [tone for d in drives for tone in d.tones_hz]
+    values: dict[str, Scalar] = {
+        **bound.setup.start_values,
+        **dict.fromkeys(drive.amplitudes, drive.level),
+        **bound.alternatives[0],
+        **fitted,
+    }
+    blank = Drive(
+        values,
+        (0.0,),
+        (bound.setup.output,),
+        input=drive.input,
+        level=drive.level,
+        steps_per_period=drive.samples_per_period if drive.kind == "input" else USUAL_STEPS,
+    )
+    drives = tuple(
+        replace(
+            blank,
+            start_values={**values, **e.settings, **fitted},
+            tones_hz=e.tones_hz,
+            outputs=(e.output or bound.setup.output,),
+        )
+        for e in bound.experiments
+    )
+    swept = {**sweep.settings, **fitted} if sweep is not None else {}
+    silent = dict.fromkeys(drive.amplitudes[1:], 0.0) if drive.kind == "tones" else {}
     scene = Scene(
         name="campaign",
         title=bound.title,
         description=f"{bound.path.name} at the reference values of its parameters",
         fmu=fmu,
-        values=values,
         drives=drives,
-        output=bound.setup.output,
+        single=replace(blank, start_values={**values, **swept, **silent}),
         width_hz=width,
-        fastest_hz=max(tones, default=0.0),
+        fastest_hz=max((tone for d in drives for tone in d.tones_hz), default=0.0),
         solvers=solvers_of(bound.setup.annotation, values, variables),
-        linear=False,
         steady=bound.setup.steady_start,
         tone=drive.frequencies[0] if drive.kind == "tones" else "",
         tone_unit=drive.frequency_unit,
-        levels=drive.amplitudes,
-        level=drive.level,
-        input=drive.input,
-        held=drive.samples_per_period if drive.kind == "input" else 0,
-        sweep_values={**sweep.settings, **fitted} if sweep is not None else {},
         sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
         annotation=bound.setup.annotation,
         synthetic=bound.synthetic,
@@ -72,7 +89,7 @@ def scene_of_campaign(
         return scene
     # a campaign of a sweep alone: a single tone at its maximum
     top = float(sweep.frequency_hz[int(np.argmax(sweep.amplitude_v))])
-    return replace(scene, drives=(single_tone(scene, top),), fastest_hz=top)
+    return replace(scene, drives=(scene.single_tone(top),), fastest_hz=top)
 
 
 def solvers_of(
@@ -86,8 +103,8 @@ def solvers_of(
     FMU's own.
     """
     knobs = [
-        ("tolerance", annotation.tolerance, TOLERANCES, QUICK_TOLERANCES),
-        ("substeps per period", annotation.substep, SUBSTEPS, QUICK_SUBSTEPS),
+        (TOLERANCE, annotation.tolerance, TOLERANCES, QUICK_TOLERANCES),
+        (SUBSTEPS, annotation.substep, FEW_SUBSTEPS, QUICK_SUBSTEPS),
     ]
     reductions = annotation.reductions
     names = [*annotation.full, *(name for r in reductions for name in r.set)]

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from itertools import product
 
-from fitting.lab.tradeoff.bench import HELD, SUBSTEPS, setting_values
-from fitting.lab.tradeoff.reading import LONGEST_PERIOD_S
 from fitting.lab.tradeoff.records import (
     AMPLITUDES,
-    COHERENT,
     FLAT_TOP,
+    HELD,
     NO_WINDOW,
+    SUBSTEPS,
     WIDTH_PEAKS,
     WIDTH_SWEEP,
     Setting,
 )
 from fitting.lab.tradeoff.scenes import Scene, Solver
-from fitting.signal.tones import common_period
+
+Start = tuple[bool, float]  # periodic start, settling in s
 
 
 @dataclass(frozen=True)
@@ -47,198 +47,155 @@ FIT_TOLERANCE, FIT_SUBSTEPS = 0.9e-6, (20.0, 80.0)
 PER_BEAT = 8
 #: Held steps per period of a drive that the tool generates.
 HELD_STEPS = (8, 16, 32, 64, 128)
+#: Jacobian steps and iterations where they are not what is varied.
+FEW_JACOBIAN_STEPS, FEW_ITERATIONS = (1e-2, 1e-4), (1, 2, 3)
 
 
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
     """The whole grid of a scene, each setting once, quantity by quantity."""
-    fine = QUICK if quick else Fineness()
-    found = [*_amplitudes(scene, fine, quick)]
-    if scene.modes is not None and scene.linear:
-        found += [*_width_by_sweep(scene, fine, quick), *_width_by_peaks(scene, fine, quick)]
-    elif scene.modes is not None:
-        found += [*_width_by_peaks(scene, fine, quick)]
-    elif scene.sweep_hz and scene.tone:
-        found += [*_width_by_sweep(scene, fine, quick)]
+    grid = _Grid(scene, QUICK if quick else Fineness(), quick)
+    found = [s for solver in scene.solvers for s in grid.amplitudes(solver)]
+    found += grid.held_amplitudes()
+    if scene.linear or (scene.sample is None and scene.sweep_hz and scene.tone):
+        found += [s for solver in scene.solvers for s in grid.width_by_sweep(solver)]
+    if scene.sample is not None:
+        found += [s for solver in scene.solvers for s in grid.width_by_peaks(solver)]
     return list({setting.key: setting for setting in found}.values())
 
 
-def beat_s(scene: Scene) -> float:
-    """Period of the slowest beat of any drive, s."""
-    gaps = [
-        abs(a - b)
-        for drive in scene.drives
-        for i, a in enumerate(drive.tones_hz)
-        for b in drive.tones_hz[:i]
-    ]
-    return 1.0 / min(gaps, default=scene.width_hz)
-
-
-def period_s(scene: Scene) -> float:
-    """Longest common period of the tones of a drive, s; some beats where there is none."""
-    periods = [float(common_period(drive.tones_hz)) for drive in scene.drives]
-    return max(p if p <= LONGEST_PERIOD_S else 2.5 * beat_s(scene) for p in periods)
-
-
-def _resolutions(solver: Solver, quick: bool) -> tuple[float, ...]:
-    return solver.quick if quick else solver.resolutions
-
-
-def _starts(scene: Scene, fine: Fineness) -> Iterator[tuple[bool, float]]:
-    """Ways to be rid of the transient: (periodic start, settling in s)."""
-    if scene.start:
-        yield True, 0.0
-    if scene.steady:
-        yield False, 0.0
-    else:
-        for left in fine.left:
-            yield False, scene.settling_s(left)
-
-
-def _setting(
-    scene: Scene,
-    solver: Solver,
-    resolution: float,
-    start: tuple[bool, float],
-    window: tuple[str, float, int],
-    quantity: str = AMPLITUDES,
-    *,
-    points: int = 0,
-    jacobian_step: float = 0.0,
-    iterations: int = 0,
+def setting_of(
+    scene: Scene, solver: Solver, resolution: float, start: Start, samples: int
 ) -> Setting:
-    reader, window_s, samples = window
+    """Amplitudes by whole periods, so many samples in each."""
     return Setting(
-        quantity,
-        solver.name,
-        setting_values(scene, solver, resolution, start[0]),
-        resolution,
-        solver.kind,
-        start[0],
-        start[1],
-        reader,
-        window_s,
-        samples,
-        points,
-        jacobian_step,
-        iterations,
+        quantity=AMPLITUDES,
+        solver=solver.name,
+        values=scene.values_of(solver, resolution, start[0]),
+        resolution=resolution,
+        resolution_kind=solver.kind,
+        periodic=start[0],
+        settle_s=start[1],
+        window_s=scene.period_s,
+        samples=samples,
     )
 
 
-def _windows(scene: Scene, fine: Fineness) -> Iterator[tuple[str, float, int]]:
-    """(reader, length in s, samples)."""
-    for samples in fine.samples:
-        yield COHERENT, period_s(scene), samples
-    beat = beat_s(scene)
-    for reader, many in ((FLAT_TOP, fine.flat_beats), (NO_WINDOW, fine.plain_beats)):
-        for beats in many:
-            yield reader, beats * beat, math.ceil(PER_BEAT * beats)
+@dataclass(frozen=True)
+class _Grid:
+    scene: Scene
+    fine: Fineness
+    quick: bool
 
+    def amplitudes(self, solver: Solver) -> Iterator[Setting]:
+        """Resolution x start x window.
 
-def _amplitudes(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setting]:
-    """Solver x resolution x start x window."""
-    for solver in scene.solvers:
+        One window where every run is a long one, and for a solver of some resolution where it has
+        not settled.
+        """
+        scene, usual = self.scene, 64 if self.scene.sample is not None else 7
+        bases = self._bases(solver, self._all_starts(solver), usual)
         if solver.kind == SUBSTEPS:
-            yield from _stepped(scene, solver, fine, quick)
-        else:
-            yield from _free(scene, solver, fine, quick)
-    if scene.held:
-        window = next(_windows(scene, fine))
-        held = Solver("fmu", kind=HELD)
-        for count in HELD_STEPS:
-            for start in _starts(scene, fine):
-                yield _setting(scene, held, float(count), start, window)
+            yield from bases
+            if scene.linear and not scene.high_q:
+                resolutions = self._resolutions(solver)
+                middle = resolutions[len(resolutions) // 2]
+                start = (False, scene.settling_s(1e-4))
+                yield from self._windows(setting_of(scene, solver, middle, start, usual))
+            return
+        settled = (True, 0.0) if scene.periodic else (False, scene.settling_s(1e-4))
+        for base in bases:
+            few = bool(solver.kind) and (base.periodic, base.settle_s) != settled
+            yield from [base] if few else self._windows(base)
+
+    def held_amplitudes(self) -> list[Setting]:
+        """Held steps x start, of a drive that the tool generates."""
+        steps = HELD_STEPS if self.scene.held else ()
+        solver, samples = Solver("fmu", kind=HELD), self.fine.samples[0]
+        rows = product(steps, self._starts())
+        return [setting_of(self.scene, solver, float(n), start, samples) for n, start in rows]
+
+    def width_by_sweep(self, solver: Solver) -> Iterator[Setting]:
+        """Points of a sweep x settling; every point is a run."""
+        stepped = solver.kind == SUBSTEPS
+        if stepped and self.scene.high_q:
+            return  # the amplitudes show what it costs; a sweep of it costs as many times more
+        starts, points = self._starts(), self.fine.sweep_points
+        if stepped:
+            longest = self.scene.settling_s(0.9e-6)
+            starts, points = [s for s in starts if s[1] <= longest], points[:2]
+        for base in self._bases(solver, starts, self._plain_samples(), fitted=True):
+            for count in points:
+                yield replace(base, quantity=WIDTH_SWEEP, sweep_points=count)
+
+    def width_by_peaks(self, solver: Solver) -> Iterator[Setting]:
+        """Points about the maximum x Jacobian step x iterations, at few settlings."""
+        scene, starts = self.scene, self._starts()
+        stepped, first = solver.kind == SUBSTEPS, solver is scene.solvers[0]
+        if stepped and (scene.high_q or (self.quick and not scene.linear)):
+            return
+        if stepped:
+            starts = [s for s in starts if s[1] in map(scene.settling_s, (1e-4, 1e-6))]
+        elif not first or solver.kind:
+            starts = starts[:1]
+        nodes = self.fine.nodes if scene.linear else (0,)
+        few = (nodes[1:2] or nodes[:1], FEW_JACOBIAN_STEPS, FEW_ITERATIONS)
+        many = (nodes, self.fine.jacobian_steps, self.fine.iterations)
+        for base in self._bases(solver, starts, self._plain_samples(), fitted=True):
+            start = base.periodic, base.settle_s
+            varied = first and start == starts[0] and not solver.kind
+            for count, step, iterations in product(*(many if varied else few)):
+                yield replace(
+                    base,
+                    quantity=WIDTH_PEAKS,
+                    sweep_points=count,
+                    jacobian_step=step,
+                    iterations=iterations,
+                )
+
+    def _bases(
+        self, solver: Solver, starts: list[Start], samples: int, *, fitted: bool = False
+    ) -> Iterator[Setting]:
+        """Resolution x start; `fitted`: of resolutions that are worth a fit."""
+        for resolution, start in product(self._resolutions(solver), starts):
+            if not fitted or _worth_a_fit(solver, resolution):
+                yield setting_of(self.scene, solver, resolution, start, samples)
+
+    def _windows(self, base: Setting) -> Iterator[Setting]:
+        """The setting with every window."""
+        for samples in self.fine.samples:
+            yield replace(base, samples=samples)
+        beat = self.scene.beat_s
+        for reader, many in ((FLAT_TOP, self.fine.flat_beats), (NO_WINDOW, self.fine.plain_beats)):
+            for beats in many:
+                count = math.ceil(PER_BEAT * beats)
+                yield replace(base, reader=reader, window_s=beats * beat, samples=count)
+
+    def _starts(self) -> list[Start]:
+        """Ways to be rid of the transient."""
+        periodic = [(True, 0.0)] if self.scene.periodic else []
+        if self.scene.steady:
+            return [*periodic, (False, 0.0)]
+        return periodic + [(False, self.scene.settling_s(left)) for left in self.fine.left]
+
+    def _all_starts(self, solver: Solver) -> list[Start]:
+        """Those of a solver: with a fixed substep and cubic terms also from the averaged orbit."""
+        scene, starts = self.scene, self._starts()
+        if solver.kind != SUBSTEPS or scene.linear:
+            return starts
+        if not self.quick:
+            starts = [(False, scene.settling_s(left)) for left in STEPPED_LEFT]
+        # from the averaged orbit only its error has to settle
+        return starts + [(True, scene.settling_s(left)) for left in ORBIT_LEFT]
+
+    def _resolutions(self, solver: Solver) -> tuple[float, ...]:
+        return solver.quick if self.quick else solver.resolutions
+
+    def _plain_samples(self) -> int:
+        return 7 if self.scene.linear else 64
 
 
-def _free(scene: Scene, solver: Solver, fine: Fineness, quick: bool) -> Iterator[Setting]:
-    """A solver whose steps are its own: every window; one of them where it has not settled."""
-    windows = list(_windows(scene, fine))
-    settled = (bool(scene.start), 0.0 if scene.start else scene.settling_s(1e-4))
-    for resolution in _resolutions(solver, quick):
-        for start in _starts(scene, fine):
-            few = bool(solver.kind) and start != settled
-            for window in [_usual_window(scene)] if few else windows:
-                yield _setting(scene, solver, resolution, start, window)
-
-
-def _stepped(scene: Scene, solver: Solver, fine: Fineness, quick: bool) -> Iterator[Setting]:
-    """A solver with a fixed substep: one window, because every one of them is a long run."""
-    window = _usual_window(scene)
-    starts = list(_starts(scene, fine))
-    if not (scene.linear or quick):
-        starts = [(False, scene.settling_s(left)) for left in STEPPED_LEFT]
-    if not scene.linear:
-        # from the averaged orbit, of which only the error has to settle
-        starts += [(True, scene.settling_s(left)) for left in ORBIT_LEFT]
-    resolutions = _resolutions(solver, quick)
-    for resolution in resolutions:
-        for start in starts:
-            yield _setting(scene, solver, resolution, start, window)
-    if scene.linear and not scene.high_q:
-        middle = resolutions[len(resolutions) // 2]
-        for other in _windows(scene, fine):
-            yield _setting(scene, solver, middle, (False, scene.settling_s(1e-4)), other)
-
-
-def _usual_window(scene: Scene) -> tuple[str, float, int]:
-    return COHERENT, period_s(scene), 64 if scene.modes is not None else 7
-
-
-def _plain_window(scene: Scene) -> tuple[str, float, int]:
-    return COHERENT, period_s(scene), 7 if scene.linear else 64
-
-
-def _width_by_sweep(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setting]:
-    """Points of a sweep x settling x solver; every point is a run."""
-    window = _plain_window(scene)
-    for solver in scene.solvers:
-        if solver.kind == SUBSTEPS and scene.high_q:
-            continue  # the amplitudes show what it costs; a sweep of it costs as many times more
-        for resolution in filter(partial(_fitted, solver), _resolutions(solver, quick)):
-            for start in _starts(scene, fine):
-                if solver.kind == SUBSTEPS and start[1] > scene.settling_s(0.9e-6):
-                    continue
-                points = fine.sweep_points[:2] if solver.kind == SUBSTEPS else fine.sweep_points
-                for count in points:
-                    yield _setting(
-                        scene, solver, resolution, start, window, WIDTH_SWEEP, points=count
-                    )
-
-
-def _fitted(solver: Solver, resolution: float) -> bool:
-    """Whether fits are made at this resolution: the finest ones cost most and show nothing new."""
+def _worth_a_fit(solver: Solver, resolution: float) -> bool:
+    """The finest resolutions cost most and show nothing new."""
     if solver.kind == SUBSTEPS:
         return resolution in FIT_SUBSTEPS or resolution in solver.quick
     return not solver.kind or resolution > FIT_TOLERANCE
-
-
-def _width_by_peaks(scene: Scene, fine: Fineness, quick: bool) -> Iterator[Setting]:
-    """Points about the maximum x Jacobian step x iterations, at few settlings of each solver."""
-    window = _plain_window(scene)
-    nodes = fine.nodes if scene.linear else (0,)
-    first = scene.solvers[0]
-    for solver in scene.solvers:
-        if solver.kind == SUBSTEPS and (scene.high_q or (quick and not scene.linear)):
-            continue
-        full = solver is first
-        starts = list(_starts(scene, fine))
-        if solver.kind == SUBSTEPS:
-            starts = [s for s in starts if s[1] in (scene.settling_s(1e-4), scene.settling_s(1e-6))]
-        elif not full or solver.kind:
-            starts = starts[:1]
-        for resolution in filter(partial(_fitted, solver), _resolutions(solver, quick)):
-            for start in starts:
-                varied = full and start == starts[0] and not solver.kind
-                for count in nodes if varied else nodes[1:2] or nodes[:1]:
-                    for step in fine.jacobian_steps if varied else (1e-2, 1e-4):
-                        for iterations in fine.iterations if varied else (1, 2, 3):
-                            yield _setting(
-                                scene,
-                                solver,
-                                resolution,
-                                start,
-                                window,
-                                WIDTH_PEAKS,
-                                points=count,
-                                jacobian_step=step,
-                                iterations=iterations,
-                            )

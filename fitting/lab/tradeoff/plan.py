@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lab.tradeoff.bench import SUBSTEPS, Bench, setting_values
-from fitting.lab.tradeoff.records import AMPLITUDES, Setting
-from fitting.lab.tradeoff.scenes import Scene, Solver
-from fitting.simulate.drive import Drive
+from fitting.lab.tradeoff.bench import Bench
+from fitting.lab.tradeoff.records import AMPLITUDES, SUBSTEPS, Setting
+from fitting.lab.tradeoff.scenes import Scene
 from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.simulate.words import plan_in_words
+from fitting.text.arrays import FloatArray
+
+#: Substeps in a period where the FMU's own choice is not known.
+USUAL_SUBSTEPS = 40.0
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,14 @@ class Planned:
         """Whether the plans promise what was wanted."""
         return all(plan.budget.kept for plan in self.plans)
 
+    @property
+    def notes(self) -> list[str]:
+        """The first plan in sentences."""
+        if not self.kept:
+            return [f"Accuracy {self.accuracy:g}: no plan; it could promise {self.promised:.1e}."]
+        said = plan_in_words(self.plans[0].budget)
+        return [f"Accuracy {self.accuracy:g}: {line}" for line in said]
+
     def amplitudes(self, bench: Bench) -> FloatArray:
         """Amplitudes at the tones of all drives by the runs that were planned."""
         answers = bench.run([plan.runs[0] for plan in self.plans])
@@ -40,18 +50,24 @@ class Planned:
 
     def setting(self, scene: Scene) -> Setting:
         """The choice in the words of the grid, for tables: that of the first drive."""
-        plan = self.plans[0]
+        plan, window = self.plans[0], self.plans[0].windows[0]
         values = plan.runs[0].start_values
-        solver = _solver_of(scene, values)
-        window = plan.windows[0]
+        own = {solver.variable for solver in scene.solvers}
+        common = set.intersection(*(set(solver.values) for solver in scene.solvers)) - own
+        chosen = (s for s in scene.solvers if all(values[n] == s.values[n] for n in common))
+        solver = next(chosen, replace(scene.solvers[0], kind="", variable=""))
+        resolution = float(values[solver.variable]) if solver.variable else 0.0
+        if solver.kind == SUBSTEPS:
+            period = resolution * scene.fastest_hz
+            resolution = 1.0 / period if period > 0.0 else USUAL_SUBSTEPS
         return Setting(
-            AMPLITUDES,
-            solver.name,
-            dict(plan.settings),
-            _resolution(scene, solver, values),
-            solver.kind,
-            bool(scene.start) and bool(values.get(scene.start)),
-            plan.settle_s,
+            quantity=AMPLITUDES,
+            solver=solver.name,
+            values=dict(plan.settings),
+            resolution=resolution,
+            resolution_kind=solver.kind,
+            periodic=bool(scene.periodic) and bool(values.get(scene.periodic)),
+            settle_s=plan.settle_s,
             window_s=window.length_s,
             samples=window.samples,
         )
@@ -68,41 +84,7 @@ def plan_scene(bench: Bench, accuracy: float) -> Planned:
     scene = bench.scene
     known = knowledge_of(bench.workers.description, scene.annotation)
     # the names that every setting of the grid sets, so that all runs share one layout
-    every = setting_values(scene, scene.solvers[0], scene.solvers[0].resolutions[0])
-    plans = []
-    for driven in scene.drives:
-        start = {**scene.values, **driven.values, **every}
-        drive = Drive(
-            start,
-            driven.tones_hz,
-            (driven.output or scene.output,),
-            input=scene.input,
-            level=scene.level,
-            steps_per_period=scene.held or 100,
-        )
-        plans.append(plan_drives((drive,), accuracy, bench.workers, known))
+    every = scene.values_of(scene.solvers[0], scene.solvers[0].resolutions[0])
+    drives = [replace(d, start_values={**d.start_values, **every}) for d in scene.drives]
+    plans = [plan_drives((drive,), accuracy, bench.workers, known) for drive in drives]
     return Planned(accuracy, tuple(plans))
-
-
-def _choice(scene: Scene, solver: Solver) -> dict[str, Scalar]:
-    """The start values by which solvers are told apart: those that all of them have."""
-    common = set.intersection(*(set(s.values) for s in scene.solvers))
-    common -= {s.variable for s in scene.solvers}
-    return {name: value for name, value in solver.values.items() if name in common}
-
-
-def _solver_of(scene: Scene, values: Mapping[str, Scalar]) -> Solver:
-    for solver in scene.solvers:
-        chosen = _choice(scene, solver)
-        if all(values.get(name) == value for name, value in chosen.items()):
-            return solver
-    return replace(scene.solvers[0], kind="", variable="")
-
-
-def _resolution(scene: Scene, solver: Solver, values: Mapping[str, Scalar]) -> float:
-    if not solver.variable:
-        return 0.0
-    value = float(values[solver.variable])
-    if solver.kind != SUBSTEPS:
-        return value
-    return 1.0 / (value * scene.fastest_hz) if value > 0.0 else 40.0

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from fitting.lab import exact as exact_modes
 from fitting.lab.tradeoff.bench import Bench
-from fitting.lab.tradeoff.records import AMPLITUDES, WIDTH_PEAKS, WIDTH_SWEEP, Reference, Setting
-from fitting.lab.tradeoff.scenes import Scene, scaled, single_tone
+from fitting.lab.tradeoff.records import AMPLITUDES, WIDTH_SWEEP, Reference, Setting
 from fitting.signal.peaks import fit_resonance
 from fitting.signal.scale import nodes_around, refine_maximum
 from fitting.text.arrays import FloatArray
@@ -41,46 +41,27 @@ def values_of(bench: Bench, setting: Setting, reference: Reference | None) -> Fl
 
 def error_of(values: FloatArray, reference: Reference) -> float:
     """Largest relative deviation of values from the reference."""
-    truth = np.array(reference.values)
+    return largest_change(values, np.array(reference.values))
+
+
+def largest_change(values: FloatArray, truth: FloatArray) -> float:
+    """Largest relative deviation of values from others."""
     return float(np.max(np.abs(values / truth - 1.0)))
 
 
-def exact_references(scene: Scene) -> list[Reference]:
-    """What a linear scene of known modes gives, from 50-digit arithmetic."""
-    if scene.modes is None or not scene.linear:
-        raise ValueError(f"{scene.name}: not a linear scene of known modes")
-    tones = [tone for drive in scene.drives for tone in drive.tones_hz]
-    peaks = exact_modes.amplitudes(scene.modes, scene.observed, tones) * scene.level
-    width = exact_modes.line_width_hz(scene.modes, scene.observed)
-    top = exact_modes.crest(scene.modes, scene.observed) * scene.level
-    rounding = float(np.finfo(float).eps)
-    source = f"closed form with {exact_modes.DIGITS} digits"
-    return [
-        Reference(AMPLITUDES, tuple(map(float, peaks)), rounding, source),
-        Reference(WIDTH_SWEEP, (width,), rounding, source),
-        Reference(WIDTH_PEAKS, (width,), rounding, source),
-        # data of the fit to amplitudes: those over the maximum of the sweep, as Algorithm 1 does
-        Reference(RATIOS, tuple(map(float, peaks / top)), rounding, source),
-    ]
-
-
-#: Name of the reference of amplitudes over the maximum of the sweep.
-RATIOS = "amplitudes over the maximum"
+def _twelve_digits(frequencies_hz: Sequence[float] | FloatArray) -> FloatArray:
+    """Frequencies as people would write them, whose periods are exact."""
+    return np.array([float(f"{f:.12g}") for f in frequencies_hz])
 
 
 def _width_by_sweep(bench: Bench, setting: Setting) -> float:
     """Width in Hz of one mode and a complex background fitted to a sweep."""
     scene = bench.scene
-    if scene.sweep_hz:
-        low, high = scene.sweep_hz[0], scene.sweep_hz[-1]
-        f = np.linspace(low, high, setting.sweep_points)
-    else:
-        offsets = SWEEP_REACH * scene.width_hz * np.linspace(-1.0, 1.0, setting.sweep_points)
-        f = scene.centre_hz + offsets
-    f = np.array([float(f"{x:.12g}") for x in f])
-    drives = [single_tone(scene, float(tone)) for tone in f]
-    a = np.concatenate(bench.amplitudes(setting, drives))
-    return fit_resonance(f, a, background="complex").width_hz
+    reach = SWEEP_REACH * scene.width_hz
+    ends = scene.sweep_hz or (scene.centre_hz - reach, scene.centre_hz + reach)
+    f = _twelve_digits(np.linspace(ends[0], ends[-1], setting.sweep_points))
+    found = bench.amplitudes(setting, [scene.single_tone(float(tone)) for tone in f])
+    return fit_resonance(f, np.concatenate(found), background="complex").width_hz
 
 
 def _width_by_peaks(bench: Bench, setting: Setting, data: FloatArray) -> float:
@@ -89,9 +70,8 @@ def _width_by_peaks(bench: Bench, setting: Setting, data: FloatArray) -> float:
     s <- s - (J . r)/(J . J), s the factor on all damping, J = (r(s (1 + h)) - r(s))/(s h); where
     sweep points are set, amplitudes are taken over the maximum interpolated through them.
     """
-    s = FIRST_WIDTH
+    s, h = FIRST_WIDTH, setting.jacobian_step
     for _ in range(setting.iterations):
-        h = setting.jacobian_step
         r = _ratios(bench, setting, s) / data - 1.0
         moved = _ratios(bench, setting, s * (1.0 + h)) / data - 1.0
         slope = (moved - r) / (s * h)
@@ -104,14 +84,13 @@ def _width_by_peaks(bench: Bench, setting: Setting, data: FloatArray) -> float:
 
 def _ratios(bench: Bench, setting: Setting, factor: float) -> FloatArray:
     """Amplitudes of the drives with the width times a factor, over the sweep's maximum if due."""
-    scene = scaled(bench.scene, factor)
+    scene = bench.scene.scaled(factor)
     nodes: FloatArray = np.empty(0)
     if setting.sweep_points:
         spacing = CREST_SPAN * scene.width_hz / (setting.sweep_points - 1)
-        nodes = nodes_around(scene.centre_hz, spacing, setting.sweep_points)
-        nodes = np.array([float(f"{x:.12g}") for x in nodes])
-    drives = [*scene.drives, *(single_tone(scene, float(tone)) for tone in nodes)]
-    found = bench.amplitudes(setting, drives, scene)
+        nodes = _twelve_digits(nodes_around(scene.centre_hz, spacing, setting.sweep_points))
+    drives = [*scene.drives, *(scene.single_tone(float(tone)) for tone in nodes)]
+    found = bench.amplitudes(setting, drives)
     peaks = np.concatenate(found[: len(scene.drives)])
     if not nodes.size:
         return peaks

@@ -14,22 +14,26 @@ from fitting.text.records import to_plain
 #: of one mode; the line width, fitted through the simulator to the amplitudes.
 AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS = "amplitudes", "width by sweep", "width by amplitudes"
 QUANTITIES = (AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS)
+#: A reference that is none of these: amplitudes over the maximum of the sweep.
+RATIOS = "amplitudes over the maximum"
 
 #: How amplitudes are read: a window of whole periods (a fit of the tones where there is none), the
 #: largest line of a flat-top window, the largest line without a window.
 COHERENT, FLAT_TOP, NO_WINDOW = "coherent", "flat-top", "none"
 READERS = (COHERENT, FLAT_TOP, NO_WINDOW)
 
+#: What the resolution of a setting counts.
+SUBSTEPS, HELD, TOLERANCE = "substeps per period", "held steps per period", "tolerance"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One way of getting a quantity.
+    """How a simulation is told to give one quantity.
 
     `values` start values of the FMU that belong to the solver; `resolution` of the kind
-    `resolution_kind` ("substeps per period", "tolerance", "held steps per period", "" for none);
-    `settle_s` time before the window, 0 with a periodic start; `window_s` its length, `samples` in
-    it. `sweep_points`, `jacobian_step` (relative to the width) and `iterations` (Gauss-Newton
-    steps) belong to the width, 0 where there is none.
+    `resolution_kind` ("" for none); `settle_s` time before the window, 0 with a periodic start;
+    `window_s` its length, `samples` in it. `sweep_points`, `jacobian_step` (relative to the width)
+    and `iterations` (Gauss-Newton steps) belong to the width, 0 where there is none.
 
     Raises:
         ValueError: an unknown quantity or reader, or times that are not finite.
@@ -43,8 +47,8 @@ class Setting:
     periodic: bool = False
     settle_s: float = 0.0
     reader: str = COHERENT
-    window_s: float = 0.0
-    samples: int = 0
+    window_s: float
+    samples: int
     sweep_points: int = 0
     jacobian_step: float = 0.0
     iterations: int = 0
@@ -61,31 +65,47 @@ class Setting:
         return json.dumps(to_plain(self), sort_keys=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """What something costs, `repeats` times timed (0: not run, extrapolated).
+
+    `seconds` wall time, a median; `cpu_s` processor time of this process and the FMU's, NaN where
+    the system does not tell or several processes share the work. `runs`, `steps` (doStep calls) and
+    `reads` (getReal calls) of one repeat; `solver_steps` of the solver itself, None where it does
+    not tell.
+    """
+
+    seconds: float = 0.0
+    cpu_s: float = 0.0
+    repeats: int = 0
+    runs: int = 0
+    steps: int = 0
+    reads: int = 0
+    solver_steps: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Measurement:
     """What a setting gave.
 
-    `error` relative, worst of all amplitudes; `bounded`: it is the reference's own error, the true
-    one is at most that. `seconds` wall time, median of `repeats`; `cpu_s` processor time of the
-    processes, NaN where the system does not tell; `runs`, `steps` (doStep calls), `reads` (getReal
-    calls); `solver_steps` of the solver itself, None where it does not tell. `extrapolated`: not
-    run, `note` says what the numbers come from. A setting that failed has an infinite error and the
-    reason as its note. `planned_for`: the accuracy for which the plan chose it, None: the grid's.
+    `error` relative, worst of all amplitudes, infinite where the setting failed and `note` says
+    why; `bounded`: it is the reference's own error, the true one is at most that. `extrapolated`:
+    not run, `note` says what the numbers come from. `planned_for`: the accuracy for which the plan
+    chose it, None: the grid's.
     """
 
     setting: Setting
     error: float
-    bounded: bool
-    seconds: float
-    cpu_s: float
-    repeats: int
-    runs: int
-    steps: int
-    reads: int
-    solver_steps: int | None = None
+    cost: Cost
+    bounded: bool = False
     extrapolated: bool = False
     note: str = ""
     planned_for: float | None = None
+
+    @property
+    def failed(self) -> bool:
+        """Whether nothing came out."""
+        return math.isinf(self.error)
 
     @property
     def cost_s(self) -> float:
@@ -93,7 +113,7 @@ class Measurement:
 
         A machine that does other work as well spoils the wall time only.
         """
-        return self.cpu_s if math.isfinite(self.cpu_s) else self.seconds
+        return self.cost.cpu_s if math.isfinite(self.cost.cpu_s) else self.cost.seconds
 
 
 @dataclass(frozen=True)
@@ -106,7 +126,7 @@ class Reference:
     source: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Study:
     """Everything that a run of the command found; `status` "finished" or "interrupted"."""
 
@@ -121,6 +141,12 @@ class Study:
     message: str
     notes: tuple[str, ...] = ()
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def cost_kind(self) -> str:
+        """What the costs are: "processor" or "wall" time."""
+        told = all(math.isfinite(m.cost.cpu_s) for m in self.measurements)
+        return "processor" if told else "wall"
 
     def of(self, quantity: str, *, planned: bool = False) -> list[Measurement]:
         """Measurements of a quantity, the grid's or the plan's."""

@@ -7,19 +7,21 @@ import random
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from pathlib import Path
 
 from fitting.fmu import FmuWorkers
-from fitting.lab.tradeoff.bench import Bench, Cost, Patience
+from fitting.lab.tradeoff.bench import Bench, Patience
 from fitting.lab.tradeoff.extrapolation import Extrapolation
 from fitting.lab.tradeoff.grid import settings_of
-from fitting.lab.tradeoff.memory import Memory
 from fitting.lab.tradeoff.plan import Planned, plan_scene
-from fitting.lab.tradeoff.quantities import RATIOS, error_of, values_of
+from fitting.lab.tradeoff.quantities import error_of, values_of
 from fitting.lab.tradeoff.records import (
     AMPLITUDES,
     QUANTITIES,
+    RATIOS,
+    TOLERANCE,
     WIDTH_PEAKS,
+    Cost,
     Measurement,
     Reference,
     Setting,
@@ -27,16 +29,20 @@ from fitting.lab.tradeoff.records import (
 )
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import Scene
-from fitting.simulate.words import plan_in_words
+from fitting.text.arrays import FloatArray
+from fitting.text.checkpoint import Checkpoint
 from fitting.text.errors import BadInput, FmuFailure
 
 #: Rounds in which the cheapest settings and the plan's are timed again, in turns; how many for each
 #: accuracy; and the longest of them, s.
-DUEL_ROUNDS, FINALISTS, DUEL_S = 9, 3, 1.0
+DUEL_ROUNDS, QUICK_ROUNDS, FINALISTS, DUEL_S = 9, 3, 3, 1.0
 QUICK_PATIENCE = Patience(3, 0.02, 0.3)
+CHECKPOINT_NAME = "tradeoff-checkpoint.json"
+#: Time between two writings of the checkpoint, s: kill -9 loses no more than that.
+EVERY_S = 2.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Order:
     """What is asked: accuracies, seed of the order of settings, longest run of a setting in s.
 
@@ -48,6 +54,30 @@ class Order:
     quick: bool = False
     longest_s: float = 20.0
     quantities: tuple[str, ...] = QUANTITIES
+
+
+@dataclass(frozen=True)
+class Part:
+    """A finished part of a study: the references, or the measurement of a setting."""
+
+    references: tuple[Reference, ...] = ()
+    measurement: Measurement | None = None
+
+    @property
+    def key(self) -> str:
+        """The setting, "" for the references."""
+        return "" if self.measurement is None else self.measurement.setting.key
+
+
+class Memory(Checkpoint[Part]):
+    """Finished parts, in memory and in a file, so that a study goes on where it was stopped."""
+
+    def __init__(self, folder: Path, job: str) -> None:
+        super().__init__(folder / CHECKPOINT_NAME, job, Part, lambda part: part.key, EVERY_S)
+
+    def __len__(self) -> int:
+        """The number of finished settings."""
+        return super().__len__() - (self.find("") is not None)
 
 
 def run_study(
@@ -69,57 +99,50 @@ def run_study(
         KeyboardInterrupt: interrupted before there was a reference.
     """
     bench = Bench(scene, workers, QUICK_PATIENCE if order.quick else Patience())
-    if not memory.references:
+    known = memory.find("")
+    if known is None:
         tell("reference")
-        memory.keep_references(tuple(references_of(bench, quick=order.quick)))
-    ruler = _Ruler(bench, memory.references, order.longest_s)
+        known = Part(references=tuple(references_of(bench)))
+        memory.record(known)
+    ruler = _Ruler(bench, known.references, order.longest_s)
     wanted = [s for s in settings_of(scene, quick=order.quick) if s.quantity in order.quantities]
     random.Random(order.seed).shuffle(wanted)  # noqa: S311  (an order, no secret)
     found: list[Measurement] = []
-    planned: dict[float, Planned] = {}
     notes: list[str] = []
     status, message = "finished", f"{len(wanted)} settings."
     try:
         for number, setting in enumerate(wanted, 1):
             tell(f"{number}/{len(wanted)} {setting.quantity}, {setting.solver}")
-            measured = memory.recall(setting.key) or ruler.measure(setting)
-            if measured is not None:
-                memory.keep(measured)
-                found.append(measured)
-        if AMPLITUDES in order.quantities:
-            for accuracy in order.accuracies:
-                tell(f"plan for {accuracy:g}")
-                planned[accuracy] = plan_scene(bench, accuracy)
-                notes += told_plan(planned[accuracy])
-                if planned[accuracy].kept:
-                    found.append(ruler.measure_planned(planned[accuracy]))
+            part = memory.find(setting.key) or Part(measurement=ruler.measure(setting))
+            if part.measurement is not None:
+                memory.record(part)
+                found.append(part.measurement)
+        planned = {}
+        for accuracy in order.accuracies if AMPLITUDES in order.quantities else ():
+            tell(f"plan for {accuracy:g}")
+            planned[accuracy] = plan_scene(bench, accuracy)
+            notes += planned[accuracy].notes
+            if planned[accuracy].kept:
+                found.append(ruler.measure_planned(planned[accuracy]))
         tell("the cheapest once more")
-        rounds = 3 if order.quick else DUEL_ROUNDS
+        rounds = QUICK_ROUNDS if order.quick else DUEL_ROUNDS
         found = again(bench, found, planned, order.accuracies, rounds)
     except KeyboardInterrupt:
         memory.write()
         status = "interrupted"
         message = f"{len(found)} of {len(wanted)} settings; --resume goes on."
     return Study(
-        scene.name,
-        scene.title,
-        scene.synthetic,
-        scene.description,
-        memory.references,
-        tuple(found),
-        order.accuracies,
-        status,
-        message,
-        tuple(notes),
+        scene=scene.name,
+        title=scene.title,
+        synthetic=scene.synthetic,
+        description=scene.description,
+        references=known.references,
+        measurements=tuple(found),
+        accuracies=order.accuracies,
+        status=status,
+        message=message,
+        notes=tuple(notes),
     )
-
-
-def told_plan(planned: Planned) -> list[str]:
-    """The plan for an accuracy in sentences."""
-    if not planned.kept:
-        return [f"Accuracy {planned.accuracy:g}: no plan; it could promise {planned.promised:.1e}."]
-    said = plan_in_words(planned.plans[0].budget)
-    return [f"Accuracy {planned.accuracy:g}: {line}" for line in said]
 
 
 def again(
@@ -135,44 +158,39 @@ def again(
     have met the same machine.
     """
     peaks = [m for m in found if m.setting.quantity == AMPLITUDES and not m.extrapolated]
-    chosen = {_place(m): m for m in peaks if m.planned_for in planned}
+    finalists = [m for m in peaks if m.planned_for in planned]
     for accuracy in accuracies:
         good = sorted((m for m in peaks if m.error <= accuracy), key=lambda m: m.cost_s)
-        chosen.update({_place(m): m for m in good[:FINALISTS]})
-    chosen = {place: m for place, m in chosen.items() if 0.0 < m.seconds < DUEL_S}
-    costs: dict[tuple[str, float | None], list[Cost]] = {place: [] for place in chosen}
+        finalists += good[:FINALISTS]
+    costs: dict[int, list[Cost]] = {id(m): [] for m in finalists if 0.0 < m.cost.seconds < DUEL_S}
     for _ in range(rounds):
-        for place, m in chosen.items():
-            if m.planned_for is None:
-                bench.warm(dict(m.setting.values))
-                work = partial(_first, bench, m.setting)
-            else:
-                work = partial(_first_planned, bench, planned[m.planned_for])
-            costs[place].append(bench.timed(work)[1])
-    return [_retimed(m, costs.get(_place(m), [])) for m in found]
+        for m in {id(m): m for m in finalists if id(m) in costs}.values():
+            work = _work(bench, m.setting, planned.get(m.planned_for or 0.0))
+            costs[id(m)].append(bench.timed(work)[1])
+    return [_retimed(m, costs.get(id(m), [])) for m in found]
 
 
-def _place(measured: Measurement) -> tuple[str, float | None]:
-    return measured.setting.key, measured.planned_for
-
-
-def _first(bench: Bench, setting: Setting) -> float:
-    return float(values_of(bench, setting, None)[0])
-
-
-def _first_planned(bench: Bench, planned: Planned) -> float:
-    return float(planned.amplitudes(bench)[0])
+def _work(
+    bench: Bench, setting: Setting, planned: Planned | None, data: Reference | None = None
+) -> Callable[[], FloatArray]:
+    """What is timed: the plan's runs, or those of a setting; the workers know their layout."""
+    if planned is not None:
+        bench.warm(dict(planned.plans[0].settings))
+        return lambda: planned.amplitudes(bench)
+    bench.warm(dict(setting.values))
+    return lambda: values_of(bench, setting, data)
 
 
 def _retimed(measured: Measurement, costs: Sequence[Cost]) -> Measurement:
     if not costs:
         return measured
-    return replace(
-        measured,
+    cost = replace(
+        measured.cost,
         seconds=statistics.median(c.seconds for c in costs),
         cpu_s=statistics.median(c.cpu_s for c in costs),
         repeats=sum(c.repeats for c in costs),
     )
+    return replace(measured, cost=cost)
 
 
 class _Ruler:
@@ -185,67 +203,42 @@ class _Ruler:
 
     def measure(self, setting: Setting) -> Measurement | None:
         """The row of a setting; None for one that takes too long and cannot be extrapolated."""
-        reference = self._references[setting.quantity]
         if self._extrapolation.expected_s(setting) > self._longest_s:
-            return self._extrapolation.measurement(setting, reference)
-        data = self._data(setting)
+            return self._extrapolation.measurement(setting, self._references[setting.quantity])
+        data = None  # amplitudes that a fit of the width is made to
+        if setting.quantity == WIDTH_PEAKS:
+            data = self._references[RATIOS if setting.sweep_points else AMPLITUDES]
         try:
-            self._bench.warm(dict(setting.values))
-            error, cost = self._bench.timed(
-                lambda: error_of(values_of(self._bench, setting, data), reference)
-            )
+            measured = self._measured(setting, _work(self._bench, setting, None, data))
         except (FmuFailure, BadInput, ValueError, ArithmeticError) as failure:
             note = " ".join(str(failure).split())
-            return Measurement(setting, math.inf, False, 0.0, 0.0, 0, 0, 0, 0, note=note)
-        if not math.isfinite(error):
-            return Measurement(
-                setting,
-                math.inf,
-                False,
-                cost.seconds,
-                cost.cpu_s,
-                cost.repeats,
-                cost.runs,
-                cost.steps,
-                cost.reads,
-                note="no number came out",
-            )
-        return Measurement(
-            setting,
-            max(error, reference.error),
-            error <= reference.error,
-            cost.seconds,
-            cost.cpu_s,
-            cost.repeats,
-            cost.runs,
-            cost.steps,
-            cost.reads,
-            cost.solver_steps if setting.resolution_kind != "tolerance" else None,
-        )
+            return Measurement(setting=setting, error=math.inf, cost=Cost(), note=note)
+        if setting.resolution_kind != TOLERANCE:
+            return measured
+        return replace(measured, cost=replace(measured.cost, solver_steps=None))
 
     def measure_planned(self, planned: Planned) -> Measurement:
         """The row of the plan's choice for an accuracy."""
-        reference = self._references[AMPLITUDES]
-        self._bench.warm(dict(planned.plans[0].settings))
-        error, cost = self._bench.timed(
-            lambda: error_of(planned.amplitudes(self._bench), reference)
-        )
-        return Measurement(
-            planned.setting(self._bench.scene),
-            max(error, reference.error),
-            error <= reference.error,
-            cost.seconds,
-            cost.cpu_s,
-            cost.repeats,
-            cost.runs,
-            cost.steps,
-            cost.reads,
+        setting = planned.setting(self._bench.scene)
+        found = self._measured(setting, _work(self._bench, setting, planned))
+        return replace(
+            found,
+            cost=replace(found.cost, solver_steps=None),
             planned_for=planned.accuracy,
             note=f"promised {planned.promised:.1e}",
         )
 
-    def _data(self, setting: Setting) -> Reference | None:
-        """Amplitudes that a fit of the width is made to."""
-        if setting.quantity != WIDTH_PEAKS:
-            return None
-        return self._references[RATIOS if setting.sweep_points else AMPLITUDES]
+    def _measured(self, setting: Setting, work: Callable[[], FloatArray]) -> Measurement:
+        reference = self._references[setting.quantity]
+        values, cost = self._bench.timed(work)
+        error = error_of(values, reference)
+        if not math.isfinite(error):
+            return Measurement(
+                setting=setting, error=math.inf, cost=cost, note="no number came out"
+            )
+        return Measurement(
+            setting=setting,
+            error=max(error, reference.error),
+            bounded=error <= reference.error,
+            cost=cost,
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -30,6 +31,17 @@ from fitting.report.plot.axes import (
 )
 from fitting.text.notation import number, on_log_axis
 
+#: How the front, the reference's own error and the plan's choices look.
+FRONT: dict[str, Any] = {"color": BLACK, "linewidth": 1.0}
+FLOOR: dict[str, Any] = {"color": GREY, "linestyle": (0, (4, 3)), "linewidth": 0.8}
+PLAN: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "*",
+    "color": ORANGE,
+    "markeredgecolor": BLACK,
+}
+#: An error of a reference that is none.
+ROUNDING = 1e-15
 #: Least ratio of the ends of the cost axis.
 LEAST_SPAN = 30.0
 HEADINGS = {
@@ -64,8 +76,7 @@ def draw(study: Study) -> Drawing:
         axes = grid[row, 0]
         _draw_quantity(axes, study, quantity, solvers)
         axes.set_title(HEADINGS[quantity], loc="left")
-    cpu = all(math.isfinite(m.cpu_s) for m in study.measurements)
-    grid[-1, 0].set_xlabel(f"cost: {'processor' if cpu else 'wall'} time (s)")
+    grid[-1, 0].set_xlabel(f"cost: {study.cost_kind} time (s)")
     legend_below(figure, _handles(study, solvers), ncols=4)
     caption = (
         "Largest relative error of every setting over its cost; the line is the Pareto front: "
@@ -85,32 +96,26 @@ def _sorted(found: Sequence[Measurement]) -> list[Measurement]:
 
 def _draw_quantity(axes: Axes, study: Study, quantity: str, solvers: list[str]) -> None:
     found = [m for m in study.of(quantity) if math.isfinite(m.error)]
-    for place, solver in enumerate(solvers):
-        colour, marker = _look(place)
-        for coherent in (True, False):
-            for extrapolated in (False, True):
-                some = [
-                    m
-                    for m in found
-                    if m.setting.solver == solver
-                    and m.extrapolated == extrapolated
-                    and (m.setting.reader == COHERENT) == coherent
-                ]
-                axes.plot(
-                    [m.cost_s for m in some],
-                    [m.error for m in some],
-                    linestyle="none",
-                    marker=marker,
-                    markersize=3.6,
-                    color=colour,
-                    markerfacecolor=colour if coherent else "white",
-                    alpha=0.3 if extrapolated else 0.8,
-                    zorder=2,
-                )
-    _draw_front(axes, pareto(found))
+    for m in found:
+        axes.plot(
+            [m.cost_s],
+            [m.error],
+            **_look(solvers.index(m.setting.solver), m.setting.reader == COHERENT),
+            markersize=3.6,
+            alpha=0.3 if m.extrapolated else 0.8,
+            zorder=2,
+        )
+    front = pareto(found)
+    axes.plot(
+        [m.cost_s for m in front],
+        [m.error for m in front],
+        **FRONT,
+        drawstyle="steps-post",
+        zorder=3,
+    )
     for reference in study.references:
-        if reference.quantity == quantity and reference.error > 1e-15:
-            axes.axhline(reference.error, color=GREY, linestyle=(0, (4, 3)), linewidth=0.8)
+        if reference.quantity == quantity and reference.error > ROUNDING:
+            axes.axhline(reference.error, **FLOOR)
     for m in study.of(quantity, planned=True):
         _draw_plan(axes, m)
     axes.set_xscale("log")
@@ -125,19 +130,6 @@ def _draw_quantity(axes: Axes, study: Study, quantity: str, solvers: list[str]) 
     axes.set_ylabel("relative error")
 
 
-def _draw_front(axes: Axes, front: Sequence[Measurement]) -> None:
-    if not front:
-        return
-    axes.plot(
-        [m.cost_s for m in front],
-        [m.error for m in front],
-        color=BLACK,
-        linewidth=1.0,
-        drawstyle="steps-post",
-        zorder=3,
-    )
-
-
 def _draw_plan(axes: Axes, m: Measurement) -> None:
     """The plan's choice, with a line up to the accuracy that was asked of it."""
     wanted = m.planned_for
@@ -145,17 +137,7 @@ def _draw_plan(axes: Axes, m: Measurement) -> None:
         return
     cost = m.cost_s
     axes.plot([cost, cost], [m.error, wanted], color=ORANGE, linewidth=0.9, zorder=4)
-    axes.plot(
-        [cost],
-        [m.error],
-        marker="*",
-        markersize=10,
-        color=ORANGE,
-        markeredgecolor=BLACK,
-        markeredgewidth=0.5,
-        linestyle="none",
-        zorder=5,
-    )
+    axes.plot([cost], [m.error], **PLAN, markersize=10, markeredgewidth=0.5, zorder=5)
     axes.annotate(
         on_log_axis(wanted),
         (cost, wanted),
@@ -166,54 +148,31 @@ def _draw_plan(axes: Axes, m: Measurement) -> None:
     )
 
 
-def _look(place: int) -> tuple[str, str]:
-    return SERIES[place % len(SERIES)], SERIES_MARKERS[place % len(SERIES_MARKERS)]
+def _look(place: int, filled: bool = True) -> dict[str, Any]:
+    """Marker of a solver, open where its window is not whole periods."""
+    colour = SERIES[place % len(SERIES)]
+    return {
+        "linestyle": "none",
+        "marker": SERIES_MARKERS[place % len(SERIES_MARKERS)],
+        "color": colour,
+        "markerfacecolor": colour if filled else "white",
+    }
 
 
 def _handles(study: Study, solvers: list[str]) -> list[Line2D]:
-    handles = []
-    for place, solver in enumerate(solvers):
-        colour, marker = _look(place)
-        handles.append(
-            Line2D([], [], ls="none", marker=marker, color=colour, markersize=5, label=solver)
-        )
-    handles.append(Line2D([], [], color=BLACK, linewidth=1.0, label="Pareto front"))
+    handles = [
+        Line2D([], [], **_look(place), markersize=5, label=solver)
+        for place, solver in enumerate(solvers)
+    ]
+    handles.append(Line2D([], [], **FRONT, label="Pareto front"))
     if any(m.planned_for is not None for m in study.measurements):
-        handles.append(
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="*",
-                markersize=9,
-                color=ORANGE,
-                markeredgecolor=BLACK,
-                label="the plan's choice",
-            )
-        )
-    if any(r.error > 1e-15 for r in study.references):
-        floor = max(r.error for r in study.references)
-        handles.append(
-            Line2D(
-                [],
-                [],
-                color=GREY,
-                linestyle=(0, (4, 3)),
-                linewidth=0.8,
-                label=f"reference's own error (up to {number(floor, 1)})",
-            )
-        )
+        handles.append(Line2D([], [], **PLAN, markersize=9, label="the plan's choice"))
+    floor = max((r.error for r in study.references), default=0.0)
+    if floor > ROUNDING:
+        label = f"reference's own error (up to {number(floor, 1)})"
+        handles.append(Line2D([], [], **FLOOR, label=label))
     if any(m.extrapolated for m in study.measurements):
-        handles.append(
-            Line2D(
-                [],
-                [],
-                linestyle="none",
-                marker="o",
-                color=GREY,
-                alpha=0.35,
-                markersize=5,
-                label="extrapolated",
-            )
-        )
+        pale = Line2D([], [], ls="none", marker="o", color=GREY, markersize=5, label="extrapolated")
+        pale.set_alpha(0.35)
+        handles.append(pale)
     return handles
