@@ -40,8 +40,8 @@ from fitting.text.keys import (
     Value,
     Values,
     WholeNumber,
+    listed,
     refusing,
-    tables_wanted,
 )
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
@@ -460,7 +460,7 @@ class WrittenAccuracy(Keys):
     full: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the model with nothing left out."""
     reductions: Annotated[
-        tuple[WrittenReduction, ...], tables_wanted("[[accuracy.reductions]] tables", found=True)
+        tuple[WrittenReduction, ...], listed("[[accuracy.reductions]] tables", least=0)
     ] = ()
     """Ways to leave something out, which a plan may take."""
     force: Texts = ()
@@ -540,9 +540,7 @@ class WrittenCampaign(Keys):
     """Declared noise of the amplitudes."""
     sweep: WrittenSweep | None = None
     """A measured frequency response."""
-    parameters: Annotated[
-        tuple[WrittenParameter, ...], tables_wanted("one [[parameters]] table or more", least=1)
-    ]
+    parameters: Annotated[tuple[WrittenParameter, ...], listed("one [[parameters]] table or more")]
     """The FMU parameters that are fitted."""
     derived: WrittenDerived = WrittenDerived()
     """What else is reported."""

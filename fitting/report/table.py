@@ -133,6 +133,12 @@ class Table:
             if len(row) != len(self.heads):
                 raise ValueError(f"{self.caption}: {len(row)} cells under {len(self.heads)} heads")
 
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Which columns hold numbers; they stand to the right, dashes among them too."""
+        count = range(len(self.heads))
+        return tuple(any(row[k].value is not None for row in self.rows) for k in count)
+
     def without(self, *names: str) -> Table:
         """The table without the columns of these names."""
         kept = [k for k, head in enumerate(self.heads) if head.name not in names]
@@ -182,12 +188,11 @@ def text_lines(table: Table) -> list[str]:
     """A table for a terminal: heads and rows, numbers to the right; neither caption nor note."""
     heads = [terminal_text(head.text) for head in table.heads]
     rows = [[terminal_text(cell.text) for cell in row] for row in table.rows]
-    right = [any(row[k].value is not None for row in table.rows) for k in range(len(heads))]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
     return [
         "  ".join(
             text.rjust(width) if to_right else text.ljust(width)
-            for text, width, to_right in zip(line, widths, right, strict=True)
+            for text, width, to_right in zip(line, widths, table.numeric, strict=True)
         ).rstrip()
         for line in (heads, *rows)
     ]
@@ -210,7 +215,8 @@ def exact_text(value: float) -> str:
 
 def html_table(table: Table) -> str:
     """A table as HTML by itself, with the little style it needs and no page around it."""
-    return environment().get_template("table.html.j2").module.alone(table)  # type: ignore[attr-defined, no-any-return]
+    page = '{% from "table.html.j2" import alone %}{{ alone(table) }}'
+    return environment().from_string(page).render(table=table)
 
 
 def environment() -> Environment:

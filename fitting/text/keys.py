@@ -197,24 +197,13 @@ def _share(value: Any) -> float:
     return float(number)
 
 
-def tables_wanted(words: str, *, found: bool = False, least: int = 0) -> BeforeValidator:
-    """An array of tables, ``least`` of them at least; else the complaint wants the ``words``."""
-
-    def check(value: Any) -> Any:
-        if isinstance(value, list | tuple) and len(value) >= least:
-            return value
-        raise Refused(f"wanted {words}" + (f", found {value!r}" if found else ""))
-
-    return BeforeValidator(check)
-
-
-def listed(words: str) -> BeforeValidator:
-    """A list that is not empty; else the complaint wants the ``words``."""
+def listed(words: str, least: int = 1) -> BeforeValidator:
+    """A list of ``least`` entries or more; else the complaint is that these words are wanted."""
 
     def check(values: Any) -> Any:
-        if not isinstance(values, list | tuple) or not values:
-            raise Refused(f"found {values!r}, wanted {words}")
-        return values
+        if isinstance(values, list | tuple) and len(values) >= least:
+            return values
+        raise Refused(f"found {values!r}, wanted {words}")
 
     return BeforeValidator(check)
 

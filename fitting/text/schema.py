@@ -53,13 +53,11 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return _ADAPTERS[kind]
 
 
-def read_record(
-    kind: type[Record], data: Any, path: Path, table: str = "", *, folder: Path | None = None
-) -> Record:
+def read_record(kind: type[Record], data: Any, path: Path, table: str = "") -> Record:
     """The record of a ``table`` (of the whole file, where empty) from plain tables.
 
-    ``path`` is the file in complaints; file names are relative to its ``folder``, by default its
-    own. Every value as written gets its place in the file.
+    ``path`` is the file, for complaints and for the names of other files, which are relative to it.
+    Every value as written gets its place in the file.
 
     Raises:
         BadInput: a key that is unknown or missing, a value that is not what is wanted; one line
@@ -68,8 +66,7 @@ def read_record(
     names: Place = (table,) if table else ()
     source = _Source(path, {table: data} if table else data)
     try:
-        context = {"folder": path.parent if folder is None else folder}
-        record = _adapter(kind).validate_python(data, context=context)
+        record = _adapter(kind).validate_python(data, context={"folder": path.parent})
     except ValidationError as error:
         raise BadInput(*_complaints(kind, error, source, names)) from None
     placed: Record = _placed(record, source, names)

@@ -83,13 +83,16 @@ def test_a_page_gets_symbols_and_both_the_shown_and_the_exact_number() -> None:
     assert first[1].text_content() == "6.94026"
     assert float(first[1].find("data").get("value")) == MODES[0].frequency_hz
     assert second[2].find("data") is None
+    assert [cell.get("class") for cell in second[1:]] == ["n", "n", "words"]
     assert second[3].text_content() == "<not> seen"
     assert not list(root.iter("script"))
     assert root.find("p").text_content() == "A note & more."
 
 
 def test_a_notebook_shows_a_table_by_itself() -> None:
-    assert TABLE._repr_html_() == html_table(TABLE)
+    shown = TABLE._repr_html_()
+    assert shown == html_table(TABLE)
+    assert type(shown) is str  # one of jinja's would escape what it is joined to
 
 
 def test_names_cannot_become_markup() -> None:
