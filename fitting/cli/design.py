@@ -22,9 +22,9 @@ from fitting.design.limits import limits_of, read_design_table
 from fitting.design.proposal import propose
 from fitting.design.result import Design, design_csv, write_design
 from fitting.design.weighing import DesignGoal, weigh
-from fitting.fit.result import Result, read_result
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
+from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole

@@ -9,15 +9,15 @@ from pathlib import Path
 
 from fitting.campaign import bind, read_campaign
 from fitting.cli.options import default_workers, whole_number
-from fitting.fit.result import read_result
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
 from fitting.inference.identification import IdentificationOptions, identify
-from fitting.inference.inference import BUDGET
+from fitting.inference.knowing import BUDGET
 from fitting.inference.knowledge import Identification
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table
 from fitting.report.words.inference import knowledge_lines
+from fitting.result.result import read_result
 from fitting.text.records import write_json
 
 NAME = "identify"
@@ -81,7 +81,12 @@ def run(args: argparse.Namespace) -> int:
         bound = bind(campaign, variables)
         units = {name: variables[name].unit or "" for name in bound.derived}
         question = IdentificationOptions(
-            fitted, args.expected, args.bootstrap, args.seed, args.budget
+            values=None if fitted is None else fitted.fitted_values,
+            alternative=None if fitted is None else fitted.alternative,
+            expected=args.expected,
+            bootstrap=args.bootstrap,
+            seed=args.seed,
+            budget=args.budget,
         )
         knowledge = identify(bound, workers, units, question)
         provenance = {

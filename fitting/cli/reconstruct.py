@@ -8,29 +8,28 @@ import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from fitting.campaign import Campaign, ContinuationSettings, bind, read_campaign
 from fitting.cli.options import default_workers, relative_accuracy, whole_number
 from fitting.fit import checkpoint
 from fitting.fit.evaluator import MISFITS
-from fitting.fit.fmu_job import identify_fmu, reconstruct_through
-from fitting.fit.job import Options, job_of, options_of
+from fitting.fit.fit import Hooks, Progress
+from fitting.fit.options import Options, options_of
 from fitting.fit.problem import Problem, problem_of
-from fitting.fit.reconstruction import Hooks, Progress
-from fitting.fit.result import Result, write_result
-from fitting.fit.sweep_line import line_sentences
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
-from fitting.inference import inference
-from fitting.inference.external import check_external, with_external
+from fitting.inference.sweep_line import line_sentences
 from fitting.report.shown import shown_problem
 from fitting.report.table import text_lines
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
 from fitting.report.words.inference import knowledge_lines
 from fitting.report.words.plan import plan_line
+from fitting.result.external import check_external, with_external
+from fitting.result.provenance import job_of
+from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.result import Result, write_result
 from fitting.text.errors import BadInput
 
 NAME = "reconstruct"
@@ -105,11 +104,13 @@ def run(args: argparse.Namespace) -> int:
             print(memory.resumed("levels"))
         shown = _Line(sys.stderr.isatty())
         try:
-            inform = None
-            if not args.no_profiles:
-                inform = partial(inference.inform, bootstrap=args.bootstrap or 0)
-            hooks = Hooks(progress=shown, memory=memory, inform=inform)
-            result = reconstruct_through(workers, problem, identity, options, hooks)
+            asked = ReconstructionOptions(
+                options=options,
+                hooks=Hooks(progress=shown, memory=memory),
+                profiles=not args.no_profiles,
+                bootstrap=args.bootstrap or 0,
+            )
+            result = reconstruct_through(workers, problem, identity, asked)
         except KeyboardInterrupt:
             shown.end()
             print("interrupted before the first level was finished: nothing to report")

@@ -19,9 +19,10 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.fit.result import IDENTIFIABLE
 from fitting.text.arrays import BoolArray, FloatArray
 
+#: Words for how far data determine a value.
+IDENTIFIABLE = ("determined", "partly determined", "not determined")
 #: Shares of the variance from which a value counts as determined, and as partly determined.
 DETERMINED, PARTLY = 0.9, 0.1
 #: Rows count as known no better than this: finite differences and the model's numerics.

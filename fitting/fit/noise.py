@@ -13,15 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.fit.linearisation import row_sigmas
 from fitting.fit.objective import Objective, Point
-from fitting.fit.problem import Problem
-from fitting.inference.uncertainty import row_sigmas
 from fitting.measurements.dataset import Dataset
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import hertz
-
-#: Outliers that are named one by one.
-MOST_NAMED = 6
 
 
 @dataclass(frozen=True)
@@ -35,6 +30,17 @@ class RowNoise:
     def covariance(self) -> FloatArray:
         """V (m, m)."""
         return np.asarray(np.diag(self.sigma**2) + self.common @ self.common.T)
+
+    def widened(self, rows: slice, factor: float) -> RowNoise:
+        """The same noise, some rows counting as if theirs were wider.
+
+        Args:
+            rows: which.
+            factor: on their standard deviations.
+        """
+        sigma = self.sigma.copy()
+        sigma[rows] *= factor
+        return RowNoise(sigma, self.common)
 
 
 def noise_of(objective: Objective, point: Point) -> RowNoise:
@@ -57,37 +63,3 @@ def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:
     """dr/d ln chi of one series: 1 + r for peaks, r + measured/maximum for points of a sweep."""
     column = point.residuals + data.level
     return np.asarray(np.where(data.series_of_rows == series, column, 0.0))
-
-
-def outlier_sentences(
-    problem: Problem,
-    residuals: FloatArray,
-    sigma: FloatArray,
-    matrix: FloatArray,
-    precision: FloatArray,
-) -> list[str]:
-    """Peaks whose residual is beyond the campaign's threshold of its own standard deviation.
-
-    Studentised, r/(sigma sqrt(1 - h)), h the leverage of the row; against the scatter of all where
-    that is wider than the noise. ``precision`` (n,) of the priors in x.
-    """
-    white = matrix / sigma[:, np.newaxis]
-    leverage = np.sum((white @ np.linalg.inv(white.T @ white + np.diag(precision))) * white, axis=1)
-    scores = residuals / sigma / np.sqrt(np.maximum(1.0 - leverage, 0.05))
-    lines = [f"{e.label} at {hertz(f)}" for e in problem.experiments for f in e.read_hz]
-    scores = scores[: len(lines)]
-    if scores.size < 4:
-        return []
-    wide = max(1.0, float(np.median(np.abs(scores))) / 0.6745)
-    far = [int(k) for k in np.argsort(-np.abs(scores)) if abs(scores[k]) > problem.threshold * wide]
-    if not far:
-        return []
-    named = ", ".join(f"{lines[k]} ({scores[k]:+.3g})" for k in far[:MOST_NAMED])
-    more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
-    tamed = ' They count less (outliers = "huber").' if problem.data.outliers == "huber" else ""
-    return [f"Outliers, in standard deviations of their residual: {named}{more}.{tamed}"]
-
-
-def prior_precision(widths: FloatArray, nu: float) -> FloatArray:
-    """Precision of the priors in x (n,), from `fitting.campaign.parameters.prior_widths`."""
-    return np.asarray(12.0 / widths**2 + nu)

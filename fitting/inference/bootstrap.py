@@ -16,7 +16,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.result import IDENTIFIABLE
+from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
 from fitting.inference.knowledge import Bootstrap, Percentiles, Profile
 from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator

@@ -23,14 +23,14 @@ from scipy.special import chdtrc, ndtri
 from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import prior_sigmas, search_bounds
-from fitting.fit.assembly import Solution
 from fitting.fit.differences import central
-from fitting.fit.joint_result import Estimate, JointResult, SeriesPart, Tension
 from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined, whitened
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
+from fitting.fit.solution import Solution
+from fitting.inference.joint_result import Estimate, JointResult, SeriesPart, Tension
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.

@@ -7,12 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from fitting.campaign.parameters import Parameter
-from fitting.fit.result import (
-    IDENTIFIABLE,
-    AlternativeResult,
-    DerivedResult,
-    ParameterResult,
-)
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.fit.path import AlternativeResult
+from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.text.arrays import Scalar
 from fitting.text.notation import number
 
@@ -116,24 +113,6 @@ def with_lower_verdicts(
         {k: replace(v, identifiable=word) if k in reasons else v for k, v in parameters.items()},
         {k: replace(v, identifiable=word) if k in reasons else v for k, v in derived.items()},
     )
-
-
-def with_equivalent_fits(
-    parameters: Mapping[str, ParameterResult],
-    derived: Mapping[str, DerivedResult],
-    fitted: Sequence[Parameter],
-    alternatives: Iterable[AlternativeResult],
-) -> tuple[dict[str, ParameterResult], dict[str, DerivedResult], list[str]]:
-    """Values in the light of equal fits elsewhere, and what is said of them.
-
-    Args:
-        parameters: by name.
-        derived: by name.
-        fitted: the parameters, for their periods.
-        alternatives: all that were tried.
-    """
-    reasons = exchange_reasons({**parameters, **derived}, fitted, alternatives)
-    return (*with_lower_verdicts(parameters, derived, reasons), reason_sentences(reasons))
 
 
 def is_reason(sentence: str) -> bool:

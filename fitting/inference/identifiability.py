@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, to_model, to_search
-from fitting.fit.result import IDENTIFIABLE
+from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
 from fitting.inference.exploration import Exploration
 from fitting.inference.knowledge import Direction, Equivalent, Profile

@@ -14,10 +14,9 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.outputs import output_means
 from fitting.fit.planned_fmu import plan_problem
 from fitting.fit.problem import problem_of
-from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
 from fitting.inference.descent import most_likely
-from fitting.inference.inference import InferenceOptions, know
+from fitting.inference.knowing import InferenceOptions, know
 from fitting.inference.knowledge import Equivalent, Knowledge
 from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.profiles import ROOT_95
@@ -28,13 +27,15 @@ from fitting.text.errors import BadInput
 
 @dataclass(frozen=True)
 class IdentificationOptions:
-    """What is asked: a fit to set out from, expected data instead of measured ones, limits.
+    """What is asked: values to set out from, expected data instead of measured ones, limits.
 
-    Without `result` the search sets out from the campaign's start and reference values. With
-    `expected` the data are taken to be what the model says there, with the campaign's noise.
+    Without `values` (by parameter, of a fit of one `alternative`) the search sets out from the
+    campaign's start and reference values. With `expected` the data are taken to be what the model
+    says there, with the campaign's noise.
     """
 
-    result: Result | None = None
+    values: Mapping[str, float] | None = None
+    alternative: Mapping[str, Scalar] | None = None
     expected: bool = False
     bootstrap: int = 0
     seed: int = 1
@@ -65,9 +66,9 @@ def identify(
     def objective_of(alternative: Mapping[str, Scalar]) -> Objective:
         return make_objective(planned.response(alternative), problem.parameters, problem.data)
 
-    chosen = bound.alternatives[0] if request.result is None else request.result.alternative
+    chosen = request.alternative if request.alternative is not None else bound.alternatives[0]
     objective = objective_of(chosen)
-    begins = _beginnings(bound, request.result)
+    begins = _beginnings(bound, request.values)
     if request.expected:
         begins = begins[:1]
     noise = _noise(objective, begins[0], request.expected)
@@ -93,7 +94,7 @@ def identify(
     return know(objective, begins[0], noise, options)
 
 
-def _beginnings(bound: BoundCampaign, result: Result | None) -> list[FloatArray]:
+def _beginnings(bound: BoundCampaign, values: Mapping[str, float] | None) -> list[FloatArray]:
     """Search vectors to set out from: a result's values, or the campaign's starts and references.
 
     Raises:
@@ -101,11 +102,9 @@ def _beginnings(bound: BoundCampaign, result: Result | None) -> list[FloatArray]
     """
     parameters = bound.parameters
     lower, upper = search_bounds(parameters)
-    if result is None:
+    if values is None:
         own = [to_search(parameters, p) for p in (starts(parameters), references(parameters))]
         return [np.clip(x, lower, upper) for x in own]
-    values = {name: p.value for name, p in result.parameters.items()}
-    values |= {offset.parameter: offset.fitted for offset in result.offsets}
     missing = [p.name for p in parameters if p.name not in values]
     if missing:
         raise BadInput(

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from fitting.fit.continuation import ContinuationStep
-from fitting.fit.result import HistoryRow
+from fitting.fit.path import HistoryRow
 from fitting.inference.knowledge import NuChoice, NuRow
 from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.inference.lockstep import Request

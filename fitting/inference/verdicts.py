@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
-from fitting.fit.linearisation import in_words
-from fitting.fit.result import IDENTIFIABLE
+from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.inference.equivalent_fits import contradicts, exchange_words
 from fitting.inference.exploration import Exploration
 from fitting.inference.knowledge import Equivalent, Interval, Profile

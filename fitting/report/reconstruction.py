@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitting.fit.result import STATUSES, DerivedResult, ParameterResult, Result
-from fitting.fit.sweep_line import line_sentences
 from fitting.inference.knowledge import Knowledge
+from fitting.inference.sweep_line import line_sentences
+from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report.figures.reconstruction import write_figures
 from fitting.report.figures.style import FigureFile
 from fitting.report.page import Page, Section, Status, write_page
@@ -38,6 +38,7 @@ from fitting.report.words.values import (
     tied_sentences,
     value_sentence,
 )
+from fitting.result.result import STATUSES, Result
 from fitting.text.notation import number
 
 Figures = tuple[FigureFile, ...]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
 from fitting.fit.problem import Problem
-from fitting.fit.result import DeviationSet, Result, SweepCurves
 from fitting.report.words.values import settings_words
+from fitting.result.result import DeviationSet, Result, SweepCurves
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

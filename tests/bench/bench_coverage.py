@@ -31,7 +31,7 @@ from fitting.fit.objective import evaluate_many, make_objective
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
-from fitting.inference.inference import InferenceOptions, know
+from fitting.inference.knowing import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench

@@ -14,19 +14,19 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import Parameter
-from fitting.fit.corrections import drift_warnings
 from fitting.fit.evaluator import Evaluator
-from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.job import Options, options_of
 from fitting.fit.objective import Objective, weights
+from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers, read_description
+from fitting.inference.warnings import drift_warnings
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Evaluation
+from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.datasets import answer, dataset
@@ -67,7 +67,8 @@ def quickly(bound: BoundCampaign) -> Options:
 def fitted(workers: FmuWorkers, bound: BoundCampaign) -> Result:
     bound = replace(bound, alternatives=bound.alternatives[:1])
     identity = identify_fmu(workers.description, "test")
-    return reconstruct_through(workers, problem_of([bound]), identity, quickly(bound))
+    asked = ReconstructionOptions(quickly(bound), profiles=False)
+    return reconstruct_through(workers, problem_of([bound]), identity, asked)
 
 
 def true_offsets(series: Series) -> np.ndarray:

@@ -13,10 +13,12 @@ from fitting.campaign.file import WrittenNoise
 from fitting.campaign.noise import Noise, repeat_scatter, sweep_scale_sigma, sweep_sigmas
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.noise import noise_of, outlier_sentences
+from fitting.fit.linearisation import Linearisation
+from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import problem_of
 from fitting.fmu import read_description
+from fitting.inference.warnings import outlier_sentences
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import peak_sigmas
@@ -49,6 +51,12 @@ def string_q1(fmu: Path, folder: Path, noise: str) -> BoundCampaign:
     text = (folder / "campaign.toml").read_text()
     (folder / "campaign.toml").write_text(text.replace("[drift]", f"[noise]\n{noise}\n[drift]", 1))
     return bind(read_campaign(folder / "campaign.toml"), read_description(fmu).variables)
+
+
+def row_by_row(evaluator: Evaluator, x: np.ndarray, sigma: np.ndarray) -> Linearisation:
+    """Rows over their noise at x, priors of precision 0.1 beside them."""
+    rows, matrix = evaluator.point(x).residuals, evaluator.jacobian(x)
+    return Linearisation(rows / sigma, matrix / sigma[:, np.newaxis], np.full(3, 0.1**-0.5))
 
 
 def test_declared_parts_add_in_quadrature_to_the_floor(
@@ -189,9 +197,7 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
         widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2
         bound = string_campaign(objective.data, string_response(drift_hz=80.0), tmp_path)
         problem = problem_of([replace(bound, noise=Noise(outliers=outliers))])
-        said = outlier_sentences(
-            problem, point.residuals, sigma, evaluator.jacobian(x), np.full(3, 0.1)
-        )
+        said = outlier_sentences(problem, row_by_row(evaluator, x, sigma))
         assert len(said) == 1
         assert "pair2 at 6.94034 MHz" in said[0]
         assert "pair1" not in said[0]
@@ -211,10 +217,7 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
         ]
         evaluator = Evaluator(objective)
         problem = problem_of([string_campaign(measured, response, tmp_path)])
-        rows = evaluator.point(x).residuals
-        named += len(
-            outlier_sentences(problem, rows, measured.sigma, evaluator.jacobian(x), np.full(3, 0.1))
-        )
+        named += len(outlier_sentences(problem, row_by_row(evaluator, x, measured.sigma)))
     assert named <= 1
 
 

@@ -14,7 +14,7 @@ from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.inference.bootstrap import _displaced, bootstrap
 from fitting.inference.descent import Expansion, Optimum, most_likely
-from fitting.inference.inference import InferenceOptions, know
+from fitting.inference.knowing import InferenceOptions, know
 from fitting.inference.knowledge import Identification, Knowledge
 from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.lockstep import Task, run_in_lockstep

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 import fitting
-from fitting.fit.result import read_result
+from fitting.result.result import read_result
 from tests.cli.test_example import DATA, NAMES, files
 from tests.support.processes import MOST_S
 

@@ -16,10 +16,8 @@ import build_fmu
 from fitting.campaign import BoundCampaign, read_campaign
 from fitting.campaign.binding import bind
 from fitting.cli.main import main
-from fitting.fit.job import Identity, options_of
+from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.reconstruction import reconstruct
-from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
 from fitting.lab.bench import measure
 from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
@@ -28,6 +26,9 @@ from fitting.lab.sample import Drive
 from fitting.lab.writer import campaign_files
 from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.planning import Plan, plan_campaign
+from fitting.result.provenance import Identity
+from fitting.result.reconstruction import ReconstructionOptions, reconstruct
+from fitting.result.result import Result
 from fitting.text.files import write_all
 from tests.support.datasets import through
 
@@ -95,7 +96,7 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
         problem_of([bound]),
         lambda alternative: through(workers, bound, plan, alternative),
         Identity(),
-        options_of(bound.continuation, quick=True),
+        ReconstructionOptions(options_of(bound.continuation, quick=True), profiles=False),
     )
 
 

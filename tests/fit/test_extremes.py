@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from fitting.fit.result import Result
 from fitting.fmu import FmuWorkers
+from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from tests.support.extreme_scenes import POWERS, Fitted, Scene, fit, no_false_success
 

@@ -17,8 +17,8 @@ import pytest
 
 from fitting.campaign import read_campaign
 from fitting.cli.main import main
-from fitting.fit.result import Result, read_result
 from fitting.fmu import FmuWorkers
+from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
 from tests.support.extreme_scenes import (
     Fitted,

@@ -16,19 +16,16 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
-from fitting.fit.assembly import solution_of
 from fitting.fit.continuation import Schedule, run_alternative
 from fitting.fit.evaluator import Evaluator
-from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.interior_point import SolveSettings
-from fitting.fit.job import options_of
-from fitting.fit.joint_result import JointResult
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.options import options_of
 from fitting.fit.problem import Problem, problem_of
-from fitting.fit.result import Result, read_result, write_result
+from fitting.fit.solution import solution_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.consistency import consistency
-from fitting.inference.external import check_external, with_external
+from fitting.inference.joint_result import JointResult
 from fitting.lab.bench import measure
 from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.lock_in import LockIns
@@ -37,6 +34,9 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.planning import plan_campaign
 from fitting.measurements.sweep import Sweep
+from fitting.result.external import check_external, with_external
+from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import closed_form
@@ -290,7 +290,8 @@ def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 
         solve=replace(options.solve, misfit="squares", restarts=0),
     )
     identity = identify_fmu(workers.description, "test")
-    return reconstruct_through(workers, problem, identity, options)
+    asked = ReconstructionOptions(options, profiles=False)
+    return reconstruct_through(workers, problem, identity, asked)
 
 
 def test_the_shipped_series_together_hold_the_widths_alone(

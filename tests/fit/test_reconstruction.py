@@ -19,14 +19,20 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
 from fitting.fit import checkpoint
 from fitting.fit.continuation import ContinuationStep
-from fitting.fit.fmu_job import identify_fmu, reconstruct_through
-from fitting.fit.job import Identity, Options, job_of, options_of, provenance_of
+from fitting.fit.fit import Hooks, Progress
+from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.reconstruction import Hooks, Progress, reconstruct
-from fitting.fit.result import Result, read_result, write_result
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.planning import plan_campaign
 from fitting.measurements.sweep import swept_amplitudes
+from fitting.result.provenance import Identity, job_of, provenance_of
+from fitting.result.reconstruction import (
+    ReconstructionOptions,
+    identify_fmu,
+    reconstruct,
+    reconstruct_through,
+)
+from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from tests.fit.test_result import read_rows
@@ -48,7 +54,8 @@ def run(bound: BoundCampaign, hooks: Hooks | None = None, **schedule: object) ->
     options = options_of(bound.continuation)
     options = replace(options, schedule=replace(options.schedule, **schedule))  # type: ignore[arg-type]
     identity = Identity(units={"lambda": "Hz"})
-    return reconstruct(problem_of([bound]), respond, identity, options, hooks)
+    asked = ReconstructionOptions(options, hooks or Hooks(), profiles=False)
+    return reconstruct(problem_of([bound]), respond, identity, asked)
 
 
 @pytest.fixture(scope="module")
@@ -190,7 +197,12 @@ def test_ending_badly_is_a_value(noisy_campaign: BoundCampaign) -> None:
     options = options_of(noisy_campaign.continuation)
     solve = replace(options.solve, misfit="absolute", iterations=2, restarts=0)
     hurried = Options(replace(options.schedule, starts=1, levels=1), solve)
-    found = reconstruct(problem_of([noisy_campaign]), respond, Identity(), hurried)
+    found = reconstruct(
+        problem_of([noisy_campaign]),
+        respond,
+        Identity(),
+        ReconstructionOptions(hurried, profiles=False),
+    )
     assert found.status == "not converged"
     assert found.optimality > 1e-3
     assert "still promises" in found.message
@@ -378,7 +390,8 @@ def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
     options = replace(options, schedule=replace(options.schedule, levels=1))
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         identity = identify_fmu(workers.description, "test")
-        found = reconstruct_through(workers, problem_of([bound]), identity, options)
+        asked = ReconstructionOptions(options, profiles=False)
+        found = reconstruct_through(workers, problem_of([bound]), identity, asked)
     said = [text for text in found.warnings if "The FMU says: lambda is not a real" in text]
     assert len(said) == warned
     assert len(found.provenance.notes) == noted

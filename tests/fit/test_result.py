@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fitting.fit import checkpoint
 from fitting.fit.continuation import ContinuationStep
-from fitting.fit.result import DerivedResult
+from fitting.inference.values import DerivedResult
 from fitting.text.errors import BadInput
 from fitting.text.records import from_plain, read_json, to_plain, write_json
 

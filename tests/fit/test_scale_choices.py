@@ -17,10 +17,9 @@ import pytest
 from fitting.campaign import bind, read_campaign
 from fitting.campaign.noise import Noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
 from fitting.fit.evaluator import Evaluator
-from fitting.fit.fmu_job import identify_fmu, reconstruct_through
 from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.job import options_of
 from fitting.fit.objective import Objective, weights
+from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.lab.bench import Series, measure
@@ -29,6 +28,7 @@ from fitting.lab.writer import campaign_files
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
+from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
 from fitting.signal.scale import Maximum, chi_robust, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form
@@ -181,7 +181,8 @@ def test_scales_through_the_fmu(oscillator_fmu: Path, tmp_path: Path, scale: str
     )
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         identity = identify_fmu(workers.description, "test")
-        result = reconstruct_through(workers, problem, identity, options)
+        asked = ReconstructionOptions(options, profiles=False)
+        result = reconstruct_through(workers, problem, identity, asked)
     width = result.derived["width_plus"]
     assert abs(width.value - bench.modes.widths_hz()[0]) < 3.0 * width.std
     assert width.std < 1.5

@@ -13,15 +13,16 @@ from scipy.optimize import curve_fit
 
 from fitting.campaign import SweepData, bind, read_campaign
 from fitting.cli.main import main
-from fitting.fit.fmu_job import reconstruct_through
-from fitting.fit.job import Identity, options_of
+from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.result import Result, read_result
-from fitting.fit.sweep_line import line_of_sweep, line_sentences
 from fitting.fmu import FmuWorkers
+from fitting.inference.sweep_line import line_of_sweep, line_sentences
 from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
+from fitting.result.provenance import Identity
+from fitting.result.reconstruction import ReconstructionOptions, reconstruct_through
+from fitting.result.result import Result, read_result
 from fitting.text.files import write_all
 
 DATA = Path(__file__).parents[2] / "data"
@@ -198,7 +199,8 @@ def through(workers: FmuWorkers, bench: Bench, seed: int, folder: Path, *, quick
         bound = replace(bound, alternatives=bound.alternatives[:1])
         schedule = replace(schedule, levels=1)
     problem = problem_of([bound])
-    return reconstruct_through(workers, problem, Identity(), replace(options, schedule=schedule))
+    asked = ReconstructionOptions(replace(options, schedule=schedule), profiles=False)
+    return reconstruct_through(workers, problem, Identity(), asked)
 
 
 def width_of(bench: Bench) -> str:

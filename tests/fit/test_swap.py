@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fitting.cli.main import main
-from fitting.fit.result import read_result
+from fitting.result.result import read_result
 from tests.support.cfmu_build import build_c_fmu
 
 MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3

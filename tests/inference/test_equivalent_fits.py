@@ -13,7 +13,7 @@ from fitting.fit.choice import chosen
 from fitting.fit.continuation import Chain, ContinuationStep, Outcome
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
-from fitting.inference.inference import InferenceOptions, know
+from fitting.inference.knowing import InferenceOptions, know
 from fitting.inference.knowledge import Equivalent
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form

@@ -13,10 +13,10 @@ from fitting.campaign.parameters import Parameter, to_search
 from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.fit.result import Result, read_result, write_result
-from fitting.inference.inference import InferenceOptions, know
+from fitting.inference.knowing import InferenceOptions, know
 from fitting.inference.knowledge import Knowledge
 from fitting.measurements.measurement import Evaluation
+from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import closed_form

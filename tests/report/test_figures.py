@@ -18,7 +18,6 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from fitting.fit.result import Result
 from fitting.report.figures import style as plots_style
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.reconstruction import figures_of, write_figures
@@ -33,6 +32,7 @@ from fitting.report.figures.tones import (
 )
 from fitting.report.plot.axes import AFTER, BLACK, MEASURED, SIMULATED
 from fitting.report.shown import ShownCampaign
+from fitting.result.result import Result
 from tests.support import report_records as records
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 from lxml import etree, html
 
-from fitting.fit.result import Result
 from fitting.report import table as tables
 from fitting.report.figures.style import FigureFile
 from fitting.report.page import render, write_page
 from fitting.report.reconstruction import page_of, write_report
 from fitting.report.shown import ShownCampaign
+from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from tests.support import report_records as records
 

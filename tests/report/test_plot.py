@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.text import Annotation
 
-from fitting.fit.result import SweepCurves
 from fitting.report import plot
+from fitting.result.result import SweepCurves
 from tests.support import plot_records
 from tests.support import report_records as records
 

@@ -12,8 +12,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
-from fitting.fit.result import SweepLine
-from fitting.fit.sweep_line import line_of_sweep, line_sentences, line_warnings
+from fitting.inference.sweep_line import SweepLine, line_of_sweep, line_sentences, line_warnings
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
     autocorrelation,

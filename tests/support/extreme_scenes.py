@@ -20,12 +20,12 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli.reconstruct import table
-from fitting.fit.fmu_job import identify_fmu, reconstruct_through
-from fitting.fit.job import options_of
+from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.result import STATUSES, Result
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
+from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.result import STATUSES, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import reference
@@ -278,7 +278,8 @@ def fit_bound(path: Path, workers: FmuWorkers) -> Result:
     bound = bind(read_campaign(path), workers.description.variables)
     identity = identify_fmu(workers.description, "test")
     options = options_of(bound.continuation)
-    result = reconstruct_through(workers, problem_of([bound]), identity, options)
+    asked = ReconstructionOptions(options, profiles=False)
+    result = reconstruct_through(workers, problem_of([bound]), identity, asked)
     speaks_plainly(result)
     return result
 
@@ -299,7 +300,7 @@ def speaks_plainly(result: Result) -> None:
 def no_false_success(result: Result, scene: Scene, sigmas: float = 4.0) -> None:
     """What a converged result calls determined is true within its own error.
 
-    `fitting.inference.uncertainty` never claims an error below the floor of 1e-6.
+    `fitting.fit.linearisation` never claims an error below the floor of 1e-6.
     """
     if result.status != "converged":
         return

@@ -8,23 +8,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.fit.result import (
-    AlternativeResult,
+from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
+from fitting.inference.sweep_line import SweepLine
+from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.report.shown import ShownCampaign, ShownSweep, ShownTones, Trace
+from fitting.result.result import (
     Cost,
-    DerivedResult,
     Deviations,
     DeviationSet,
-    HistoryRow,
-    ParameterResult,
     Peak,
     Provenance,
     Result,
     Scale,
-    StartResult,
     SweepCurves,
-    SweepLine,
 )
-from fitting.report.shown import ShownCampaign, ShownSweep, ShownTones, Trace
 from fitting.signal.peaks import fit_resonance
 
 #: Drive pairs of the paper's first series, Hz, and peak amplitudes of the size it reports.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
-from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.shown import ShownCampaign
 from fitting.report.words.values import box_words
+from fitting.result.result import Result
 from fitting.text.notation import listed, number, plain, quantity, unit_text
 
 PER_ROW = 3

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.fit.result import Result
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.style import Drawing, FigureFile, save, style
@@ -19,6 +18,7 @@ from fitting.report.figures.tones import (
     draw_spectra,
 )
 from fitting.report.shown import ShownCampaign, shares_of
+from fitting.result.result import Result
 
 FOLDER = "figures"
 #: Figures over frequency: of campaigns that were fitted together every one has its own.

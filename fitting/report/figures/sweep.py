@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.fit.result import Result, SweepCurves
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure
 from fitting.report.plot.sweep import resonance_words
 from fitting.report.shown import ShownCampaign, ShownSweep
+from fitting.result.result import Result, SweepCurves
 
 
 def draw_response(result: Result, data: ShownCampaign) -> Drawing:

@@ -7,7 +7,6 @@ import math
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fitting.fit.result import Result
 from fitting.report import plot
 from fitting.report.figures.style import (
     Drawing,
@@ -27,6 +26,7 @@ from fitting.report.plot.tones import (
     spectrum_scales,
 )
 from fitting.report.shown import ShownCampaign, ShownTones
+from fitting.result.result import Result
 from fitting.text.notation import listed, number, plain, prefixed
 
 #: Drives drawn one below the other, and spectra side by side; a figure is to stay readable.

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 
-from fitting.fit.result import IDENTIFIABLE, DerivedResult, Result
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.inference.values import DerivedResult
 from fitting.report.plot.axes import (
     AFTER,
     BAND,
@@ -23,6 +24,7 @@ from fitting.report.plot.axes import (
     series_look,
 )
 from fitting.report.words.values import box_words
+from fitting.result.result import Result
 from fitting.text.notation import (
     mathtext,
     mean_of,

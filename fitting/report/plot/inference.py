@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from fitting.fit.result import IDENTIFIABLE
+from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.knowledge import Knowledge, NuChoice, Profile
 from fitting.report.plot.axes import (
     BLUE,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from fitting.fit.result import SweepCurves
 from fitting.report.plot.axes import GREY, MEASURED, SIMULATED, axes_of, ink, plain_ticks
+from fitting.result.result import SweepCurves
 from fitting.signal.peaks import Resonance
 from fitting.text.notation import prefixed, scaling_for, with_error
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from fitting.fit.result import Peak, Result
 from fitting.report.plot.axes import (
     AFTER,
     BAND,
@@ -26,6 +25,7 @@ from fitting.report.plot.axes import (
     short,
 )
 from fitting.report.shown import ShownTones
+from fitting.result.result import Peak, Result
 from fitting.text.notation import Scaling, mathtext, number, percent, prefixed, scaling_for
 
 #: Means this far apart are drawn on a logarithmic axis, or the lesser could not be seen.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 
-from fitting.fit.result import AlternativeResult, HistoryRow, Result, StartResult
+from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.report.table import Cell, Column, Table, tabulate
 from fitting.report.words.values import settings_words
+from fitting.result.result import Result
 from fitting.text.notation import markup, number, on_log_axis
 
 Start = tuple[AlternativeResult, int, StartResult]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from fitting.fit.joint_result import SeriesPart
-from fitting.fit.result import Result
+from fitting.inference.joint_result import SeriesPart
 from fitting.report.table import Column, Table, symbol, tabulate
+from fitting.result.result import Result
 from fitting.text.notation import quantity
 
 SERIES: tuple[Column[SeriesPart], ...] = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fitting.fit.result import SweepLine
+from fitting.inference.sweep_line import SweepLine
 from fitting.report.table import Cell, Column, Table, tabulate
 from fitting.text.notation import percent, prefixed, with_error
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from fitting.fit.result import Peak, Result
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Column, Table, tabulate
+from fitting.result.result import Peak, Result
 
 #: A peak with its relative deviations before and after.
 Deviation = tuple[Peak, float, float]

@@ -6,16 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fitting.fit.result import (
-    IDENTIFIABLE,
-    DerivedResult,
-    OffsetResult,
-    ParameterResult,
-    Result,
-)
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.words.values import verdict_words
+from fitting.result.result import Result
 from fitting.text.notation import markup, number, span, unit_text
 
 Parameter = tuple[str, ParameterResult]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.fit.result import Result
+from fitting.result.result import Result
 
 
 def agreement_sentences(result: Result) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from fitting.fit.result import IDENTIFIABLE
+from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.knowledge import Bootstrap, Knowledge, Profile
 from fitting.text.notation import number, prefixed, span
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fitting.fit.result import Scale
+from fitting.result.result import Scale
 from fitting.text.notation import number
 
 KINDS = {

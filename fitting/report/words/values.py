@@ -8,13 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fitting.fit.result import (
-    IDENTIFIABLE,
-    DerivedResult,
-    OffsetResult,
-    ParameterResult,
-    Result,
-)
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.result.result import Result
 from fitting.text.arrays import Scalar
 from fitting.text.notation import listed, number, plain, prefixed, quantity, span
 

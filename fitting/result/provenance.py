@@ -1,4 +1,4 @@
-"""What a reconstruction is asked to do, and the papers that go with it: identity, provenance."""
+"""Where a result comes from: the FMU, the files, the versions, the settings."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ import json
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 import fitting
-from fitting.campaign import BoundCampaign, ContinuationSettings
-from fitting.fit.continuation import Schedule
-from fitting.fit.interior_point import SolveSettings
+from fitting.campaign import BoundCampaign
+from fitting.fit.options import Options
 from fitting.fit.problem import Problem
-from fitting.fit.result import Provenance
+from fitting.result.result import Provenance
 from fitting.text.records import to_plain
 
 
@@ -32,31 +31,6 @@ class Identity:
     command: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     plan: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Options:
-    """Schedule of nu and settings of each solve."""
-
-    schedule: Schedule = field(default_factory=Schedule)
-    solve: SolveSettings = field(default_factory=SolveSettings)
-
-
-def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
-    """The campaign's own settings; `quick` takes its own start alone and looser tolerances."""
-    schedule = Schedule(
-        chosen.nu_start,
-        chosen.beta,
-        chosen.iterations,
-        chosen.tolerance,
-        chosen.starts,
-        chosen.seed,
-    )
-    solve = SolveSettings(misfit=chosen.misfit)
-    if quick:
-        schedule = replace(schedule, starts=1)
-        solve = replace(solve, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
-    return Options(schedule, solve)
 
 
 def job_of(problem: Problem, identity: Identity, options: Options) -> str:

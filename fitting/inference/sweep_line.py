@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
-from fitting.fit.result import LineFit, SweepLine
 from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
@@ -22,6 +23,60 @@ BACKGROUND_P = 1e-3
 APART_SIGMA = 3.0
 #: Widening of the errors from which it is worth a warning.
 WORTH_TELLING = 1.5
+
+
+@dataclass(frozen=True)
+class LineFit:
+    """The sweep's line with one form of background; NaN where that fit failed (`message`).
+
+    `structure_p` is the probability that white noise leaves such residuals, `points` how many
+    independent points they are worth, `widening` the factor that the errors carry for it.
+    """
+
+    background: str
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    residual: float
+    structure_p: float
+    points: float
+    widening: float
+    message: str
+
+
+@dataclass(frozen=True)
+class SweepLine:
+    """One damped mode fitted to the sweep itself, without the FMU, beside what the instrument says.
+
+    ``frequency_hz`` its eigenfrequency, ``width_hz`` the full width at half maximum of the squared
+    amplitude, ``q`` their ratio, ``amplitude`` (in ``unit``, peak) at the eigenfrequency, each with
+    its standard deviation; ``residual`` the root mean square of what the fit leaves, over the
+    amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
+    ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
+    the head of its file says. ``fits`` are the fits without and with a complex background, whatever
+    the campaign chose; ``background_p`` is the probability that noise alone lets the background
+    gain as much (F-test), NaN where one of them failed or nothing is left to gain.
+    """
+
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    amplitude: float
+    amplitude_std: float
+    unit: str
+    residual: float
+    background: str
+    message: str
+    instrument: Mapping[str, float]
+    notes: Mapping[str, str]
+    fits: tuple[LineFit, ...] = ()
+    background_p: float = float("nan")
 
 
 def line_of_sweep(sweep: SweepData) -> SweepLine:

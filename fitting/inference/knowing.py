@@ -6,39 +6,24 @@ the data do not see, verdicts. Generic: it knows rows, parameters and outputs, n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter
-from fitting.fit.assembly import Solution, verdict_sentences
-from fitting.fit.noise import RowNoise, noise_of
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
-from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
 from fitting.inference import identifiability
 from fitting.inference.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.descent import Optimum, most_likely
-from fitting.inference.equivalent_fits import (
-    exchange_reasons,
-    is_reason,
-    reason_sentences,
-    with_lower_verdicts,
-)
 from fitting.inference.exploration import OTHER_STARTS, Exploration, explore, other_minima
-from fitting.inference.knowledge import Effort, Equivalent, Knowledge, Profile
+from fitting.inference.knowledge import Effort, Equivalent, Knowledge
 from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.inference.nu_choice import choose_nu
 from fitting.inference.profiles import ROOT_95, ProfilePoint
 from fitting.inference.ranges import OutputRange, output_ranges
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure
-
-Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
@@ -181,107 +166,3 @@ def _moved(
     )
     fitting = [replace(point, delta=point.delta + gain) for point in minima]
     return moved, tuple(point for point in fitting if point.delta <= ROOT_95**2)
-
-
-def inform(
-    result: Result, solution: Solution, *, budget: int = BUDGET, bootstrap: int = 0
-) -> Result:
-    """The result with what the data determine: verdicts and intervals are those of the profiles.
-
-    A failure or an interruption on the way costs the profiles, not the result: it then keeps its
-    linearised errors, and a warning says so.
-    """
-    objective, chosen = solution.objective, solution.final
-    noise = noise_at(solution)
-    options = InferenceOptions(
-        {name: d.unit for name, d in result.derived.items()},
-        result.provenance.seed,
-        budget,
-        alternatives=_alternatives(result),
-        bootstrap=bootstrap,
-        widening=1.0 if solution.structure is None else solution.structure.widening,
-        only=(*result.parameters, *result.derived),  # what one experiment holds has a table
-    )
-    try:
-        knowledge = know(objective, chosen.x, noise, options)
-        plain = likelihood_of(objective, noise.sigma, noise.common)
-        nu = choose_nu(plain, solution.chain.steps, result.history)
-    except KeyboardInterrupt:
-        return _warned(result, "Interrupted before the profiles were done")
-    except FmuFailure as failure:
-        return _warned(result, f"The FMU failed while profiles were walked ({failure})")
-    return informed(result, replace(knowledge, nu=nu), objective.parameters)
-
-
-def noise_at(solution: Solution) -> RowNoise:
-    """Noise of the rows at a solution; a sweep whose residuals hang together weighs less."""
-    noise = noise_of(solution.objective, solution.final)
-    if solution.structure is None:
-        return noise
-    sigma = noise.sigma.copy()
-    sigma[solution.objective.data.curve_rows] *= solution.structure.widening
-    return RowNoise(sigma, noise.common)
-
-
-def _alternatives(result: Result) -> tuple[Equivalent, ...]:
-    """Alternatives of the model that reach the same J."""
-    found = []
-    for other in result.alternatives:
-        if other.reported or not other.equal_to_best:
-            continue
-        settings = ", ".join(f"{name} = {value}" for name, value in other.settings.items())
-        values = ", ".join(f"{name} = {value:.5g}" for name, value in other.parameters.items())
-        found.append(
-            Equivalent(
-                other.parameters,
-                other.derived,
-                float("nan"),
-                "alternative",
-                f"{settings} with {values} reaches the same J",
-                settings,
-            )
-        )
-    return tuple(found)
-
-
-def informed(result: Result, knowledge: Knowledge, fitted: Sequence[Parameter] = ()) -> Result:
-    """The result whose verdicts, shrinkages and intervals are those of the profiles."""
-    before = verdict_sentences({**result.parameters, **result.derived})
-    parameters = {
-        name: _of_profile(value, knowledge.parameters.get(name))
-        for name, value in result.parameters.items()
-    }
-    derived = {
-        name: _of_profile(value, knowledge.derived.get(name))
-        for name, value in result.derived.items()
-    }
-    reasons = {n: p.reason for n, p in knowledge.profiles.items() if is_reason(p.reason)}
-    missed = exchange_reasons({**parameters, **derived}, fitted, result.alternatives)
-    parameters, derived = with_lower_verdicts(parameters, derived, missed)
-    rest = [said for said in result.warnings if said not in before and not is_reason(said)]
-    verdicts = verdict_sentences({**parameters, **derived})
-    warnings = (*verdicts, *reason_sentences({**reasons, **missed}), *rest)
-    return replace(
-        result, parameters=parameters, derived=derived, warnings=warnings, knowledge=knowledge
-    )
-
-
-def _of_profile(value: Valued, profile: Profile | None) -> Valued:
-    """A value with the verdict, shrinkage and interval of its profile."""
-    if profile is None:
-        return value
-    low, high = profile.interval95
-    open_ = profile.verdict == IDENTIFIABLE[2]
-    std = value.std if math.isfinite(value.std) else (high - low) / (2.0 * ROOT_95)
-    return replace(
-        value,
-        std=math.nan if open_ else std,
-        ci95=(low, high),
-        shrinkage=profile.shrinkage,
-        identifiable=profile.verdict,
-    )
-
-
-def _warned(result: Result, why: str) -> Result:
-    said = f"{why}: intervals and verdicts are those of the linearised problem."
-    return replace(result, warnings=(*result.warnings, said))

@@ -7,8 +7,10 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fitting.fit.joint_result import ExternalTest
-from fitting.fit.result import IDENTIFIABLE, DerivedResult, ParameterResult, Result
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.inference.joint_result import ExternalTest
+from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.notation import quantity
 from fitting.text.tables import did_you_mean

@@ -1,0 +1,301 @@
+"""Algorithms 1 and 2 for a whole problem: every start, every discrete alternative, one `Fit`.
+
+Writes nothing and draws nothing: progress, finished levels and the clock are handed in.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+from fitting.fit.choice import chosen
+from fitting.fit.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
+from fitting.fit.evaluator import Counts, Evaluator
+from fitting.fit.objective import Objective, make_objective
+from fitting.fit.options import Options
+from fitting.fit.path import AlternativeResult, HistoryRow, alternative_results, history_rows
+from fitting.fit.problem import Problem
+from fitting.fit.solution import Solution, solution_of
+from fitting.measurements.measurement import Response
+from fitting.text.arrays import FloatArray, Scalar
+
+
+@dataclass(frozen=True)
+class Progress:
+    """State of a running reconstruction, handed out before and after every level.
+
+    `done` of at most `of` levels; `left_s` an estimate that starts go on alone (NaN at first).
+    """
+
+    alternative: int
+    alternatives: int
+    start: int
+    starts: int
+    level: int
+    levels: int
+    nu: float
+    j_fit: float
+    j_reg: float
+    evaluations: int
+    done: int
+    of: int
+    elapsed_s: float
+    left_s: float
+
+
+class Memory(Protocol):
+    """Where finished levels are kept (`fitting.fit.checkpoint.Checkpoint`)."""
+
+    def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
+        """The finished step of that place, None if there is none."""
+        ...
+
+    def record(self, step: ContinuationStep) -> None:
+        """Keep a finished step."""
+        ...
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Watching and resuming, all optional."""
+
+    progress: Callable[[Progress], None] = lambda state: None
+    memory: Memory | None = None
+    clock: Callable[[], float] = time.perf_counter
+
+
+class Status(Enum):
+    """How a fit ended."""
+
+    CONVERGED = "converged"
+    NOT_CONVERGED = "not converged"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A solved problem: Algorithm 2 from every start and for every discrete alternative.
+
+    `objectives` and `outcomes` stand in the order of the alternatives that were begun, `reported`
+    is the place of the best, `solution` its end; `alternatives` and `path` are the same as records:
+    where each alternative ended, and a row per level of nu. `cost` counts evaluations, Jacobians
+    and simulation runs, `seconds` the time of the search.
+    """
+
+    problem: Problem
+    options: Options
+    objectives: tuple[Objective, ...]
+    outcomes: tuple[Outcome, ...]
+    reported: int
+    solution: Solution
+    alternatives: tuple[AlternativeResult, ...]
+    path: tuple[HistoryRow, ...]
+    cost: Counts
+    status: Status
+    message: str
+    seconds: float
+
+    @property
+    def outcome(self) -> Outcome:
+        """All chains of the reported alternative."""
+        return self.outcomes[self.reported]
+
+    @property
+    def alternative(self) -> Mapping[str, Scalar]:
+        """Start values of the reported alternative."""
+        return self.problem.alternatives[self.reported]
+
+    @property
+    def success(self) -> bool:
+        """Whether a linearised step promises no further decrease."""
+        return self.status is Status.CONVERGED
+
+    @property
+    def x(self) -> FloatArray:
+        """Fitted values (n,), each in its parameter's unit."""
+        return self.solution.final.parameters
+
+    @property
+    def fun(self) -> float:
+        """J_fit at the end."""
+        return self.solution.final.j_fit
+
+    @property
+    def nfev(self) -> int:
+        """Evaluations of the objective."""
+        return self.cost.evaluations
+
+    @property
+    def njev(self) -> int:
+        """Jacobians."""
+        return self.cost.jacobians
+
+
+def solve_problem(
+    problem: Problem,
+    respond: Callable[[Mapping[str, Scalar]], Response],
+    options: Options,
+    hooks: Hooks | None = None,
+) -> Fit:
+    """Algorithms 1 and 2 for every alternative and start; the best is reported.
+
+    `respond` makes the response of one alternative. A KeyboardInterrupt ends the search: what was
+    finished is reported, with that status.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+        BadInput: nothing to fit.
+
+    Source: the paper, Algorithms 1 and 2.
+    """
+    hooks = hooks or Hooks()
+    begun = hooks.clock()
+    watch = _Watch(len(problem.alternatives), options.schedule, hooks, begun)
+    objectives: list[Objective] = []
+    outcomes: list[Outcome] = []
+    for k, alternative in enumerate(problem.alternatives):
+        try:
+            objectives.append(
+                make_objective(respond(alternative), problem.parameters, problem.data)
+            )
+        except KeyboardInterrupt:
+            break
+        journal = Journal(watch.recall, watch.record, watch.entering, hooks.clock)
+        outcomes.append(
+            run_alternative(objectives[-1], options.schedule, options.solve, k, journal)
+        )
+        if outcomes[-1].interrupted:
+            break
+    if not outcomes:
+        raise KeyboardInterrupt
+    del objectives[len(outcomes) :]
+    return _finished(problem, options, objectives, outcomes, hooks.clock() - begun)
+
+
+class _Watch:
+    """Counts levels and time for the progress, and passes steps to and from the memory."""
+
+    def __init__(self, alternatives: int, schedule: Schedule, hooks: Hooks, begun: float) -> None:
+        self.alternatives, self.schedule, self.hooks, self.begun = (
+            alternatives,
+            schedule,
+            hooks,
+            begun,
+        )
+        self.done = self.fresh = self.evaluations = 0
+        self.spent = 0.0
+        self.last: ContinuationStep | None = None
+
+    def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
+        if self.hooks.memory is None:
+            return None
+        step = self.hooks.memory.recall(alternative, start, level)
+        if step is not None:
+            self._count(step)
+        return step
+
+    def record(self, step: ContinuationStep) -> None:
+        if self.hooks.memory is not None:
+            self.hooks.memory.record(step)
+        self.fresh += 1
+        self.spent += step.seconds
+        self._count(step)
+        self._tell(step.alternative, step.start, step.level)
+
+    def entering(self, alternative: int, start: int, level: int) -> None:
+        self._tell(alternative, start, level)
+
+    def _count(self, step: ContinuationStep) -> None:
+        self.done += 1
+        self.evaluations += step.evaluations
+        self.last = step
+
+    def _tell(self, alternative: int, start: int, level: int) -> None:
+        schedule = self.schedule
+        # starts mostly meet in the first level: count one chain per alternative beyond it
+        whole = self.alternatives * (schedule.starts + schedule.levels - 1)
+        mean = self.spent / self.fresh if self.fresh else float("nan")
+        self.hooks.progress(
+            Progress(
+                alternative,
+                self.alternatives,
+                start,
+                schedule.starts,
+                level,
+                schedule.levels,
+                schedule.nu(level),
+                self.last.j_fit if self.last else float("nan"),
+                self.last.j_reg if self.last else float("nan"),
+                self.evaluations,
+                self.done,
+                max(whole, self.done),
+                self.hooks.clock() - self.begun,
+                max(whole - self.done, 0) * mean,
+            )
+        )
+
+
+def _finished(
+    problem: Problem,
+    options: Options,
+    objectives: Sequence[Objective],
+    found: Sequence[Outcome],
+    seconds: float,
+) -> Fit:
+    outcomes, reported = chosen(objectives[: len(found)], found)
+    outcome, evaluator = outcomes[reported], Evaluator(objectives[reported])
+    chain = outcome.best or outcome.chains[0]
+    solution = solution_of(evaluator, chain, options.schedule, options.solve.misfit)
+    status, message = _status(solution, outcomes)
+    return Fit(
+        problem=problem,
+        options=options,
+        objectives=tuple(objectives[: len(outcomes)]),
+        outcomes=tuple(outcomes),
+        reported=reported,
+        solution=solution,
+        alternatives=alternative_results(objectives, outcomes, problem.alternatives, reported),
+        path=history_rows(solution),
+        cost=_cost(outcomes, evaluator.counts),
+        status=status,
+        message=message,
+        seconds=seconds,
+    )
+
+
+def _cost(outcomes: Sequence[Outcome], rest: Counts) -> Counts:
+    counts = rest
+    for outcome in outcomes:
+        for chain in outcome.chains:
+            for step in chain.steps:
+                counts += step.counts
+    return counts
+
+
+def _status(solution: Solution, outcomes: Sequence[Outcome]) -> tuple[Status, str]:
+    last = solution.last
+    if any(outcome.interrupted for outcome in outcomes):
+        reached = "the start" if last is None else f"nu = {last.nu:.1e}, J_fit = {last.j_fit:.6g}"
+        return (
+            Status.INTERRUPTED,
+            f"Interrupted: the best so far is reported, reached at {reached}.",
+        )
+    if last is None:
+        return Status.NOT_CONVERGED, "No level of nu was done."
+    where = f"J_fit = {last.j_fit:.6g}, J_reg = {last.j_reg:.3g} at nu = {last.nu:.1e}"
+    missed = solution.objective.data.unexplained(solution.final.residuals)
+    if missed:
+        return Status.NOT_CONVERGED, (
+            f"The fit does not describe the data: {missed}; {where}. Wanted a start nearer to the "
+            "solution, a wider box, or data above the noise."
+        )
+    if last.status == "optimal":
+        promise = f"a linearised step promises no more than {last.optimality:.1e}"
+        return Status.CONVERGED, f"{solution.chain.ended.capitalize()}; {where}; {promise}."
+    return Status.NOT_CONVERGED, (
+        f"Not optimal at the last nu: a linearised step still promises {last.optimality:.2e} "
+        f"({last.message}); {where}."
+    )

@@ -1,0 +1,34 @@
+"""How a problem is solved: schedule of nu and settings of each solve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from fitting.campaign import ContinuationSettings
+from fitting.fit.continuation import Schedule
+from fitting.fit.interior_point import SolveSettings
+
+
+@dataclass(frozen=True)
+class Options:
+    """Schedule of nu and settings of each solve."""
+
+    schedule: Schedule = field(default_factory=Schedule)
+    solve: SolveSettings = field(default_factory=SolveSettings)
+
+
+def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
+    """The campaign's own settings; `quick` takes its own start alone and looser tolerances."""
+    schedule = Schedule(
+        chosen.nu_start,
+        chosen.beta,
+        chosen.iterations,
+        chosen.tolerance,
+        chosen.starts,
+        chosen.seed,
+    )
+    solve = SolveSettings(misfit=chosen.misfit)
+    if quick:
+        schedule = replace(schedule, starts=1)
+        solve = replace(solve, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
+    return Options(schedule, solve)

@@ -1,0 +1,175 @@
+"""The way of a fit as records: levels of nu, starts, discrete alternatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.campaign.parameters import Parameter, canonical, to_model
+from fitting.fit.continuation import Chain, Outcome, equal_j
+from fitting.fit.objective import Objective, j_reg
+from fitting.fit.outputs import mean
+from fitting.fit.solution import Solution
+from fitting.text.arrays import FloatArray, Scalar
+
+
+@dataclass(frozen=True)
+class HistoryRow:
+    """One nu of the reported chain; level -1 is the start itself, before any solve."""
+
+    level: int
+    nu: float
+    parameters: Mapping[str, float]
+    derived: Mapping[str, float]
+    j_fit: float
+    j_reg: float
+    change: float
+    optimality: float
+    status: str
+    message: str
+    iterations: int
+    evaluations: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class StartResult:
+    """Where one start led: end values (canonical), J, the start it met, why it ended."""
+
+    begun: Mapping[str, float]
+    parameters: Mapping[str, float]
+    j_fit: float
+    j_reg: float
+    levels: int
+    joined: int | None
+    ended: str
+    equivalent: bool
+
+
+@dataclass(frozen=True)
+class AlternativeResult:
+    """One discrete alternative with its best start; `equal_to_best` within the tolerance of J."""
+
+    settings: Mapping[str, Scalar]
+    parameters: Mapping[str, float]
+    derived: Mapping[str, float]
+    j_fit: float
+    j_reg: float
+    status: str
+    message: str
+    reported: bool
+    equal_to_best: bool
+    starts: tuple[StartResult, ...]
+
+
+def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
+    """A row per nu of the reported chain, level -1 being the start, with derived means."""
+    parameters = solution.parameters
+    begun = np.array(solution.chain.begun)
+    places = [begun, *(np.array(step.x) for step in solution.chain.steps)]
+    values = [to_model(parameters, x) for x in places]
+    derived = solution.objective.response.derived_many(values)
+    rows = []
+    for k, (p, outputs) in enumerate(zip(values, derived, strict=True)):
+        means = {name: mean(values) for name, values in outputs.items()}
+        shown = named(parameters, p)
+        if k == 0:
+            start = solution.initial
+            rows.append(
+                HistoryRow(
+                    -1,
+                    float("nan"),
+                    shown,
+                    means,
+                    start.j_fit,
+                    j_reg(begun, solution.held),
+                    float("nan"),
+                    float("nan"),
+                    "start",
+                    "where the search began",
+                    0,
+                    0,
+                    0.0,
+                )
+            )
+            continue
+        step = solution.chain.steps[k - 1]
+        rows.append(
+            HistoryRow(
+                step.level,
+                step.nu,
+                shown,
+                means,
+                step.j_fit,
+                step.j_reg,
+                step.change,
+                step.optimality,
+                step.status,
+                step.message,
+                step.iterations,
+                step.evaluations,
+                step.seconds,
+            )
+        )
+    return tuple(rows)
+
+
+def named(parameters: Sequence[Parameter], p: FloatArray) -> dict[str, float]:
+    """Values by name, periodic ones in their first period.
+
+    Args:
+        parameters: what the values belong to.
+        p: values (n,), each in its parameter's unit.
+    """
+    shown = canonical(parameters, p)
+    return {q.name: float(value) for q, value in zip(parameters, shown, strict=True)}
+
+
+def alternative_results(
+    objectives: Sequence[Objective],
+    outcomes: Sequence[Outcome],
+    settings: Sequence[Mapping[str, Scalar]],
+    reported: int,
+) -> tuple[AlternativeResult, ...]:
+    """One record per alternative that got anywhere, the reported one marked."""
+    least = outcomes[reported].best
+    best_j = least.steps[-1].j if least is not None else float("inf")
+    results = []
+    for k, (objective, outcome) in enumerate(zip(objectives, outcomes, strict=True)):
+        chain = outcome.best
+        if chain is None:
+            continue
+        last = chain.steps[-1]
+        outputs = objective.response.derived_many([np.array(last.parameters)])[0]
+        results.append(
+            AlternativeResult(
+                settings=dict(settings[k]),
+                parameters=named(objective.parameters, np.array(last.parameters)),
+                derived={name: mean(values) for name, values in outputs.items()},
+                j_fit=last.j_fit,
+                j_reg=last.j_reg,
+                status=last.status,
+                message=f"{last.message}; {chain.ended}" if chain.ended else last.message,
+                reported=k == reported,
+                equal_to_best=equal_j(last.j, best_j),
+                starts=tuple(_start(objective, c, chain) for c in outcome.chains if c.steps),
+            )
+        )
+    return tuple(results)
+
+
+def _start(objective: Objective, chain: Chain, best: Chain) -> StartResult:
+    """Where a start led; `equivalent` where J and the simulated rows are those of the best."""
+    last, top = chain.steps[-1], best.steps[-1]
+    return StartResult(
+        begun=named(objective.parameters, to_model(objective.parameters, np.array(chain.begun))),
+        parameters=named(objective.parameters, np.array(last.parameters)),
+        j_fit=last.j_fit,
+        j_reg=last.j_reg,
+        levels=len(chain.steps),
+        joined=chain.joined,
+        ended=chain.ended,
+        equivalent=chain is best or chain.joined is not None or equal_j(last.j, top.j),
+    )

@@ -1,0 +1,84 @@
+"""The end of Algorithm 2 that is reported, and what was evaluated there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
+from fitting.fit.continuation import Chain, ContinuationStep, Schedule
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.linearisation import Linearisation, linearise
+from fitting.fit.noise import noise_of
+from fitting.fit.objective import Objective, Point, weights
+from fitting.fit.symmetry import secants
+from fitting.measurements.dataset import Dataset
+from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.text.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The reported end: objective, chain, last level, and what was evaluated there.
+
+    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there; `structure` that
+    of the sweep's residuals, None where the sweep is not fitted; `held` the weights nu_i (n,);
+    `beside` the points that tell of variables without a first-order effect (`symmetry.secants`).
+    """
+
+    objective: Objective
+    chain: Chain
+    nu: float
+    initial: Point
+    final: Point
+    matrix: FloatArray
+    errors: Linearisation
+    structure: Structure | None
+    held: FloatArray
+    beside: Mapping[int, FloatArray]
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The fitted parameters."""
+        return self.objective.parameters
+
+    @property
+    def last(self) -> ContinuationStep | None:
+        """The last finished level, None before the first."""
+        return self.chain.steps[-1] if self.chain.steps else None
+
+
+def solution_of(
+    evaluator: Evaluator, chain: Chain, schedule: Schedule, misfit: str = "slack"
+) -> Solution:
+    """Evaluate start and end of a chain, with Jacobian and covariance at the end."""
+    objective = evaluator.objective
+    parameters = objective.parameters
+    begun = to_search(parameters, starts(parameters))
+    x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
+    nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
+    initial, final = evaluator.whole([begun, x])
+    matrix = evaluator.jacobian(x)
+    structure = _curve_structure(objective.data, final, matrix)
+    noise = noise_of(objective, final)
+    widened = noise
+    if structure is not None:
+        widened = noise.widened(objective.data.curve_rows, structure.widening)
+    seen, beside = secants(evaluator, x, matrix)
+    prior = prior_sigmas(parameters, nu)
+    errors = linearise(final.residuals, seen, noise.covariance, prior, widened.covariance)
+    held = weights(objective, nu, misfit)
+    return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held, beside)
+
+
+def _curve_structure(data: Dataset, final: Point, matrix: FloatArray) -> Structure | None:
+    """Structure of the residuals along curves; a scale taken from them is one more unknown."""
+    mine = data.curve_rows
+    rows, columns = final.residuals[mine], matrix[mine]
+    if not rows.size:
+        return None
+    if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
+        columns = np.column_stack([columns, rows + data.level[mine]])  # d r/d ln chi
+    return residual_structure(rows, columns)

@@ -1,0 +1,329 @@
+"""What a reader of a result must know: warnings with a kind, their sentences made here."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from fitting.campaign import BoundCampaign, Experiment
+from fitting.campaign.parameters import prior_sigmas
+from fitting.fit.continuation import Outcome, distance, equal_j
+from fitting.fit.fit import Fit
+from fitting.fit.linearisation import IDENTIFIABLE, Linearisation
+from fitting.fit.noise import noise_of
+from fitting.fit.path import AlternativeResult, named
+from fitting.fit.problem import Problem
+from fitting.fit.solution import Solution
+from fitting.inference.sweep_line import line_of_sweep, line_warnings
+from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.signal.peaks import DETECTION_SIGMA
+from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz, probability
+from fitting.text.units import convert
+
+#: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
+APART = 0.1
+#: Weak peaks that are named one by one.
+MOST_WEAK = 3
+#: Outliers that are named one by one.
+MOST_NAMED = 6
+
+
+class Kind(Enum):
+    """What a warning is about."""
+
+    VERDICT = "how far the data determine a value"
+    EXCHANGE = "equal fits elsewhere"
+    AGREEMENT = "campaigns that contradict each other"
+    PEAKS = "weak peaks"
+    SCALE = "the scale"
+    BOUND = "a value on a bound of its box"
+    INFLATION = "residuals beyond the noise"
+    STRUCTURE = "residuals that hang together"
+    MINIMA = "other minima"
+    DRIFT = "drift beyond the line width"
+    OUTLIERS = "outliers"
+    ALTERNATIVES = "alternatives that fit as well"
+    LINE = "the line of the sweep"
+    NOTE = "a note of the campaign"
+    PROFILES = "profiles that were not walked"
+    FMU = "what the FMU says"
+    SAMPLES = "samples that are not mean and tones"
+    PLAN = "a promise of the plan"
+
+
+@dataclass(frozen=True)
+class Warned:
+    """What a reader of the numbers must know: its kind, and the sentence."""
+
+    kind: Kind
+    sentence: str
+
+
+def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
+    """Sentences of one kind."""
+    return [Warned(kind, sentence) for sentence in sentences]
+
+
+def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
+    """Everything that a fit itself warns of, whatever is inferred from it."""
+    problem, solution = fit.problem, fit.solution
+    line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
+    fitted = any(m.rows for m in problem.measurements if m.is_curve)
+    campaigns = tuple(problem.campaigns.values())
+    return [
+        *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
+        *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
+        *warned(Kind.BOUND, _on_bounds(solution)),
+        *warned(Kind.INFLATION, _inflation(solution)),
+        *warned(Kind.STRUCTURE, _structure(solution)),
+        *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
+        *warned(Kind.DRIFT, _drift(problem, offsets)),
+        *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution))),
+        *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
+        *warned(Kind.LINE, line_warnings(line, fitted=fitted) if line else []),
+    ]
+
+
+def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> list[str]:
+    """Which values the data do not determine, or only partly."""
+    said = []
+    for verdict in IDENTIFIABLE[1:]:
+        names = [name for name, value in values.items() if value.identifiable == verdict]
+        if names:
+            said.append(
+                f"{verdict.capitalize()} by these data: {', '.join(names)}. Prior and start decide "
+                "where these values are reported."
+            )
+    return said
+
+
+def _on_bounds(solution: Solution) -> list[str]:
+    said = []
+    for i, parameter in enumerate(solution.parameters):
+        p, width = float(solution.final.parameters[i]), parameter.upper - parameter.lower
+        if min(p - parameter.lower, parameter.upper - p) < 1e-3 * width:
+            said.append(f"{parameter.name} ended on a bound of its box ({p:.9g} {parameter.unit}).")
+    return said
+
+
+def _inflation(solution: Solution) -> list[str]:
+    said = []
+    if solution.errors.inflation > 1.5:
+        said.append(
+            f"The residuals are {solution.errors.inflation:.3g} times what the noise explains: the "
+            "model, or the interpolated drift, does not describe these data; errors are widened."
+        )
+    return said
+
+
+def _structure(solution: Solution) -> list[str]:
+    said = []
+    told = solution.structure
+    count = solution.final.residuals[solution.objective.data.curve_rows].size
+    if told is not None and told.widening > 1.5:
+        said.append(
+            "The residuals of the fitted sweep are not noise, they hang together "
+            f"({probability(told.p_value)} for white noise): its "
+            f"{count} points are worth {told.points:.2g} "
+            f"independent ones, and errors are {told.widening:.3g} times as wide for it."
+        )
+    return said
+
+
+def _other_minima(solution: Solution, outcome: Outcome) -> list[str]:
+    best = outcome.best
+    said = []
+    for chain in outcome.chains:
+        if best is None or chain is best or chain.joined is not None or not chain.steps:
+            continue
+        there = np.array(chain.steps[-1].x)
+        apart = distance(solution.parameters, there, np.array(best.steps[-1].x))
+        values = named(solution.parameters, np.array(chain.steps[-1].parameters))
+        own = [p.name for p in solution.parameters if not p.experiments]
+        shown = ", ".join(f"{name} = {values[name]:.7g}" for name in own)
+        if equal_j(chain.steps[-1].j, best.steps[-1].j) and apart > APART:
+            said.append(f"Start {chain.start + 1} found an equal J elsewhere: {shown}.")
+        elif len(chain.steps) == len(best.steps):
+            said.append(
+                f"Start {chain.start + 1} ended in another minimum, "
+                f"J = {chain.steps[-1].j:.4g}: {shown}."
+            )
+    return said
+
+
+def _drift(problem: Problem, offsets: Sequence[OffsetResult]) -> list[str]:
+    """Of every campaign, by its name where there are several."""
+    said = []
+    for name, bound in problem.campaigns.items():
+        labels = {e.label for e in bound.experiments}
+        own = tuple(o for o in offsets if o.experiments[0] in labels)
+        told = drift_warnings(bound, own, _width_hz(bound))
+        said += [f"{name}: {text}" if name else text for text in told]
+    return said
+
+
+def _width_hz(bound: BoundCampaign) -> float:
+    """Line width: of the sweep's fit, else the declared one; NaN where neither is known."""
+    line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
+    if line is not None and line.width_hz > 0.0:
+        return line.width_hz
+    return bound.setup.line_width_hz or float("nan")
+
+
+def drift_warnings(
+    bound: BoundCampaign, offsets: Sequence[OffsetResult], width_hz: float
+) -> list[str]:
+    """Where the drift over the series, or an offset from it, exceeds the line width (Hz)."""
+    if not width_hz > 0.0:
+        return []
+    said = []
+    moved = {
+        name: abs(after - before) * _in_hertz(bound.drift.units.get(name, "Hz"))
+        for name, (before, after) in bound.drift.ends.items()
+    }
+    wide = {name: hz for name, hz in moved.items() if hz > width_hz}
+    if wide:
+        said.append(
+            f"{_listed(wide)} over the series, more than the line width of "
+            f"{hertz(width_hz, digits=4)}: a small departure from the drift that is assumed moves "
+            "the peaks much."
+            + ("" if offsets else ' [drift] model = "offsets" or "walk" estimates it.')
+        )
+    far = {
+        f"{o.experiments[0]} ({', '.join(o.variables)})": abs(o.value) * _in_hertz(o.unit)
+        for o in offsets
+        if o.prior == o.prior and abs(o.value) * _in_hertz(o.unit) > width_hz
+    }
+    if far:
+        said.append(
+            "Offsets from the interpolated drift beyond the line width of "
+            f"{hertz(width_hz, digits=4)}: "
+            + ", ".join(f"{name} {hertz(hz, digits=4)}" for name, hz in far.items())
+            + "."
+        )
+    return said
+
+
+def _listed(moved: Mapping[str, float]) -> str:
+    return " and ".join(f"{name} drifts by {hertz(hz, digits=4)}" for name, hz in moved.items())
+
+
+def _in_hertz(unit: str) -> float:
+    """Hertz per unit, zero where it is no frequency."""
+    try:
+        return convert(1.0, unit, "Hz", where="")
+    except BadInput:
+        return 0.0
+
+
+def _row_by_row(solution: Solution) -> Linearisation:
+    """The solution's rows over their own noise, without what rows share."""
+    point = solution.final
+    sigma = noise_of(solution.objective, point).sigma
+    return Linearisation(
+        point.residuals / sigma,
+        solution.matrix / sigma[:, np.newaxis],
+        prior_sigmas(solution.parameters, solution.nu),
+    )
+
+
+def outlier_sentences(problem: Problem, rows: Linearisation) -> list[str]:
+    """Peaks whose residual is beyond the threshold of its own standard deviation.
+
+    Studentised, r/(sigma sqrt(1 - h)), h the leverage of the row; against the scatter of all where
+    that is wider than the noise.
+
+    Args:
+        problem: its experiments name the peaks, its threshold says what is far.
+        rows: each over its own standard deviation, peaks first.
+    """
+    scores = rows.rows / np.sqrt(np.maximum(1.0 - rows.leverage, 0.05))
+    lines = [f"{e.label} at {hertz(f)}" for e in problem.experiments for f in e.read_hz]
+    scores = scores[: len(lines)]
+    if scores.size < 4:
+        return []
+    wide = max(1.0, float(np.median(np.abs(scores))) / 0.6745)
+    far = [int(k) for k in np.argsort(-np.abs(scores)) if abs(scores[k]) > problem.threshold * wide]
+    if not far:
+        return []
+    named = ", ".join(f"{lines[k]} ({scores[k]:+.3g})" for k in far[:MOST_NAMED])
+    more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
+    tamed = ' They count less (outliers = "huber").' if problem.data.outliers == "huber" else ""
+    return [f"Outliers, in standard deviations of their residual: {named}{more}.{tamed}"]
+
+
+def weak_peaks(experiments: Sequence[Experiment]) -> list[str]:
+    """Ready peaks below what a reader of spectra would have refused (`fitting.signal.peaks`)."""
+    weak = [
+        f"{experiment.label} at {hertz(tone)}"
+        for experiment in experiments
+        for tone, peak, sigma in zip(
+            experiment.read_hz, experiment.peaks_v, experiment.sigmas_v, strict=True
+        )
+        if peak < DETECTION_SIGMA * sigma
+    ]
+    if not weak:
+        return []
+    more = f" and {len(weak) - MOST_WEAK} more" if len(weak) > MOST_WEAK else ""
+    return [
+        f"Peaks less than {DETECTION_SIGMA:.0f} standard deviations high: "
+        f"{', '.join(weak[:MOST_WEAK])}{more}. Noise alone makes such peaks, and makes small ones "
+        "larger than they are."
+    ]
+
+
+def scale_sentences(campaigns: Sequence[BoundCampaign], scale_bias: float) -> list[str]:
+    """Sentences on the measured maximum, and on the bias that the simulated one leaves.
+
+    Args:
+        campaigns: those that were fitted together.
+        scale_bias: relative error that simulated grids leave in the scale, at most.
+    """
+    said: list[str] = []
+    sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
+    if len(campaigns) == 1 and not sweeps:
+        said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
+    elif len(campaigns) == 1 and sweeps[0].scale == "maximum":
+        said += maximum_warnings(laboratory_maximum(sweeps[0].frequency_hz, sweeps[0].amplitude_v))
+    wanted = min((bound.setup.accuracy for bound in campaigns), default=math.inf)
+    if scale_bias > wanted:
+        found = f"{scale_bias:.1e}"
+        said.append(f"The simulated maximum is known to {found} only, wanted {wanted:.1e}.")
+    return said
+
+
+def maximum_warnings(maximum: LaboratoryMaximum) -> list[str]:
+    """What Algorithm 1 cannot know of a sweep with such a largest point."""
+    if maximum.on_edge:
+        return [
+            f"The largest point of the sweep, at {hertz(maximum.frequency_hz)}, is at its end: its "
+            'maximum may lie outside, and the scale may be wrong (scale = "fit" needs no maximum).'
+        ]
+    if math.isnan(maximum.bias):
+        return [
+            "The sweep shows no top that could be fitted, it falls by "
+            f"{100 * maximum.fall:.0f} % beside its largest point: noise, or a grid coarser than "
+            'the line, biases the scale by an unknown amount (scale = "fit" avoids it).'
+        ]
+    if not maximum.is_biased:
+        return []
+    return [
+        f"The largest point of the sweep is {100 * maximum.bias:+.2f} % from the fitted top of it: "
+        'noise or a coarse grid biases the scale by as much (scale = "fit" avoids it).'
+    ]
+
+
+def _ties(alternatives: tuple[AlternativeResult, ...]) -> list[str]:
+    equal = [a for a in alternatives if a.equal_to_best and not a.reported]
+    return [
+        "The data do not tell the alternatives apart: "
+        + ", ".join(f"{name} = {value}" for name, value in a.settings.items())
+        + " reaches the same J."
+        for a in equal
+    ]

@@ -1,0 +1,155 @@
+"""From a fit and what was inferred from it to the `Result` that is written and reported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.fit.fit import Fit
+from fitting.fit.objective import Point
+from fitting.fit.outputs import mean
+from fitting.fit.problem import Problem
+from fitting.fit.solution import Solution
+from fitting.inference.infer import Inference
+from fitting.inference.sweep_line import line_of_sweep
+from fitting.inference.warnings import Warned
+from fitting.result.result import (
+    Cost,
+    Deviations,
+    DeviationSet,
+    Peak,
+    Provenance,
+    Result,
+    Scale,
+    SweepCurves,
+)
+from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
+from fitting.simulate.budget import PlanRecord
+
+
+def result_of(
+    fit: Fit,
+    inference: Inference,
+    provenance: Provenance,
+    further: Sequence[Warned] = (),
+    plan: PlanRecord | None = None,
+) -> Result:
+    """Everything that is known of a fit as the one record that is written and reported.
+
+    Args:
+        fit: the solved problem.
+        inference: what its data determine.
+        provenance: where all of it comes from.
+        further: warnings from outside the fit, as the FMU's own.
+        plan: how the FMU was simulated.
+    """
+    problem, solution, last = fit.problem, fit.solution, fit.solution.last
+    maximum = _maximum(problem)
+    said = [each.sentence for each in (*inference.warnings, *further)]
+    return Result(
+        title=problem.title,
+        synthetic=problem.synthetic,
+        status=fit.status.value,
+        message=fit.message,
+        parameters=inference.parameters,
+        derived=inference.derived,
+        alternative=dict(fit.alternative),
+        deviations=deviations(problem, solution),
+        j_fit=solution.final.j_fit,
+        j_reg=last.j_reg if last is not None else float("nan"),
+        optimality=last.optimality if last is not None else float("nan"),
+        scale=_scale(problem, solution, maximum),
+        peaks=_peaks(problem, solution),
+        sweep=_sweep(problem, solution),
+        history=fit.path,
+        alternatives=fit.alternatives,
+        correlation=_correlation(solution),
+        evaluations=Cost(fit.cost.evaluations, fit.cost.jacobians, fit.cost.runs),
+        seconds=fit.seconds,
+        warnings=tuple(dict.fromkeys(said)),
+        provenance=provenance,
+        line=line_of_sweep(problem.sweep) if problem.sweep is not None else None,
+        offsets=inference.offsets,
+        joint=inference.joint,
+        knowledge=inference.knowledge,
+        plan=plan,
+    )
+
+
+def deviations(problem: Problem, solution: Solution) -> Deviations:
+    """Relative deviations before and after, by peak and by experiment; of curves without peaks.
+
+    Source: the paper's Definition of the relative deviation and of its mean.
+    """
+    before = _deviation_set(problem, solution.initial)
+    after = _deviation_set(problem, solution.final)
+    gain = 100.0 * (1.0 - after.mean / before.mean) if before.mean > 0.0 else 0.0
+    return Deviations(before, after, gain)
+
+
+def _deviation_set(problem: Problem, point: Point) -> DeviationSet:
+    rows = [np.abs(point.residuals[k]) for k in problem.data.slices]
+    peaks = problem.data.peaks(rows)
+    everything = peaks if peaks.size else np.concatenate(rows)
+    counts = [e.peaks_v.size for e in problem.experiments]
+    groups = np.split(everything, np.cumsum(counts)[:-1]) if counts else [everything]
+    return DeviationSet(
+        tuple(map(float, everything)),
+        tuple(mean(group) for group in groups),
+        mean(everything),
+    )
+
+
+def _maximum(problem: Problem) -> LaboratoryMaximum | None:
+    if problem.sweep is None:
+        return None
+    return laboratory_maximum(problem.sweep.frequency_hz, problem.sweep.amplitude_v)
+
+
+def _scale(problem: Problem, solution: Solution, maximum: LaboratoryMaximum | None) -> Scale:
+    own = problem.sweep.scale if problem.sweep is not None else "none"
+    return Scale(
+        kind="one per campaign" if problem.is_joint else own,
+        initial=solution.initial.chi,
+        final=solution.final.chi,
+        grid_bias=solution.final.scale_bias,
+        maximum_v=maximum.value_v if maximum is not None else float("nan"),
+        maximum_bias=maximum.bias if maximum is not None else float("nan"),
+        maximum_bias_std=maximum.bias_std if maximum is not None else float("nan"),
+    )
+
+
+def _peaks(problem: Problem, solution: Solution) -> tuple[Peak, ...]:
+    data = problem.data
+    lines = [(e.label, float(f)) for e in problem.experiments for f in e.read_hz]
+    columns = (
+        np.concatenate([np.empty(0), *(t.peaks_v for t in data.tones)]),
+        np.concatenate([np.empty(0), *(t.sigmas_v for t in data.tones)]),
+        data.peaks(solution.initial.scaled),
+        data.peaks(solution.final.scaled),
+    )
+    return tuple(
+        Peak(label, frequency_hz, *map(float, values))
+        for (label, frequency_hz), *values in zip(lines, *columns, strict=True)
+    )
+
+
+def _sweep(problem: Problem, solution: Solution) -> SweepCurves | None:
+    if problem.sweep is None:
+        return None
+    [k] = [k for k, m in enumerate(problem.measurements) if m.is_curve]
+    columns = (
+        problem.sweep.frequency_hz,
+        problem.sweep.amplitude_v,
+        solution.initial.scaled[k],
+        solution.final.scaled[k],
+    )
+    return SweepCurves(*(tuple(map(float, column)) for column in columns))
+
+
+def _correlation(solution: Solution) -> tuple[tuple[float, ...], ...]:
+    own = [i for i, p in enumerate(solution.parameters) if not p.experiments]
+    total = solution.errors.covariance[np.ix_(own, own)]
+    std = np.sqrt(np.diag(total))
+    return tuple(tuple(map(float, row)) for row in total / np.outer(std, std))

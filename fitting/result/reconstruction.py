@@ -1,0 +1,179 @@
+"""The whole job: problem, plan, fit, inference, result."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from fitting.campaign.parameters import canonical
+from fitting.fit.fit import Fit, Hooks, solve_problem
+from fitting.fit.options import Options
+from fitting.fit.planned_fmu import plan_problem
+from fitting.fit.problem import Problem
+from fitting.fmu import FmuDescription, FmuWorkers
+from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.warnings import Kind, warned
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.measurement import Response
+from fitting.result.assembly import result_of
+from fitting.result.provenance import Identity, provenance_of
+from fitting.result.result import Result
+from fitting.simulate.words import warnings_in_words
+from fitting.text.arrays import FloatArray, Scalar
+
+#: Kinds of warnings that a note tells of.
+MOST_KINDS = 3
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+def identify_fmu(description: FmuDescription, command: str) -> Identity:
+    """What the result says about the FMU, without the plan."""
+    units = {name: v.unit or "" for name, v in description.variables.items()}
+    return Identity(
+        description.model_name,
+        description.path.name,
+        description.guid,
+        description.sha256,
+        command,
+        units,
+    )
+
+
+@dataclass(frozen=True)
+class ReconstructionOptions:
+    """How a problem is solved and watched, and how much is inferred."""
+
+    options: Options
+    hooks: Hooks = field(default_factory=Hooks)
+    profiles: bool = True
+    bootstrap: int = 0
+
+
+def reconstruct(
+    problem: Problem,
+    respond: Callable[[Mapping[str, Scalar]], Response],
+    identity: Identity,
+    asked: ReconstructionOptions,
+) -> Result:
+    """Fit a problem, infer what its data determine, and put both into one record.
+
+    Args:
+        problem: parameters and measurements.
+        respond: makes the response of one alternative.
+        identity: what is said of the model.
+        asked: how it is solved, watched, and what is inferred.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+    """
+    begun = asked.hooks.clock()
+    fit = solve_problem(problem, respond, asked.options, asked.hooks)
+    inference = _inferred(fit, identity, asked)
+    provenance = provenance_of(problem, identity, asked.options)
+    result = result_of(fit, inference, provenance)
+    return replace(result, seconds=asked.hooks.clock() - begun)
+
+
+def _inferred(fit: Fit, identity: Identity, asked: ReconstructionOptions) -> Inference:
+    request = InferenceRequest(
+        units=identity.units, profiles=asked.profiles, bootstrap=asked.bootstrap
+    )
+    return infer(fit, request)
+
+
+def reconstruct_through(
+    workers: FmuWorkers, problem: Problem, identity: Identity, asked: ReconstructionOptions
+) -> Result:
+    """Solve a problem with running FMU workers; with the plan and the FMU's warnings.
+
+    Only what the FMU warns of at the solution is a warning; what it said elsewhere is a note.
+
+    Args:
+        workers: of the FMU.
+        problem: parameters and measurements.
+        identity: what is said of the FMU.
+        asked: how the problem is solved, watched, and what is inferred.
+
+    Raises:
+        FmuFailure: the FMU failed; with its words and the parameters.
+        BadInput: the campaign cannot be planned.
+    """
+    begun = asked.hooks.clock()
+    planned = plan_problem(problem, workers)
+    fit = solve_problem(problem, planned.response, asked.options, asked.hooks)
+    inference = _inferred(fit, identity, asked)
+    response, p = planned.response(fit.alternative), _canonical(fit)
+    here = _said_at(response, p, workers)
+    reuse = workers.reuse_note
+    provenance = replace(
+        provenance_of(problem, identity, asked.options),
+        plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
+        notes=_said_elsewhere(workers.warnings, here),
+    )
+    plans = list(planned.plans.values())
+    further = [
+        *warned(Kind.FMU, (f"The FMU says: {_in_short(alike)}" for alike in here.values())),
+        *warned(Kind.SAMPLES, _other_signals(response.misfit(p), problem.accuracy)),
+        *warned(
+            Kind.PLAN,
+            (
+                s
+                for plan in plans
+                if plan.budget is not None
+                for s in warnings_in_words(plan.budget)
+            ),
+        ),
+    ]
+    result = result_of(fit, inference, provenance, further, plans[0].record)
+    return replace(result, seconds=asked.hooks.clock() - begun)
+
+
+def _canonical(fit: Fit) -> FloatArray:
+    """The reported values, as the model takes them."""
+    return canonical(fit.problem.parameters, fit.x)
+
+
+def _other_signals(misfit: float, accuracy: float) -> list[str]:
+    if misfit <= max(100.0 * accuracy, 1e-4):
+        return []
+    return [
+        f"Sampled runs differ from mean and tones by {misfit:.1e} of their amplitude: "
+        "a transient that has not settled, harmonics, or a coarse solver."
+    ]
+
+
+def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:
+    """What the FMU warns of at these parameters, by kind.
+
+    The runs were all made before, so that none is made of other parameters to try a reset.
+    """
+    response.derived_many([p])
+    response.misfit(p)
+    said = list(workers.latest_warnings)
+    response.derived_many([p])
+    said += workers.latest_warnings
+    return _by_kind(list(dict.fromkeys(said)))
+
+
+def _said_elsewhere(warnings: Sequence[str], here: Mapping[str, list[str]]) -> tuple[str, ...]:
+    """One sentence on what the FMU warned of at starts, steps and samples only."""
+    rest = [alike for kind, alike in _by_kind(warnings).items() if kind not in here]
+    if not rest:
+        return ()
+    more = f"; and {len(rest) - MOST_KINDS} more" if len(rest) > MOST_KINDS else ""
+    told = "; ".join(_in_short(alike) for alike in rest[:MOST_KINDS])
+    return (f"At other parameters than the reported ones the FMU warned: {told}{more}",)
+
+
+def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
+    """Warnings that differ in their numbers only, together."""
+    kinds: dict[str, list[str]] = {}
+    for said in warnings:
+        kinds.setdefault(NUMBER.sub("#", said), []).append(said)
+    return kinds
+
+
+def _in_short(alike: Sequence[str]) -> str:
+    more = f" (and {len(alike) - 1} more that differ in numbers only)" if len(alike) > 1 else ""
+    return alike[0] + more

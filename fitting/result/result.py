@@ -1,0 +1,192 @@
+"""The result of a reconstruction as records; `result.json` and `history.csv` from and to them.
+
+Ending badly is a value: `status` and `message` are stored like any number. All numbers are in the
+units that stand beside them; `nan` (JSON null) where there is none.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting.fit.path import AlternativeResult, HistoryRow
+from fitting.inference.joint_result import ExternalTest, JointResult
+from fitting.inference.knowledge import Knowledge
+from fitting.inference.sweep_line import SweepLine
+from fitting.inference.values import DerivedResult, Floats, OffsetResult, ParameterResult
+from fitting.simulate.budget import PlanRecord
+from fitting.text.arrays import Scalar
+from fitting.text.files import write_whole
+from fitting.text.records import read_json, write_json
+
+STATUSES = ("converged", "not converged", "interrupted")
+
+
+@dataclass(frozen=True)
+class Peak:
+    """One peak: measured and simulated (scaled) amplitudes, before and after, V peak."""
+
+    experiment: str
+    frequency_hz: float
+    measured_v: float
+    sigma_v: float
+    initial_v: float
+    final_v: float
+
+
+@dataclass(frozen=True)
+class DeviationSet:
+    """Relative deviations |chi z - z*|/z* per peak, their mean per experiment and overall."""
+
+    per_peak: Floats
+    per_experiment: Floats
+    mean: float
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Before (campaign's start) and after; `improvement_percent` = 100 (1 - final/initial)."""
+
+    initial: DeviationSet
+    final: DeviationSet
+    improvement_percent: float
+
+
+@dataclass(frozen=True)
+class SweepCurves:
+    """The sweep as measured and as simulated (scaled) before and after, V peak, (n,) each."""
+
+    frequency_hz: Floats
+    measured_v: Floats
+    initial_v: Floats
+    final_v: Floats
+
+
+@dataclass(frozen=True)
+class Scale:
+    """chi before and after, its grid bias, and what noise did to the laboratory's maximum.
+
+    `maximum_bias` is the largest measured point over the fitted top of the sweep, minus one.
+    """
+
+    kind: str
+    initial: float
+    final: float
+    grid_bias: float
+    maximum_v: float
+    maximum_bias: float
+    maximum_bias_std: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Objective evaluations (those inside Jacobians too), Jacobians, simulation runs."""
+
+    objective: int
+    jacobians: int
+    fmu_runs: int
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the result comes from; `plan` and `notes` in sentences.
+
+    `notes` are about the run, not about the result. `files`: path as seen from the campaign's
+    folder -> sha256.
+    """
+
+    fmu_name: str
+    fmu_file: str
+    fmu_guid: str
+    fmu_sha256: str
+    campaign: str
+    files: Mapping[str, str]
+    versions: Mapping[str, str]
+    command: str
+    seed: int
+    settings: Mapping[str, Scalar]
+    plan: tuple[str, ...]
+    finished: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """A whole reconstruction, as `result.json` holds it."""
+
+    title: str
+    synthetic: bool
+    status: str
+    message: str
+    parameters: Mapping[str, ParameterResult]
+    derived: Mapping[str, DerivedResult]
+    alternative: Mapping[str, Scalar]
+    deviations: Deviations
+    j_fit: float
+    j_reg: float
+    optimality: float
+    scale: Scale
+    peaks: tuple[Peak, ...]
+    sweep: SweepCurves | None
+    history: tuple[HistoryRow, ...]
+    alternatives: tuple[AlternativeResult, ...]
+    correlation: tuple[Floats, ...]
+    evaluations: Cost
+    seconds: float
+    warnings: tuple[str, ...]
+    provenance: Provenance
+    line: SweepLine | None = None
+    offsets: tuple[OffsetResult, ...] = ()
+    joint: JointResult | None = None
+    external: tuple[ExternalTest, ...] = ()
+    knowledge: Knowledge | None = None
+    plan: PlanRecord | None = None
+
+    @property
+    def fitted_values(self) -> dict[str, float]:
+        """Fitted values by parameter, those of single experiments too, each in its unit."""
+        values = {name: p.value for name, p in self.parameters.items()}
+        return values | {offset.parameter: offset.fitted for offset in self.offsets}
+
+
+def write_result(result: Result, folder: Path) -> tuple[Path, Path]:
+    """Write `result.json` and `history.csv` into a folder, atomically; their paths."""
+    history, whole = folder / "history.csv", folder / "result.json"
+    write_whole(history, history_csv(result))
+    write_json(whole, result)
+    return whole, history
+
+
+def read_result(path: Path) -> Result:
+    """Read a `result.json`.
+
+    Raises:
+        BadInput: no such file, or not a result; names the key.
+    """
+    return read_json(path, Result)
+
+
+def history_csv(result: Result) -> str:
+    """The history as CSV text: a row per nu, units in the header."""
+    units = {name: p.unit for name, p in result.parameters.items()}
+    outputs = {name: d.unit for name, d in result.derived.items()}
+    head = ["level", "nu"]
+    head += [f"{name} ({unit})" for name, unit in units.items()]
+    head += [f"mean {name} ({unit})" for name, unit in outputs.items()]
+    head += ["j_fit", "j_reg", "change", "optimality", "status", "iterations", "evaluations"]
+    head += ["seconds", "message"]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    for row in result.history:
+        numbers: list[float | int] = [row.level, row.nu]
+        numbers += [row.parameters[name] for name in units]
+        numbers += [row.derived.get(name, float("nan")) for name in outputs]
+        numbers += [row.j_fit, row.j_reg, row.change, row.optimality]
+        tail = [row.status, row.iterations, row.evaluations, f"{row.seconds:.3f}", row.message]
+        cells = ("" if value != value else repr(value) for value in numbers)  # none is no number
+        writer.writerow([*cells, *tail])
+    return text.getvalue()
