@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
             plan = plan_sweep(workers, sweep, args.accuracy, settle_s=_settling(args.settle))
             tell(f"{len(sweep.frequencies_hz)} points, {' and '.join(sweep.directions)}")
             result = take_sweep(workers, sweep, plan)
-    print(*plan_in_words(plan.budget), sep="\n")
+    print(*plan_in_words(plan.budget, "the largest"), sep="\n")
     for path in _write(result, description, args.out):
         print(path)
     print(*silenced, *_summary(result, description), sep="\n")

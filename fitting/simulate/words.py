@@ -15,9 +15,13 @@ from fitting.text.notation import hertz, number, prefixed
 SUBJECTS = {Kind.MAXIMUM: "maximum of the sweep"}
 
 
-def plan_in_words(budget: Budget) -> tuple[str, ...]:
-    """A line per decision, and the sum; "settling: 66 ms; transient below 1.0e-09, ..."."""
-    return (*(decision_in_words(decision) for decision in budget.decisions), sum_in_words(budget))
+def plan_in_words(budget: Budget, of: str = "themselves") -> tuple[str, ...]:
+    """A line per decision, and the sum; "settling: 66 ms; transient below 1.0e-09, ...".
+
+    `of`: what errors are relative to.
+    """
+    lines = (decision_in_words(decision) for decision in budget.decisions)
+    return (*lines, sum_in_words(budget, of))
 
 
 def decision_in_words(decision: Decision) -> str:
@@ -47,12 +51,11 @@ def reason_in_words(decision: Decision) -> str:
     return _REASONS[decision.basis](decision)
 
 
-def sum_in_words(budget: Budget | PlanRecord) -> str:
-    """The sum of the bounds against what was wanted."""
+def sum_in_words(budget: Budget | PlanRecord, of: str = "themselves") -> str:
+    """The sum of the bounds against what was wanted; `of`: what errors are relative to."""
     if budget.promised <= budget.wanted:
         return (
-            f"In all: amplitudes within {budget.promised:.1e} of themselves, wanted "
-            f"{budget.wanted:.1e}."
+            f"In all: amplitudes within {budget.promised:.1e} of {of}, wanted {budget.wanted:.1e}."
         )
     largest = max(budget.decisions, key=lambda decision: decision.cost)
     return (

@@ -103,6 +103,7 @@ def test_a_linear_fmu_has_one_curve_and_it_is_the_closed_form(
     said = capsys.readouterr().out
     assert "hysteresis" not in said
     assert "A2 = 0: u2 does not drive in a sweep of u1" in said
+    assert "of the largest, wanted 1.0e-04" in said
 
 
 def test_one_way_and_the_time_that_is_found(oscillator_fmu: Path, tmp_path: Path) -> None:
