@@ -13,7 +13,7 @@ from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
 from fitting.inference.identification import IdentificationOptions, identify
 from fitting.inference.knowing import BUDGET
-from fitting.inference.knowledge import Identification
+from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table
 from fitting.report.words.inference import knowledge_lines

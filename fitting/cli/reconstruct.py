@@ -13,10 +13,10 @@ from pathlib import Path
 from fitting.campaign import Campaign, ContinuationSettings, bind, read_campaign
 from fitting.cli.options import default_workers, relative_accuracy, whole_number
 from fitting.fit import checkpoint
-from fitting.fit.evaluator import MISFITS
 from fitting.fit.fit import Hooks, Progress
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import Problem, problem_of
+from fitting.fit.solver.evaluator import MISFITS
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
 from fitting.inference.sweep_line import line_sentences

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fitting.fit.continuation import ContinuationStep
+from fitting.fit.solver.continuation import ContinuationStep
 from fitting.text import checkpoint
 
 NAME = "checkpoint.json"

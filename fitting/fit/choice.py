@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.fit.continuation import Outcome, equal_j
 from fitting.fit.objective import Objective
+from fitting.fit.solver.continuation import Outcome, equal_j
 
 
 def chosen(

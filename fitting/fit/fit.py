@@ -12,13 +12,19 @@ from enum import Enum
 from typing import Protocol
 
 from fitting.fit.choice import chosen
-from fitting.fit.continuation import ContinuationStep, Journal, Outcome, Schedule, run_alternative
-from fitting.fit.evaluator import Counts, Evaluator
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
 from fitting.fit.path import AlternativeResult, HistoryRow, alternative_results, history_rows
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution, solution_of
+from fitting.fit.solver.continuation import (
+    ContinuationStep,
+    Journal,
+    Outcome,
+    Schedule,
+    run_alternative,
+)
+from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign import ContinuationSettings
-from fitting.fit.continuation import Schedule
-from fitting.fit.interior_point import SolveSettings
+from fitting.fit.solver.continuation import Schedule
+from fitting.fit.solver.interior_point import SolveSettings
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
-from fitting.fit.continuation import Chain, Outcome, equal_j
 from fitting.fit.objective import Objective, j_reg
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
+from fitting.fit.solver.continuation import Chain, Outcome, equal_j
 from fitting.text.arrays import FloatArray, Scalar
 
 

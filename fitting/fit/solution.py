@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
-from fitting.fit.continuation import Chain, ContinuationStep, Schedule
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.linearisation import Linearisation, linearise
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, Point, weights
-from fitting.fit.symmetry import secants
+from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.fit.solver.symmetry import secants
 from fitting.measurements.dataset import Dataset
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray

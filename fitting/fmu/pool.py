@@ -20,11 +20,11 @@ from typing import Literal
 import numpy as np
 
 from fitting.fmu.description import FmuDescription, read_description
-from fitting.fmu.messages import Batch, Reply, UnpackedFmu
-from fitting.fmu.reuse import ReuseDecision
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
-from fitting.fmu.worker_process import WorkerProcess
+from fitting.fmu.worker.messages import Batch, Reply, UnpackedFmu
+from fitting.fmu.worker.process import WorkerProcess
+from fitting.fmu.worker.reuse import ReuseDecision
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure
 

@@ -11,7 +11,7 @@ from fitting.fit.differences import central
 from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
-from fitting.inference.ranges import output_ranges
+from fitting.inference.likelihood.ranges import output_ranges
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.text.arrays import FloatArray
 

@@ -15,11 +15,11 @@ from fitting.fit.outputs import output_means
 from fitting.fit.planned_fmu import plan_problem
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
-from fitting.inference.descent import most_likely
 from fitting.inference.knowing import InferenceOptions, know
-from fitting.inference.knowledge import Equivalent, Knowledge
-from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.inference.profiles import ROOT_95
+from fitting.inference.likelihood.descent import most_likely
+from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
+from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.inference.likelihood.profiles import ROOT_95
 from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput

@@ -21,10 +21,10 @@ from fitting.inference.equivalent_fits import (
 from fitting.inference.estimates import derived_results, offset_results, parameter_results
 from fitting.inference.joint_result import JointResult
 from fitting.inference.knowing import BUDGET, InferenceOptions, know
-from fitting.inference.knowledge import Equivalent, Knowledge, Profile
-from fitting.inference.likelihood import likelihood_of
-from fitting.inference.nu_choice import choose_nu
-from fitting.inference.profiles import ROOT_95
+from fitting.inference.likelihood.knowledge import Equivalent, Knowledge, Profile
+from fitting.inference.likelihood.likelihood import likelihood_of
+from fitting.inference.likelihood.nu_choice import choose_nu
+from fitting.inference.likelihood.profiles import ROOT_95
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.warnings import Kind, Warned, fit_warnings, verdict_sentences, warned
 from fitting.text.errors import FmuFailure

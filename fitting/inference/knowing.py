@@ -14,14 +14,19 @@ import numpy as np
 
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
-from fitting.inference import identifiability
-from fitting.inference.bootstrap import bootstrap as bootstrap_of
-from fitting.inference.descent import Optimum, most_likely
-from fitting.inference.exploration import OTHER_STARTS, Exploration, explore, other_minima
-from fitting.inference.knowledge import Effort, Equivalent, Knowledge
-from fitting.inference.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.inference.profiles import ROOT_95, ProfilePoint
-from fitting.inference.ranges import OutputRange, output_ranges
+from fitting.inference.likelihood import identifiability
+from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
+from fitting.inference.likelihood.descent import Optimum, most_likely
+from fitting.inference.likelihood.exploration import (
+    OTHER_STARTS,
+    Exploration,
+    explore,
+    other_minima,
+)
+from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
+from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
+from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
 

@@ -10,9 +10,9 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.inference.equivalent_fits import contradicts, exchange_words
-from fitting.inference.exploration import Exploration
-from fitting.inference.knowledge import Equivalent, Interval, Profile
-from fitting.inference.profiles import (
+from fitting.inference.likelihood.exploration import Exploration
+from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
+from fitting.inference.likelihood.profiles import (
     ROOT_68,
     ROOT_95,
     ProfileBranch,

@@ -11,13 +11,13 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import prior_sigmas
-from fitting.fit.continuation import Outcome, distance, equal_j
 from fitting.fit.fit import Fit
 from fitting.fit.linearisation import IDENTIFIABLE, Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
+from fitting.fit.solver.continuation import Outcome, distance, equal_j
 from fitting.inference.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.signal.peaks import DETECTION_SIGMA

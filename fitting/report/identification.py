@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.knowledge import Identification
+from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.style import save, style
 from fitting.report.page import Page, Section, Status, write_page

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitting.inference.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.sweep_line import line_sentences
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report.figures.reconstruction import write_figures

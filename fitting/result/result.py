@@ -14,7 +14,7 @@ from pathlib import Path
 
 from fitting.fit.path import AlternativeResult, HistoryRow
 from fitting.inference.joint_result import ExternalTest, JointResult
-from fitting.inference.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.sweep_line import SweepLine
 from fitting.inference.values import DerivedResult, Floats, OffsetResult, ParameterResult
 from fitting.simulate.budget import PlanRecord

@@ -32,7 +32,7 @@ from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
 from fitting.inference.knowing import InferenceOptions, know
-from fitting.inference.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.string import TwoModes, steady_state

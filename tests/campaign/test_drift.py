@@ -14,11 +14,11 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import Parameter
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.interior_point import SolveSettings, solve
 from fitting.fit.objective import Objective, weights
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.fit.solver.interior_point import SolveSettings, solve
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.warnings import drift_warnings
 from fitting.lab.bench import Series, measure

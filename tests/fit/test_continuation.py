@@ -10,7 +10,8 @@ import pytest
 from scipy.optimize import least_squares, linprog
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_search
-from fitting.fit.continuation import (
+from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.solver.continuation import (
     Chain,
     ContinuationStep,
     Journal,
@@ -20,10 +21,9 @@ from fitting.fit.continuation import (
     run_alternative,
     start_vectors,
 )
-from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.interior_point import SolveSettings, solve
-from fitting.fit.linear_program import follow, promised_decrease
-from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.solver.evaluator import Evaluator, total
+from fitting.fit.solver.interior_point import SolveSettings, solve
+from fitting.fit.solver.linear_program import follow, promised_decrease
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.text.arrays import FloatArray
@@ -247,7 +247,7 @@ def test_a_false_success_of_the_solver_is_not_believed(
     start = start_vectors(objective.parameters, Schedule())[0]
     honest = solve(evaluator, start, 0.1, SolveSettings(), np.random.default_rng(1))
     least = total(evaluator.point(honest.x), 0.1, "slack")
-    monkeypatch.setattr("fitting.fit.interior_point.minimize", liar)
+    monkeypatch.setattr("fitting.fit.solver.interior_point.minimize", liar)
     answer = solve(evaluator, start, 0.1, SolveSettings(), np.random.default_rng(1))
     assert np.all(np.isfinite(answer.x))
     assert total(evaluator.point(answer.x), 0.1, "slack") < total(

@@ -16,13 +16,13 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
-from fitting.fit.continuation import Schedule, run_alternative
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.interior_point import SolveSettings
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.options import options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
+from fitting.fit.solver.continuation import Schedule, run_alternative
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.fit.solver.interior_point import SolveSettings
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.consistency import consistency
 from fitting.inference.joint_result import JointResult

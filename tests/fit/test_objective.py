@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
-from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import (
     Objective,
     evaluate_many,
@@ -21,6 +20,7 @@ from fitting.fit.objective import (
     noise_level,
     tikhonov_rows,
 )
+from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep

@@ -18,10 +18,10 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
 from fitting.fit import checkpoint
-from fitting.fit.continuation import ContinuationStep
 from fitting.fit.fit import Hooks, Progress
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
+from fitting.fit.solver.continuation import ContinuationStep
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.planning import plan_campaign
 from fitting.measurements.sweep import swept_amplitudes

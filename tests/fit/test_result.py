@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.fit import checkpoint
-from fitting.fit.continuation import ContinuationStep
+from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.values import DerivedResult
 from fitting.text.errors import BadInput
 from fitting.text.records import from_plain, read_json, to_plain, write_json

@@ -91,10 +91,10 @@ def test_files_beside_the_caller_are_not_taken_for_libraries(good: Path, tmp_pat
 
 
 def test_a_worker_imports_what_it_needs_and_no_more() -> None:
-    code = "import sys, fitting.fmu.worker_loop; print(*sorted({m for m in sys.modules}))"
+    code = "import sys, fitting.fmu.worker.loop; print(*sorted({m for m in sys.modules}))"
     [line] = run_python(["-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}); {code}"], ROOT)
     loaded = set(line.split())
-    assert {"numpy", "fmpy", "fitting.fmu.worker_loop"} <= loaded
+    assert {"numpy", "fmpy", "fitting.fmu.worker.loop"} <= loaded
     for library in ("scipy", "matplotlib", "jinja2", "pint", "mpmath", "tqdm", "pythonfmu"):
         assert library not in loaded
     rooms = {name.split(".")[1] for name in loaded if name.startswith("fitting.")}

@@ -24,10 +24,10 @@ from fitting.fmu import (
     Run,
     read_description,
     validation_problems,
-    worker_process,
 )
-from fitting.fmu.input_signal import held_values
-from fitting.fmu.pulse import BEGUN, open_pulse
+from fitting.fmu.worker import process as worker_process
+from fitting.fmu.worker.input_signal import held_values
+from fitting.fmu.worker.pulse import BEGUN, open_pulse
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure

@@ -10,11 +10,11 @@ import pytest
 
 from fitting.campaign.parameters import to_search
 from fitting.fit.choice import chosen
-from fitting.fit.continuation import Chain, ContinuationStep, Outcome
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
+from fitting.fit.solver.continuation import Chain, ContinuationStep, Outcome
 from fitting.inference.knowing import InferenceOptions, know
-from fitting.inference.knowledge import Equivalent
+from fitting.inference.likelihood.knowledge import Equivalent
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
 

@@ -14,7 +14,7 @@ from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.knowing import InferenceOptions, know
-from fitting.inference.knowledge import Knowledge
+from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Evaluation
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray

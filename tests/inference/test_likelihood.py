@@ -13,9 +13,19 @@ from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model, to_search
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.inference.descent import Constraint, descend, expansion_at, inflation_of, most_likely
-from fitting.inference.likelihood import MOST_FAILURES, LikelihoodEvaluator, likelihood_of
-from fitting.inference.lockstep import Exhausted, Request, run_in_lockstep
+from fitting.inference.likelihood.descent import (
+    Constraint,
+    descend,
+    expansion_at,
+    inflation_of,
+    most_likely,
+)
+from fitting.inference.likelihood.likelihood import (
+    MOST_FAILURES,
+    LikelihoodEvaluator,
+    likelihood_of,
+)
+from fitting.inference.likelihood.lockstep import Exhausted, Request, run_in_lockstep
 from fitting.measurements.measurement import Evaluation
 from fitting.text.errors import FmuFailure
 from tests.support import closed_form, single_line

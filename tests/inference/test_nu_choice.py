@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fitting.fit.continuation import ContinuationStep
 from fitting.fit.objective import Objective
-from fitting.inference.knowledge import NuRow
-from fitting.inference.likelihood import likelihood_of
-from fitting.inference.nu_choice import choose_nu, corner_of, curvatures
+from fitting.fit.solver.continuation import ContinuationStep
+from fitting.inference.likelihood.knowledge import NuRow
+from fitting.inference.likelihood.likelihood import likelihood_of
+from fitting.inference.likelihood.nu_choice import choose_nu, corner_of, curvatures
 from tests.support import single_line
 
 NUS = [0.1 * 0.1**k for k in range(9)]

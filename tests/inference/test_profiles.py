@@ -13,8 +13,8 @@ from fitting.campaign.parameters import Parameter, to_search
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.inference.knowing import InferenceOptions, know
-from fitting.inference.knowledge import Knowledge
-from fitting.inference.ranges import output_ranges
+from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.likelihood.ranges import output_ranges
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
 

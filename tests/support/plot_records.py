@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
-from fitting.inference.knowledge import Effort, Knowledge, NuChoice, NuRow, Profile
+from fitting.inference.likelihood.knowledge import Effort, Knowledge, NuChoice, NuRow, Profile
 from fitting.simulate.budget import Basis, Budget, Decision
 from fitting.simulate.budget import Kind as Decided
 from fitting.simulate.drive import Drive

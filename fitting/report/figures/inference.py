@@ -7,7 +7,7 @@ import math
 
 from matplotlib.lines import Line2D
 
-from fitting.inference.knowledge import Knowledge, NuChoice
+from fitting.inference.likelihood.knowledge import Knowledge, NuChoice
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, handles_of, legend_below, new_figure, panels
 from fitting.report.plot.axes import BLUE, GREY

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.knowledge import Knowledge, NuChoice, Profile
+from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
 from fitting.report.plot.axes import (
     BLUE,
     GREEN,

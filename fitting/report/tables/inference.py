@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.knowledge import (
+from fitting.inference.likelihood.knowledge import (
     Direction,
     Equivalent,
     Knowledge,

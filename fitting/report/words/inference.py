@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.knowledge import Bootstrap, Knowledge, Profile
+from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
 from fitting.text.notation import number, prefixed, span
 
 ENDS = {

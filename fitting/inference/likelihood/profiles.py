@@ -18,8 +18,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.inference.descent import Constraint, Expansion, Optimum, descend, expansion_at
-from fitting.inference.lockstep import Exhausted, Task
+from fitting.inference.likelihood.descent import (
+    Constraint,
+    Expansion,
+    Optimum,
+    descend,
+    expansion_at,
+)
+from fitting.inference.likelihood.lockstep import Exhausted, Task
 from fitting.text.arrays import FloatArray
 
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.

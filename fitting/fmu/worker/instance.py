@@ -21,9 +21,9 @@ from fmpy.fmi2 import (
 )
 from fmpy.fmi3 import FMU3Slave
 
-from fitting.fmu.log import CallFailed, Log, label
-from fitting.fmu.messages import UnpackedFmu
 from fitting.fmu.run_requests import Group
+from fitting.fmu.worker.log import CallFailed, Log, label
+from fitting.fmu.worker.messages import UnpackedFmu
 from fitting.text.arrays import Scalar
 
 WARNING, DISCARD = 1, 2

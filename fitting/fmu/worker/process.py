@@ -13,10 +13,10 @@ from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
 from typing import Any
 
-from fitting.fmu import worker_main
-from fitting.fmu.messages import Batch, Reply, Task, UnpackedFmu
-from fitting.fmu.pulse import AT_RUN, BEGUN, IN_TRIAL, new_pulse
-from fitting.fmu.reuse import ReuseDecision
+from fitting.fmu.worker import main as worker_main
+from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, new_pulse
+from fitting.fmu.worker.reuse import ReuseDecision
 
 START_S = 120.0  # longest start of a process, before it touches the FMU
 LAST_WORDS = 500  # characters of what the FMU printed before it crashed

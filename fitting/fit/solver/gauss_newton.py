@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import Nu
+from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import BoolArray, FloatArray
 

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
 
-from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.gauss_newton import finish_squares, squares_model
-from fitting.fit.linear_program import follow, promised_decrease, with_slacks
 from fitting.fit.objective import Nu, j_reg
-from fitting.fit.symmetry import off_symmetry
+from fitting.fit.solver.evaluator import Evaluator, total
+from fitting.fit.solver.gauss_newton import finish_squares, squares_model
+from fitting.fit.solver.linear_program import follow, promised_decrease, with_slacks
+from fitting.fit.solver.symmetry import off_symmetry
 from fitting.text.arrays import FloatArray
 
 #: Distance from a bound at which every solve starts, as a share of the box (at most in units of x).

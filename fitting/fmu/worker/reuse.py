@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.fmu.log import CallFailed
 from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
 
 Place = tuple[int, int] | str  # a value of a request: (group, position), or the input's tones

@@ -17,10 +17,10 @@ import numpy as np
 
 from fitting.campaign.parameters import to_model
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
-from fitting.inference.knowledge import Bootstrap, Percentiles, Profile
-from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.lockstep import Exhausted, Sample, Task, run_in_lockstep
+from fitting.inference.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles, Profile
+from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.inference.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
 from fitting.text.arrays import FloatArray
 
 #: Refits handed to an executor at a time.

@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from fitting.fmu.instance import FmuInstance, load
-from fitting.fmu.log import CallFailed, Log
-from fitting.fmu.messages import Batch, Reply, Task, UnpackedFmu
-from fitting.fmu.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
-from fitting.fmu.reuse import ReuseDecision, run_with_reuse
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
-from fitting.fmu.simulation import Binding, bind, simulate, steps_of
+from fitting.fmu.worker.instance import FmuInstance, load
+from fitting.fmu.worker.log import CallFailed, Log
+from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
+from fitting.fmu.worker.reuse import ReuseDecision, run_with_reuse
+from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
 # Each instantiation leaks some ten kilobytes in many FMUs, and crashes are reported near 1,000.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from fitting.fmu.reuse import ReuseDecision
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
+from fitting.fmu.worker.reuse import ReuseDecision
 from fitting.text.arrays import FloatArray
 
 

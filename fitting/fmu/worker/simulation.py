@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.input_signal import held_values
-from fitting.fmu.instance import FmuInstance, VariableAccess
-from fitting.fmu.log import CallFailed
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import row_times
+from fitting.fmu.worker.input_signal import held_values
+from fitting.fmu.worker.instance import FmuInstance, VariableAccess
+from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
 
 Reader = Callable[[int], None]

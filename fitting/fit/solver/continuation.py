@@ -16,9 +16,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_search
-from fitting.fit.evaluator import Counts, Evaluator, total
-from fitting.fit.interior_point import SolveSettings, inside, solve
 from fitting.fit.objective import Objective, j_reg, weights
+from fitting.fit.solver.evaluator import Counts, Evaluator, total
+from fitting.fit.solver.interior_point import SolveSettings, inside, solve
 from fitting.text.arrays import FloatArray
 
 #: Starts that come closer than this, in units of the search vector, go on as one ...

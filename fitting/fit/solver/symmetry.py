@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitting.fit.evaluator import Evaluator
+from fitting.fit.solver.evaluator import Evaluator
 from fitting.text.arrays import FloatArray
 
 #: Step off a plane of symmetry, as a share of the box (at most in units of x).

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import block_array, csr_array, eye_array
 
-from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.gauss_newton import Finish, newton_decrement
 from fitting.fit.objective import Nu
+from fitting.fit.solver.evaluator import Evaluator, total
+from fitting.fit.solver.gauss_newton import Finish, newton_decrement
 from fitting.text.arrays import FloatArray
 
 #: Radius, in units of the search vector, within which a decrease counts against optimality.

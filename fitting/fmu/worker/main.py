@@ -1,4 +1,4 @@
-"""The program of a worker process: ``python worker_main.py HANDLE``, started by `WorkerProcess`.
+"""The program of a worker process: ``python main.py HANDLE``, started by `WorkerProcess`.
 
 A program of its own, so that nothing of the caller is imported again: neither its ``__main__``,
 which need not be guarded then, nor what that imports. HANDLE is the worker's end of the pipe, an
@@ -27,7 +27,7 @@ def main(handle: int) -> None:
         sys.path[:] = pipe.recv()
     except EOFError:  # the caller has gone already
         return
-    from fitting.fmu.worker_loop import serve
+    from fitting.fmu.worker.loop import serve
 
     serve(pipe)
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.descent import Expansion, Optimum, descend, expansion_at
-from fitting.inference.likelihood import LikelihoodEvaluator
-from fitting.inference.lockstep import Exhausted, Request, Task, run_in_lockstep
-from fitting.inference.profiles import (
+from fitting.inference.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.inference.likelihood.likelihood import LikelihoodEvaluator
+from fitting.inference.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
+from fitting.inference.likelihood.profiles import (
     ROOT_95,
     STEPS,
     ProfileBranch,
@@ -22,7 +22,7 @@ from fitting.inference.profiles import (
     fit_at_end,
     trace_branch,
 )
-from fitting.inference.ranges import OutputRange
+from fitting.inference.likelihood.ranges import OutputRange
 from fitting.text.arrays import FloatArray
 
 #: Seeded points of the box from which other minima are looked for.

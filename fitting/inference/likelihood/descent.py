@@ -19,8 +19,8 @@ from scipy.special import gammaincc
 from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.lockstep import Request, Sample, Task, run_in_lockstep
+from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.inference.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 
