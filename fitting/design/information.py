@@ -32,7 +32,7 @@ from fitting.measurements.dataset import Dataset
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Measurement
-from fitting.measurements.planning import plan_campaign
+from fitting.measurements.planning import plan_series
 from fitting.measurements.tones import Tones
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray, Scalar
@@ -71,8 +71,9 @@ class Series:
 
     def __init__(self, bound: BoundCampaign, workers: Workers) -> None:
         self.bound, self.workers = bound, workers
-        self.data = problem_of([bound]).data
-        self.plan = plan_campaign(bound)
+        problem = problem_of([bound])
+        self.data = problem.data
+        self.plan = plan_series(problem.planned_together(""))
         self._steps: FloatArray | None = None
 
     def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import starts
 from fitting.fit.problem import Problem
 from fitting.fmu import FmuWorkers, read_accuracy_annotation
-from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.planning import Plan, plan_campaign
-from fitting.measurements.tones import tones_of, undriven
+from fitting.measurements.plan import Plan
+from fitting.measurements.planning import Series, measured_plan, plan_series
+from fitting.measurements.tones import Tones, undriven
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 
@@ -30,8 +29,8 @@ class PlannedFmu:
         """The FMU as the response of one alternative."""
         problem = self.problem
         models = {
-            name: DrivenModel(bound.setup, problem.parameters, self.plans[name], alternative)
-            for name, bound in problem.campaigns.items()
+            m.series: DrivenModel(m.setup, problem.parameters, self.plans[m.series], alternative)
+            for m in problem.measurements
         }
         return FmuResponse(
             self.workers, problem.parameters, problem.measurements, models, problem.derived
@@ -54,17 +53,15 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
     """
-    for bound in problem.campaigns.values():
-        refuse_other_drives(bound, workers)
+    series = {name: problem.planned_together(name) for name in problem.data.series}
+    for each in series.values():
+        refuse_other_drives(each, workers)
     variables, own = workers.description.variables, read_accuracy_annotation(workers.description)
-    plans = {
-        name: measured_plan(bound, workers, variables, own)
-        for name, bound in problem.campaigns.items()
-    }
+    plans = {name: measured_plan(each, workers, variables, own) for name, each in series.items()}
     return PlannedFmu(problem, workers, plans)
 
 
-def refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
+def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
     """A tone that the campaign does not know of falls onto those that it reads.
 
     Asked before the plan is measured, which would wait for such an output to settle.
@@ -72,18 +69,22 @@ def refuse_other_drives(bound: BoundCampaign, workers: FmuWorkers) -> None:
     Raises:
         BadInput: the output moves with every amplitude of the campaign at zero.
     """
-    draft = plan_campaign(bound)
-    setup = bound.setup
+    draft = plan_series(series)
+    setup = series.setup
     if not (setup.steady_start or draft.settle_s > 0.0):
         return  # it may move because it has not settled
-    model = DrivenModel(setup, bound.parameters, draft, bound.alternatives[0])
+    model = DrivenModel(setup, series.parameters, draft, series.alternative)
+    peaks = [m for m in series.measurements if isinstance(m, Tones)]
     try:
-        share = undriven(tones_of(bound), model, starts(bound.parameters), workers)
+        share = max(
+            (undriven(tones, model, starts(series.parameters), workers) for tones in peaks),
+            default=0.0,
+        )
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
         return
     if share > max(100.0 * setup.accuracy, 1e-4):
         raise BadInput(
-            f"{bound.path}: [drive]: '{setup.output}' moves by {share:.1e} of its response where "
+            f"{setup.source}: [drive]: '{setup.output}' moves by {share:.1e} of its response where "
             "every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
             "[fmu.start]"
         )

@@ -11,6 +11,7 @@ from fitting.campaign.joint import join_parameters, named_apart
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Measurement
+from fitting.measurements.planning import Series
 from fitting.measurements.sweep import sweep_of
 from fitting.measurements.tones import tones_of
 from fitting.text.arrays import Scalar
@@ -59,7 +60,18 @@ class Problem:
     @property
     def sweep(self) -> SweepData | None:
         """The sweep of the only campaign; None where there is none, or where there are several."""
-        return None if self.is_joint else next(iter(self.campaigns.values())).sweep
+        own = [bound.sweep for bound in self.campaigns.values()]
+        return own[0] if len(own) == 1 else None
+
+    def planned_together(self, name: str) -> Series:
+        """The measurements of one series, as they are planned; `name` of the series."""
+        bound = self.campaigns.get(name)
+        return Series(
+            measurements=tuple(m for m in self.measurements if m.series == name),
+            parameters=self.parameters,
+            alternative=self.alternatives[0],
+            seed=1 if bound is None else bound.continuation.seed,
+        )
 
     @property
     def together(self) -> BoundCampaign:
@@ -82,7 +94,7 @@ class Problem:
     @property
     def accuracy(self) -> float:
         """Accuracy that simulated amplitudes are wanted to: the least of all series."""
-        return min(bound.setup.accuracy for bound in self.campaigns.values())
+        return min(m.setup.accuracy for m in self.measurements)
 
 
 def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:

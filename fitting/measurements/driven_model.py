@@ -9,19 +9,26 @@ from functools import cached_property, lru_cache
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
 from fitting.fmu import InputSignal
-from fitting.measurements.planning import Plan
+from fitting.measurements.plan import Plan
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.window import Window, plan_window
 from fitting.simulate.batch import alike
+from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.units import convert
 
 
 @lru_cache(maxsize=4096)
-def _single_tone(tone_hz: float, settle_s: float, held: int, order: int) -> Window:
-    """Window of one sweep point, planned once: the same points come back in every evaluation."""
+def _window(
+    read_hz: tuple[float, ...],
+    tones_hz: tuple[float, ...],
+    settle_s: float,
+    held: int,
+    order: int,
+) -> Window:
+    """A window, planned once: the same ones come back in every evaluation."""
     return plan_window(
-        (tone_hz,), settle_s, samples_per_period=held, mixtures_hz=mixed_hz((tone_hz,), order)
+        read_hz, settle_s, samples_per_period=held, mixtures_hz=mixed_hz(tones_hz, order)
     )
 
 
@@ -87,9 +94,29 @@ class DrivenModel:
 
     def single_tone_window(self, tone_hz: float) -> Window:
         """Settling and samples under one tone."""
+        return self.window((tone_hz,), (tone_hz,))
+
+    def window(self, read_hz: tuple[float, ...], tones_hz: tuple[float, ...]) -> Window:
+        """Settling and samples to read lines (n,) of a response to tones (k,), Hz."""
         drive = self.setup.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
-        return _single_tone(tone_hz, self.plan.settle_s, held, drive.order)
+        order = max(drive.order, self.plan.order)
+        return _window(read_hz, tones_hz, self.plan.settle_s, held, order)
+
+    def drive(
+        self, values: Mapping[str, Scalar], tones_hz: tuple[float, ...], output: str
+    ) -> Drive:
+        """One drive for the planner: start values, tones (Hz), the output that is read."""
+        drive = self.setup.drive
+        return Drive(
+            start_values=values,
+            tones_hz=tones_hz,
+            outputs=(output,),
+            input=drive.input if drive.kind == "input" else None,
+            level=drive.level,
+            steps_per_period=drive.samples_per_period,
+            order=drive.order,
+        )
 
     def signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
         """The tones as input of the FMU, where the tool applies them; None where the FMU does."""

@@ -21,10 +21,13 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.plan import Plan
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
-from fitting.simulate.batch import Batch
+from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, Scalar
 
 
@@ -65,40 +68,77 @@ class Measurement(Protocol):
     """One kind of measurement of one series."""
 
     @property
+    def setup(self) -> Setup:
+        """How its series drives the FMU."""
+        ...
+
+    @property
     def series(self) -> str:
         """Name of the series that it belongs to: measurements of one series share a scale."""
+        ...
 
     @property
     def rows(self) -> int:
         """Number of residual rows, zero where it serves the scale alone."""
+        ...
 
     @property
     def sigma(self) -> FloatArray:
         """Standard deviation of every row, (rows,), in units of the row; zero where unknown."""
+        ...
 
     @property
     def level(self) -> FloatArray:
         """What the scale multiplies in each row where the model fits: dr/d ln chi = r + level."""
+        ...
 
     @property
     def is_curve(self) -> bool:
         """Whether its rows are points of one curve, whose residuals may hang together."""
+        ...
 
     @property
     def takes_scale_from_rows(self) -> bool:
         """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
+        ...
 
     @property
     def has_free_scale(self) -> bool:
         """Whether the logarithm of a factor on the scale is a parameter of the fit."""
+        ...
 
     @property
     def scale_sigma(self) -> float:
         """Relative standard deviation of the scale that it gives; zero where it gives none."""
+        ...
+
+    @property
+    def line_width_hz(self) -> float | None:
+        """Width of a line that the data show, Hz; None where they show none."""
+        ...
 
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
         """Label and settings of everything that was measured, one for each run of its own."""
+        ...
+
+    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
+        """Drives, at parameters p (n,), by which the plan of its series is measured."""
+        ...
+
+    def planned(self, plan: Plan) -> Plan:
+        """The plan of its series, with points and decisions of its own added."""
+        ...
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The model's plan, with fewer runs where these are measured to do.
+
+        Args:
+            model: the FMU as the series drives it.
+            points: parameter vectors (n,) at which it is measured.
+            workers: of the FMU.
+        """
+        ...
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
@@ -111,18 +151,89 @@ class Measurement(Protocol):
             batch: where runs are asked for; equal runs are simulated once.
             whole: predict every measured place, also those that the fit does not need.
         """
+        ...
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
         """Ask for the runs whose samples should hold nothing but their mean and their tones."""
+        ...
 
     def scale(self, prediction: Prediction) -> Scale | None:
         """What a prediction says of the scale; None where this measurement says nothing of it."""
+        ...
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """Rows (rows,) of a prediction that is multiplied by `chi`."""
+        ...
 
     def unexplained(self, residuals: FloatArray) -> str:
         """What says that rows (rows,) do not follow the data at all; empty where they do."""
+        ...
+
+
+class MeasurementKind:
+    """Answers for what a kind of measurement does not care about: a base class for its record.
+
+    Rows of their own noise that no scale multiplies, of no curve; nothing to plan but the settling.
+    """
+
+    @property
+    def rows(self) -> int:
+        """None."""
+        return 0
+
+    @property
+    def level(self) -> FloatArray:
+        """No row is multiplied by the scale."""
+        return np.zeros(self.rows)
+
+    @property
+    def is_curve(self) -> bool:
+        """Its rows are no points of a curve."""
+        return False
+
+    @property
+    def takes_scale_from_rows(self) -> bool:
+        """It has no scale."""
+        return False
+
+    @property
+    def has_free_scale(self) -> bool:
+        """It has no scale."""
+        return False
+
+    @property
+    def scale_sigma(self) -> float:
+        """It has no scale."""
+        return 0.0
+
+    @property
+    def line_width_hz(self) -> float | None:
+        """Its data show no line."""
+        return None
+
+    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
+        """No drive to measure a plan by."""
+        return []
+
+    def planned(self, plan: Plan) -> Plan:
+        """Nothing of its own to plan."""
+        return plan
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """Nothing to do with fewer runs."""
+        return model.plan
+
+    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
+        """No samples that should be mean and tones alone."""
+        return []
+
+    def scale(self, prediction: Prediction) -> Scale | None:
+        """It says nothing of the scale."""
+        return None
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Nothing is told from the residuals alone."""
+        return ""
 
 
 @dataclass(frozen=True)

@@ -1,145 +1,91 @@
-"""The plan of a campaign: settling, windows and sweep points, each with reason and bound."""
+"""How a series of measurements is planned: from what it says of itself, and with the FMU."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from fitting.campaign import BoundCampaign
-from fitting.signal.combinations import mixed_hz
-from fitting.signal.scale import FINE_POINTS, half_power_width, laboratory_maximum, nodes_around
-from fitting.signal.window import Window, plan_window
-from fitting.simulate.budget import (
-    SHARES,
-    Basis,
-    Budget,
-    Decision,
-    Kind,
-    PlanRecord,
-    record_of,
-)
-from fitting.simulate.planner import window_decision
+import numpy as np
+
+from fitting.campaign import Setup
+from fitting.campaign.parameters import Parameter, bounds, references, starts
+from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.variables import VariableLike
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.measurement import Measurement
+from fitting.measurements.plan import Plan
+from fitting.simulate.batch import Workers
+from fitting.simulate.budget import Basis, Budget, Decision, Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.planner import DrivePlan, Knowledge, PlanOptions, plan_drives
 from fitting.simulate.settling import settling_s
-from fitting.simulate.words import decision_in_words, sum_in_words, window_in_words
-from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput, FmuFailure
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
 TRANSIENT = 0.1
+#: Seeded points of the box that are tried beside start and reference, where nothing has to settle.
+SEEDED = 3
+#: A fit may try less damping than there is at start and reference: time to settle, times this.
+LESS_DAMPING = 2.0
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Windows of a campaign: one per experiment, one per sweep frequency, and what they rest on.
+class Series:
+    """Measurements that are planned together, and the parameters that they are fitted with.
 
-    `settings` are start values of the FMU that the plan chose; `budget` holds its decisions, None
-    where nothing was decided; `remarks` are sentences beside them. `maximum_bias` is what the
-    simulated maximum of the sweep may be off by, `maximum_bend` (1/Hz) the third derivative of
-    1/A^2 over its second, which bounds that from three points (None: not known).
+    `alternative` are start values of one discrete alternative; `seed` that of points of the box.
     """
 
-    experiments: tuple[Window, ...]
-    settle_s: float
-    nodes_hz: tuple[float, ...]
-    budget: Budget | None = None
-    remarks: tuple[str, ...] = ()
-    settings: Mapping[str, Scalar] = field(default_factory=dict)
-    maximum_bias: float | None = None
-    maximum_bend: float | None = None
+    measurements: tuple[Measurement, ...]
+    parameters: tuple[Parameter, ...]
+    alternative: Mapping[str, Scalar] = field(default_factory=dict)
+    seed: int = 1
 
     @property
-    def decisions(self) -> tuple[Decision, ...]:
-        """Every choice with its bound."""
-        return () if self.budget is None else self.budget.decisions
+    def setup(self) -> Setup:
+        """How all of them drive the FMU."""
+        return self.measurements[0].setup
 
     @property
-    def promised(self) -> float:
-        """Sum of the bounds, NaN where nothing was decided."""
-        return float("nan") if self.budget is None else self.budget.promised
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """The plan for a report: a line per decision, the sum, remarks."""
-        if self.budget is None:
-            return self.remarks
-        return (*map(_sentence, self.budget.decisions), sum_in_words(self.budget), *self.remarks)
-
-    @property
-    def record(self) -> PlanRecord | None:
-        """The plan for a result."""
-        return None if self.budget is None else record_of(self.budget, self.settings)
+    def line_width_hz(self) -> float | None:
+        """Line width that the setup states, or that a measurement shows, Hz."""
+        if self.setup.line_width_hz is not None:
+            return self.setup.line_width_hz
+        found = (m.line_width_hz for m in self.measurements)
+        return next((width for width in found if width is not None), None)
 
 
-def _sentence(decision: Decision) -> str:
-    text = decision_in_words(decision)
-    return f"{text[0].upper()}{text[1:]}."
+def plan_series(series: Series) -> Plan:
+    """Settling, windows and points of a series from what it says of itself, unmeasured.
 
-
-def plan_campaign(bound: BoundCampaign) -> Plan:
-    """Settling, windows and sweep points of a campaign from what it says of itself, unmeasured.
-
-    `fitting.measurements.campaign_plan.measured_plan` asks the FMU as well.
+    Args:
+        series: measurements of one setup.
 
     Raises:
         BadInput: no way to know how long the FMU takes to settle, or tones that cannot be told
             apart.
     """
-    settling = _settling(bound)
-    return with_windows(bound, settling[0], Budget(bound.setup.accuracy, (settling[1],)))
+    settle_s, decision = _settling(series)
+    return _planned(series, Plan(settle_s, Budget(series.setup.accuracy, (decision,))))
 
 
-def with_windows(
-    bound: BoundCampaign,
-    settle_s: float,
-    budget: Budget,
-    settings: Mapping[str, Scalar] | None = None,
-) -> Plan:
-    """The plan of a campaign whose time to settle is known: windows and sweep points added."""
-    held = bound.setup.drive.samples_per_period if bound.setup.drive.kind == "input" else 0
-    windows = tuple(
-        plan_window(
-            e.read_hz,
-            settle_s,
-            samples_per_period=held,
-            mixtures_hz=mixed_hz(e.tones_hz, bound.setup.drive.order),
-        )
-        for e in bound.experiments
-    )
-    if windows:
-        budget = budget.with_decision(window_decision(windows))
-    remarks = tuple(
-        f"Experiment {e.label}: {window_in_words(w)}."
-        for e, w in zip(bound.experiments, windows, strict=True)
-    )
-    nodes: tuple[float, ...] = ()
-    bias = None
-    if bound.sweep is not None and bound.sweep.scale == "maximum":
-        f, a = bound.sweep.frequency_hz, bound.sweep.amplitude_v
-        centre = laboratory_maximum(f, a).frequency_hz
-        spacing = 0.5 * half_power_width(f, a)
-        nodes = tuple(map(float, nodes_around(centre, spacing)))
-        bias = SHARES[Kind.MAXIMUM] * bound.setup.accuracy
-        budget = budget.with_decision(
-            Decision(
-                kind=Kind.MAXIMUM,
-                basis=Basis.POLYNOMIAL,
-                bound=bias,
-                numbers={"points": FINE_POINTS, "spacing_hz": spacing, "centre_hz": centre},
-            )
-        )
-    return Plan(windows, settle_s, nodes, budget, remarks, settings or {}, bias)
+def _planned(series: Series, plan: Plan) -> Plan:
+    for measurement in series.measurements:
+        plan = measurement.planned(plan)
+    return plan
 
 
-def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
-    if bound.setup.steady_start:
+def _settling(series: Series) -> tuple[float, Decision]:
+    if series.setup.steady_start:
         return 0.0, Decision(Kind.SETTLING, Basis.DECLARED, 0.0, numbers={"settle_s": 0.0})
-    width = known_width_hz(bound)
+    width = series.line_width_hz
     if width is None:
         raise BadInput(
-            f"{bound.path}: [observe] says neither steady_start = true nor a line_width; wanted "
-            "one of them, or a sweep, to know how long the FMU takes to settle"
+            f"{series.setup.source}: [observe] says neither steady_start = true nor a line_width; "
+            "wanted one of them, or a sweep, to know how long the FMU takes to settle"
         )
-    left = TRANSIENT * bound.setup.accuracy
+    left = TRANSIENT * series.setup.accuracy
     settle = settling_s(width, left)
     return settle, Decision(
         kind=Kind.SETTLING,
@@ -149,8 +95,119 @@ def _settling(bound: BoundCampaign) -> tuple[float, Decision]:
     )
 
 
-def known_width_hz(bound: BoundCampaign) -> float | None:
-    """Line width that a campaign states, or that its sweep shows, Hz."""
-    if bound.setup.line_width_hz is None and bound.sweep is not None:
-        return half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    return bound.setup.line_width_hz
+def measured_plan(
+    series: Series,
+    workers: Workers,
+    variables: Mapping[str, VariableLike],
+    own: AccuracyAnnotation | None = None,
+) -> Plan:
+    """Plan of a series with settling, solver and reductions measured at start and reference.
+
+    Where a steady start is declared, that is looked at as well, at seeded points of the box too;
+    where a line width is known, the time to settle is at least the one for half of it.
+
+    Args:
+        series: measurements of one setup.
+        workers: of the FMU.
+        variables: those of the FMU, by name.
+        own: what the FMU says of its accuracy where the setup says nothing.
+
+    Raises:
+        BadInput: the series cannot be planned.
+        FmuFailure: the FMU failed at the start.
+    """
+    draft, setup = plan_series(series), series.setup
+    model = DrivenModel(setup, series.parameters, draft, series.alternative)
+    drives = _drives(series, model, workers)
+    if not drives:
+        return draft
+    annotation = _applicable(series, setup.annotation.over(own or AccuracyAnnotation()))
+    found = plan_drives(
+        drives,
+        setup.accuracy,
+        workers,
+        Knowledge(annotation, variables),
+        PlanOptions(examples=True),
+    )
+    settle_s = _settle_s(series, found, draft)
+    measured = Plan(
+        settle_s=settle_s,
+        budget=_with_settling(found, settle_s),
+        order=found.order,
+        settings=found.settings,
+    )
+    plan = _planned(series, measured)
+    points = [starts(series.parameters), _reference(series.parameters)]
+    for measurement in series.measurements:
+        plan = measurement.refined(replace(model, plan=plan), points, workers)
+    return plan
+
+
+def _applicable(series: Series, annotation: AccuracyAnnotation) -> AccuracyAnnotation:
+    """The annotation without what the campaign itself fits, tries or sets."""
+    own = {p.target for p in series.parameters} | {n for p in series.parameters for n in p.adds_to}
+    own |= set(series.alternative)
+    own |= {n for m in series.measurements for _, settings in m.places for n in settings}
+    kept = tuple(r for r in annotation.reductions if own.isdisjoint(r.set))
+    names = {r.name for r in kept}
+    return replace(
+        annotation,
+        reductions=kept,
+        force=tuple(n for n in annotation.force if n in names),
+        forbid=tuple(n for n in annotation.forbid if n in names),
+    )
+
+
+def _settle_s(series: Series, found: DrivePlan, draft: Plan) -> float:
+    if series.setup.steady_start or found.settle_s == 0.0:
+        return found.settle_s
+    stated = draft.settle_s if series.line_width_hz is not None else 0.0
+    return max(stated, LESS_DAMPING * found.settle_s)
+
+
+def _with_settling(found: DrivePlan, settle_s: float) -> Budget:
+    """The budget with the settling that is planned, which is longer than what was measured.
+
+    The windows are those of the campaign's experiments, which are decided on by themselves.
+    """
+    kept = (d for d in found.budget.decisions if d.kind != Kind.WINDOW)
+    decisions = tuple(_longer(d, settle_s) for d in kept)
+    return Budget(found.budget.wanted, decisions)
+
+
+def _longer(decision: Decision, settle_s: float) -> Decision:
+    seen_s = decision.numbers.get("settle_s")
+    if decision.kind != Kind.SETTLING or seen_s is None or seen_s == settle_s:
+        return decision
+    basis = Basis.UNSTEADY if decision.basis == Basis.UNSTEADY else Basis.LESS_DAMPING
+    numbers = {"settle_s": settle_s, "seen_s": seen_s}
+    return replace(decision, basis=basis, numbers=numbers)
+
+
+def _reference(parameters: tuple[Parameter, ...]) -> FloatArray:
+    return np.clip(references(parameters), *bounds(parameters))
+
+
+def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive, ...]:
+    """Drives to measure with: those of the first measurement that has any, at some points."""
+    parameters = series.parameters
+    points = [starts(parameters), _reference(parameters)]
+    if series.setup.steady_start:
+        rng = np.random.default_rng(series.seed)
+        points += list(rng.uniform(*bounds(parameters), (SEEDED, len(parameters))))
+    drives: list[Drive] = []
+    for k, point in enumerate(points):
+        each = (m.drives(model, point) for m in series.measurements)
+        these = next((found for found in each if found), [])
+        if k > 0 and not _runs(these, workers):
+            continue  # the FMU may refuse a part of the box
+        drives += these
+    return tuple(drives)
+
+
+def _runs(drives: list[Drive], workers: Workers) -> bool:
+    try:
+        workers.run([drive.run(drive.window(0.0), {}) for drive in drives])
+    except FmuFailure:
+        return False
+    return True

@@ -18,22 +18,31 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Setup, SweepData
 from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import Predicting, Prediction, Sampled, Scale
+from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Sampled, Scale
+from fitting.measurements.plan import Plan
 from fitting.measurements.tones import PLATEAU
 from fitting.signal.scale import (
+    FINE_POINTS,
     SCALES,
     Maximum,
+    bend_of,
     chi_of_maxima,
     chi_of_sweep,
     chi_robust,
+    half_power_width,
     laboratory_maximum,
     nodes_around,
     refine_maximum,
 )
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.settling import SAFETY
 from fitting.text.arrays import FloatArray, Scalar
 
+#: Spacings of three sweep points that are tried, in those of five.
+SPACINGS = (0.5, 0.25, 0.12)
 #: Rounds of further sweep points, at most, to bracket a maximum or to lower its bias.
 SEARCH_ROUNDS = 12
 #: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
@@ -41,7 +50,7 @@ SMALLEST_MISFIT = 1e-3
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(MeasurementKind):
     """Amplitudes over frequency: what they say of the scale, and, if `fitted`, one row per point.
 
     `scale` "maximum" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate over all
@@ -81,7 +90,15 @@ class Sweep:
         if self.sigmas_v.shape != self.amplitude_v.shape:
             object.__setattr__(self, "sigmas_v", np.zeros(self.amplitude_v.size))
 
-    is_curve = True
+    @property
+    def is_curve(self) -> bool:
+        """Its points follow each other."""
+        return True
+
+    @property
+    def line_width_hz(self) -> float:
+        """Full width of the line at half of its power, as the points show it, Hz."""
+        return half_power_width(self.frequency_hz, self.amplitude_v)
 
     @property
     def rows(self) -> int:
@@ -123,6 +140,62 @@ class Sweep:
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
         """The settings that all its points share; it has no label."""
         return (("", self.settings),)
+
+    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
+        """Those of the first, the largest and the last point."""
+        top = self.frequency_hz[int(np.argmax(self.amplitude_v))]
+        tones = dict.fromkeys((self.frequency_hz[0], top, self.frequency_hz[-1]))
+        return [
+            model.drive(
+                model.single_tone_values(p, self.settings, tone), (tone,), self.setup.output
+            )
+            for tone in map(float, tones)
+        ]
+
+    def planned(self, plan: Plan) -> Plan:
+        """The plan with the points about the maximum, where that sets the scale."""
+        if self.scaled_by != "maximum" or plan.budget is None:
+            return plan
+        centre = laboratory_maximum(self.frequency_hz, self.amplitude_v).frequency_hz
+        spacing = 0.5 * self.line_width_hz
+        bias = SHARES[Kind.MAXIMUM] * self.setup.accuracy
+        decision = Decision(
+            kind=Kind.MAXIMUM,
+            basis=Basis.POLYNOMIAL,
+            bound=bias,
+            numbers={"points": FINE_POINTS, "spacing_hz": spacing, "centre_hz": centre},
+        )
+        return replace(
+            plan,
+            nodes_hz=tuple(map(float, nodes_around(centre, spacing))),
+            maximum_bias=bias,
+            budget=plan.budget.with_decision(decision),
+        )
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with three points about the maximum instead of five, where that is proven.
+
+        1/A^2 is a quartic through the five points at every p; its third derivative over its second,
+        times a safety factor, bounds what a parabola through three points may be off by.
+        """
+        plan = model.plan
+        bias = plan.maximum_bias
+        if len(plan.nodes_hz) != FINE_POINTS or bias is None:
+            return plan
+        nodes = np.array(plan.nodes_hz)
+        found = [
+            bend_of(nodes, swept_amplitudes(model, self.settings, p, nodes, workers))
+            for p in points
+        ]
+        bend = SAFETY * max(bend for bend, _ in found)
+        if not np.isfinite(bend):
+            return plan
+        for part in SPACINGS:
+            three = nodes[2] + part * (nodes[3] - nodes[2]) * np.array([-1.0, 0.0, 1.0])
+            tops = [_top(three, nodes[2], c, bend) for _, c in found]
+            if all(top.bracketed and top.bias <= 0.5 * bias for top in tops):
+                return _with_three(plan, three, bend)
+        return plan
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
@@ -221,6 +294,33 @@ class Sweep:
 
 def _real(prediction: Prediction) -> FloatArray:
     return np.asarray(prediction.values, dtype=float)
+
+
+def _top(three: FloatArray, centre: float, quartic: FloatArray, bend: float) -> Maximum:
+    y = np.polynomial.Polynomial(quartic)(three - centre)
+    return refine_maximum(three, 1.0 / np.sqrt(np.maximum(y, np.finfo(float).tiny)), bend)
+
+
+def _with_three(plan: Plan, three: FloatArray, bend: float) -> Plan:
+    """The plan with these sweep points, and the decision with them."""
+    if plan.budget is None or plan.maximum_bias is None:
+        return plan
+    (before,) = plan.budget.of(Kind.MAXIMUM)
+    numbers = {
+        "points": three.size,
+        "spacing_hz": float(three[1] - three[0]),
+        "centre_hz": float(three[1]),
+        "bend": bend,
+        "safety": SAFETY,
+    }
+    decision = replace(before, numbers=numbers)
+    others = [d for d in plan.budget.decisions if d.kind != Kind.MAXIMUM]
+    return replace(
+        plan,
+        nodes_hz=tuple(map(float, three)),
+        maximum_bend=bend,
+        budget=Budget(plan.budget.wanted, (*others, decision)),
+    )
 
 
 def swept_amplitudes(

@@ -14,9 +14,13 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Experiment, Setup
 from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import Predicting, Prediction, Sampled, Scale
+from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Sampled
+from fitting.measurements.plan import Plan
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.drive import Drive
+from fitting.simulate.planner import window_decision
+from fitting.simulate.words import window_in_words
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 
 #: Share of the peaks that may be left, on average, where a point still counts as following them.
@@ -24,7 +28,7 @@ PLATEAU = 0.5
 
 
 @dataclass(frozen=True)
-class Tones:
+class Tones(MeasurementKind):
     """Peak amplitudes of several experiments, one residual row per line that is read.
 
     `setup` drives the FMU; `experiments` hold tones, settings and amplitudes; `sigmas_v` (rows,)
@@ -70,15 +74,32 @@ class Tones:
         """One in every row: dr/d ln chi = 1 + r."""
         return np.ones(self.rows)
 
-    is_curve = False
-    takes_scale_from_rows = False
-    has_free_scale = False
-    scale_sigma = 0.0
-
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
         """Label and settings of every experiment."""
         return tuple((e.label, e.settings) for e in self.experiments)
+
+    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
+        """Those of the first and of the last experiment."""
+        ends = dict.fromkeys((0, len(self.experiments) - 1)) if self.experiments else ()
+        found = []
+        for e in (self.experiments[k] for k in ends):
+            values = model.values(p, e.label, e.settings)
+            drive = model.drive(values, tuple(e.tones_hz), e.output or self.setup.output)
+            found.append(replace(drive, read_hz=tuple(e.read_hz)))
+        return found
+
+    def planned(self, plan: Plan) -> Plan:
+        """The plan with the windows of its experiments."""
+        if not self.experiments or plan.budget is None:
+            return plan
+        windows = tuple(w for w, _ in self._observed(DrivenModel(self.setup, (), plan)))
+        remarks = (
+            f"Experiment {e.label.removeprefix(f'{self.series}/')}: {window_in_words(w)}."
+            for e, w in zip(self.experiments, windows, strict=True)
+        )
+        budget = plan.budget.with_decision(window_decision(windows))
+        return replace(plan, budget=budget, remarks=(*plan.remarks, *remarks))
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
@@ -101,10 +122,6 @@ class Tones:
             for (window, output), (ks, _) in zip(self._observed(model), asked, strict=True)
         ]
 
-    def scale(self, prediction: Prediction) -> Scale | None:
-        """Peaks say nothing of the scale."""
-        return None
-
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(chi z - z*)/z*, shape (rows,)."""
         return np.asarray((chi * prediction.values - self.peaks_v) / self.peaks_v)
@@ -117,7 +134,8 @@ class Tones:
     def _observed(self, model: DrivenModel) -> list[tuple[Window, str]]:
         """Window and output of every experiment."""
         outputs = (e.output or self.setup.output for e in self.experiments)
-        return list(zip(model.plan.experiments, outputs, strict=True))
+        windows = (model.window(e.read_hz, e.tones_hz) for e in self.experiments)
+        return list(zip(windows, outputs, strict=True))
 
     def _ask(
         self, model: DrivenModel, table: FloatArray, batch: Batch
@@ -201,8 +219,7 @@ def _range(
         experiment = replace(experiment, settings={**experiment.settings, **own})
     setup = replace(tones.setup, drive=drive)
     one = Tones(setup, (experiment,))
-    plan = replace(model.plan, experiments=model.plan.experiments[:1])
     batch = Batch()
-    [found] = one.sampled(replace(model, setup=setup, plan=plan), p, batch)
+    [found] = one.sampled(replace(model, setup=setup), p, batch)
     batch.simulate(workers)
     return float(np.ptp(batch.samples(found.run, found.output)))

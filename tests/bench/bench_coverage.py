@@ -38,9 +38,8 @@ from fitting.lab.benches import string_bench
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Response
-from fitting.measurements.planning import plan_campaign
 from fitting.text.files import write_all
-from tests.support.datasets import through
+from tests.support.datasets import drafted, through
 from tests.support.phasors import PhasorResponse
 
 Variables = Mapping[str, VariableLike]
@@ -249,7 +248,7 @@ def coverage(setting: Setting, seeds: Sequence[int], fmu: Path, *, by_fmu: bool)
         def respond(bound: BoundCampaign) -> Response:
             if workers is None:
                 return PhasorResponse(bound)
-            return through(workers, bound, plan_campaign(bound), bound.alternatives[0])
+            return through(workers, bound, drafted(bound), bound.alternatives[0])
 
         for seed in seeds:
             with tempfile.TemporaryDirectory() as folder:

@@ -22,8 +22,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Objective, evaluate_many, stencil
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.planning import plan_campaign
-from tests.support.datasets import through
+from tests.support.datasets import drafted, through
 
 CAMPAIGN = Path(__file__).parents[2] / "data/string_q1/campaign.toml"
 COUNTS = (5, 50, 200, 1000)
@@ -71,7 +70,7 @@ def main() -> None:
 
 
 def _row(bound: BoundCampaign, workers: FmuWorkers) -> None:
-    response = through(workers, bound, plan_campaign(bound), bound.alternatives[0])
+    response = through(workers, bound, drafted(bound), bound.alternatives[0])
     objective = Objective(
         response, bound.parameters, problem_of([bound]).data, np.full(len(bound.parameters), 1e-3)
     )

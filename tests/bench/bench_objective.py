@@ -40,10 +40,9 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective, sten
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, Run, read_accuracy_annotation
 from fitting.fmu.models import provide_fmu
-from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.planning import Plan, plan_campaign
-from tests.support.datasets import through
+from fitting.measurements.plan import Plan
+from tests.support.datasets import drafted, planned_with, through
 
 DENSE_POINTS = 41
 PER_PERIOD = 16
@@ -251,10 +250,10 @@ class Bench:
 def bench_of(bound: BoundCampaign, workers: FmuWorkers) -> Bench:
     """Objectives of a campaign on running workers."""
     variables, own = workers.description.variables, read_accuracy_annotation(workers.description)
-    plan = measured_plan(bound, workers, variables, own)
+    plan = planned_with(bound, workers, variables, own)
     response = through(workers, bound, plan, bound.alternatives[0])
     adaptive = make_objective(response, bound.parameters, problem_of([bound]).data)
-    wide = through(workers, bound, dense(plan_campaign(bound), bound), bound.alternatives[0])
+    wide = through(workers, bound, dense(drafted(bound), bound), bound.alternatives[0])
     return Bench(workers, response, adaptive, replace(adaptive, response=wide))
 
 

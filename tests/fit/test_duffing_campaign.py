@@ -24,13 +24,12 @@ from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
 from fitting.lab.duffing import steady_lines
 from fitting.lab.sample import Drive
 from fitting.lab.writer import campaign_files
-from fitting.measurements.campaign_plan import measured_plan
-from fitting.measurements.planning import Plan, plan_campaign
+from fitting.measurements.plan import Plan
 from fitting.result.provenance import Identity
 from fitting.result.reconstruction import ReconstructionOptions, reconstruct
 from fitting.result.result import Result
 from fitting.text.files import write_all
-from tests.support.datasets import through
+from tests.support.datasets import drafted, planned_with, through
 
 SHIPPED = Path(__file__).parents[2] / "data" / "duffing_string"
 
@@ -51,7 +50,7 @@ def test_peaks_through_the_fmu_are_those_of_the_laboratory(workers: FmuWorkers) 
     bound = bound_at(SHIPPED, workers)
     lab = duffing_bench()
     width = lab.modes.widths_hz()[0]
-    plan = measured_plan(bound, workers, workers.description.variables)
+    plan = planned_with(bound, workers, workers.description.variables)
     assert plan.promised < 1e-3
     truth = np.array([width, lab.modes.eta_plus_hz, DUFFING_CUBIC.alpha1])
     [answer] = through(workers, bound, plan, {}).evaluate_many([truth])
@@ -105,7 +104,7 @@ def test_the_cubic_coefficient_comes_back_within_its_noise(
 ) -> None:
     """Pulls of several seeds: none beyond 3, together no larger than a standard deviation."""
     shipped = bound_at(SHIPPED, workers)
-    plan = replace(plan_campaign(shipped), settings={"tolerance": 2e-4})
+    plan = replace(drafted(shipped), settings={"tolerance": 2e-4})
     pulls = []
     for seed in (11, 12, 13):
         result = fit(seed, tmp_path / str(seed), workers, plan)

@@ -32,7 +32,6 @@ from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.writer import campaign_files
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation
-from fitting.measurements.planning import plan_campaign
 from fitting.measurements.sweep import Sweep
 from fitting.result.external import check_external, with_external
 from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
@@ -48,6 +47,7 @@ from tests.support.closed_form import (
     string_parameters,
     string_response,
 )
+from tests.support.datasets import drafted
 
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = (1.9498, 120.0, 90.0)
@@ -67,7 +67,7 @@ def shipped(oscillator_fmu: Path) -> Campaigns:
 def acting(problem: Problem, series: str) -> dict[str | None, list[int]]:
     """Positions of the parameters that act in a series: in its sweep (None), in an experiment."""
     bound = problem.campaigns[series]
-    model = DrivenModel(bound.setup, problem.parameters, plan_campaign(bound))
+    model = DrivenModel(bound.setup, problem.parameters, drafted(bound))
     labels = {e.label.removeprefix(f"{series}/"): e.label for e in bound.experiments}
     return {None: model.columns(None), **{k: model.columns(v) for k, v in labels.items()}}
 

@@ -23,7 +23,6 @@ from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.planning import plan_campaign
 from fitting.measurements.sweep import swept_amplitudes
 from fitting.result.provenance import Identity, job_of, provenance_of
 from fitting.result.reconstruction import (
@@ -37,7 +36,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from tests.fit.test_result import read_rows
 from tests.support import closed_form
-from tests.support.datasets import through
+from tests.support.datasets import drafted, through
 from tests.support.processes import MOST_S
 
 TRUTH = (1.9498, 120.0, 90.0)
@@ -283,7 +282,7 @@ def string_q1(oscillator_fmu: Path) -> BoundCampaign:
 
 
 def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: BoundCampaign) -> None:
-    plan = plan_campaign(string_q1)
+    plan = drafted(string_q1)
     sweep = string_q1.sweep
     assert sweep is not None
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
@@ -329,7 +328,7 @@ def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: Bou
 
 
 def test_a_batch_answers_as_single_calls(oscillator_fmu: Path, string_q1: BoundCampaign) -> None:
-    plan = plan_campaign(string_q1)
+    plan = drafted(string_q1)
     ps = [np.array(TRUTH) * (1.0 + 1e-3 * k) for k in range(4)]
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         response = through(workers, string_q1, plan, string_q1.alternatives[0])
@@ -346,7 +345,7 @@ def test_a_maximum_outside_the_first_points_is_found(
     oscillator_fmu: Path, string_q1: BoundCampaign
 ) -> None:
     assert string_q1.sweep is not None
-    plan = plan_campaign(string_q1)
+    plan = drafted(string_q1)
     settings = dict(string_q1.sweep.settings) | {"eta_plus": 6.9415e6}
     away = replace(string_q1, sweep=replace(string_q1.sweep, settings=settings))
     with FmuWorkers(oscillator_fmu) as workers:

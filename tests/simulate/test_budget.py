@@ -15,7 +15,6 @@ from fitting.campaign.parameters import starts
 from fitting.cli.main import main
 from fitting.fmu import FmuWorkers, read_accuracy_annotation
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
-from fitting.measurements.campaign_plan import measured_plan
 from fitting.measurements.sweep import swept_amplitudes
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
@@ -24,7 +23,7 @@ from fitting.simulate.words import plan_in_words, reason_in_words, warnings_in_w
 from fitting.text.errors import BadInput
 from tests.support import reference
 from tests.support.cfmu_build import build_c_fmu
-from tests.support.datasets import through
+from tests.support.datasets import planned_with, through
 from tests.support.scenes import STRING
 
 PAIR = (6.94016e6, 6.94036e6)
@@ -163,7 +162,7 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
             annotation=AccuracyAnnotation(reductions=(PERIODIC,), forbid=(PERIODIC.name,)),
         ),
     )
-    plan = measured_plan(bound, workers, workers.description.variables)
+    plan = planned_with(bound, workers, workers.description.variables)
     assert 0.0 < plan.promised <= 1e-6
     assert plan.settle_s > math.log(1e6) / (math.pi * 26.0)  # the transient of a 26 Hz line
     p = starts(bound.parameters)

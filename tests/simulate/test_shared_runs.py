@@ -16,10 +16,9 @@ from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import evaluate_many, make_objective, stencil
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.planning import plan_campaign
 from fitting.text.errors import BadInput
 from tests.support import closed_form
-from tests.support.datasets import through
+from tests.support.datasets import drafted, through
 
 ROOT = Path(__file__).parents[2]
 P = np.array([1.9498, 120.0, 90.0])
@@ -74,7 +73,7 @@ def test_the_other_mode_is_observed_in_the_same_run(oscillator_fmu: Path, tmp_pa
     bound = campaign(tmp_path, oscillator_fmu)
     assert [e.output for e in bound.experiments] == ["q1_hybrid", "q2_hybrid", "q1_hybrid"]
     alone = replace(bound, sweep=None)
-    plan = plan_campaign(alone)
+    plan = drafted(alone)
     with FmuWorkers(oscillator_fmu, workers=1) as workers:
         response = through(workers, alone, plan, {"reflection": False})
         answer = response.evaluate_many([P])[0]
@@ -89,12 +88,12 @@ def test_values_of_one_experiment_cost_one_run_each(oscillator_fmu: Path, tmp_pa
     shared = (offset("own", "cross"), offset("again"))
     bound = replace(bound, parameters=(*bound.parameters, *shared))
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        response = through(workers, bound, plan_campaign(bound), {"reflection": False})
+        response = through(workers, bound, drafted(bound), {"reflection": False})
         p = np.array([*P, 7.0, -3.0])
         one = response.evaluate_many([p])[0]
         assert one.predictions[0].values == pytest.approx(expected((7.0, 7.0, -3.0)), rel=1e-8)
         fewer = replace(bound, parameters=bound.parameters[:3])
-        plain = through(workers, fewer, plan_campaign(bound), {"reflection": False})
+        plain = through(workers, fewer, drafted(bound), {"reflection": False})
         swept = plain.evaluate_many([P])[0]
         assert (
             one.predictions[1].maximum == swept.predictions[1].maximum
@@ -138,7 +137,7 @@ def test_a_parameter_may_have_a_value_in_every_experiment(
     assert [p.name for p in bound.parameters[3:]] == ["g1[own]", "g1[cross]", "g1[again]"]
     assert {p.prior_sigma for p in bound.parameters[3:]} == {0.1}
     with FmuWorkers(oscillator_fmu, workers=1) as workers:
-        response = through(workers, bound, plan_campaign(bound), {"reflection": False})
+        response = through(workers, bound, drafted(bound), {"reflection": False})
         plain, moved = response.evaluate_many(
             [np.array([*P, 1.0, 1.0, 1.0]), np.array([*P, 1.0, 1.0, 1.5])]
         )

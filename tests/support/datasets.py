@@ -8,11 +8,14 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Setup
 from fitting.fit.problem import problem_of
+from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.variables import VariableLike
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Evaluation, Measurement, Prediction
-from fitting.measurements.planning import Plan
+from fitting.measurements.plan import Plan
+from fitting.measurements.planning import measured_plan, plan_series
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.scale import Maximum
@@ -86,6 +89,21 @@ def answer(
     if sweep is not None or maximum is not None:
         predictions.append(Prediction(np.empty(0) if sweep is None else sweep, maximum))
     return Evaluation(tuple(predictions), runs)
+
+
+def drafted(bound: BoundCampaign) -> Plan:
+    """The plan of one campaign from what it says of itself."""
+    return plan_series(problem_of([bound]).planned_together(""))
+
+
+def planned_with(
+    bound: BoundCampaign,
+    workers: Workers,
+    variables: Mapping[str, VariableLike],
+    own: AccuracyAnnotation | None = None,
+) -> Plan:
+    """The plan of one campaign, measured with its FMU."""
+    return measured_plan(problem_of([bound]).planned_together(""), workers, variables, own)
 
 
 def through(

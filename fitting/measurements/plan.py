@@ -1,0 +1,59 @@
+"""The plan of a series of measurements: settling, settings and points, with their decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fitting.simulate.budget import Budget, Decision, PlanRecord, record_of
+from fitting.simulate.words import decision_in_words, sum_in_words
+from fitting.text.arrays import Scalar
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the FMU is simulated for the measurements of one series, and what that rests on.
+
+    `settings` are start values of the FMU that the plan chose; `order` is that of the combinations
+    of tones which the response was seen to hold; `budget` holds the decisions, None where nothing
+    was decided; `remarks` are sentences beside them. A sweep whose maximum sets the scale is
+    simulated at `nodes_hz`: `maximum_bias` is what the maximum may be off by, `maximum_bend` (1/Hz)
+    the third derivative of 1/A^2 over its second, which bounds that from three points (None: not
+    known).
+    """
+
+    settle_s: float
+    budget: Budget | None = None
+    order: int = 1
+    nodes_hz: tuple[float, ...] = ()
+    remarks: tuple[str, ...] = ()
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    maximum_bias: float | None = None
+    maximum_bend: float | None = None
+
+    @property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Every choice with its bound."""
+        return () if self.budget is None else self.budget.decisions
+
+    @property
+    def promised(self) -> float:
+        """Sum of the bounds, NaN where nothing was decided."""
+        return float("nan") if self.budget is None else self.budget.promised
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The plan for a report: a line per decision, the sum, remarks."""
+        if self.budget is None:
+            return self.remarks
+        return (*map(_sentence, self.budget.decisions), sum_in_words(self.budget), *self.remarks)
+
+    @property
+    def record(self) -> PlanRecord | None:
+        """The plan for a result."""
+        return None if self.budget is None else record_of(self.budget, self.settings)
+
+
+def _sentence(decision: Decision) -> str:
+    text = decision_in_words(decision)
+    return f"{text[0].upper()}{text[1:]}."
