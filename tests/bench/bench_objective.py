@@ -27,7 +27,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing import active_children, get_context
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -101,12 +101,12 @@ class Recorder:
 def timing(workers: FmuWorkers, count: int, work: Callable[[], object], rounds: int = 60) -> Timing:
     """Time rounds of ``work``, each ``count`` evaluations."""
     work()
-    before, cpu, seconds = workers.counts, processor_s(), []
+    before, cpu, seconds = workers.counts, processor_s(workers), []
     for _ in range(rounds):
         begun = time.perf_counter()
         work()
         seconds.append((time.perf_counter() - begun) / count)
-    cpu = processor_s() - cpu
+    cpu = processor_s(workers) - cpu
     done, evaluations = workers.counts, rounds * count
     return Timing(
         statistics.median(seconds),
@@ -118,11 +118,11 @@ def timing(workers: FmuWorkers, count: int, work: Callable[[], object], rounds: 
     )
 
 
-def processor_s() -> float:
+def processor_s(workers: FmuWorkers) -> float:
     """Processor time of this process and of its workers so far (Linux)."""
     total = time.process_time()
-    for worker in active_children():
-        total += 1e-9 * int(Path(f"/proc/{worker.pid}/schedstat").read_text().split()[0])
+    for pid in workers.pids:
+        total += 1e-9 * int(Path(f"/proc/{pid}/schedstat").read_text().split()[0])
     return total
 
 
@@ -180,10 +180,12 @@ def resident_mb(pid: int) -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def memory(objective: Objective, evaluations: int) -> list[tuple[str, float, float]]:
+def memory(
+    workers: FmuWorkers, objective: Objective, evaluations: int
+) -> list[tuple[str, float, float]]:
     """Resident MB of caller and workers after a tenth of the evaluations and after all."""
     people = [("caller", os.getpid())]
-    people += [(f"worker {k + 1}", p.pid or 0) for k, p in enumerate(active_children())]
+    people += [(f"worker {k + 1}", pid) for k, pid in enumerate(workers.pids)]
     batch = 10
     table: list[list[float]] = []
     for part in (evaluations // 10, evaluations - evaluations // 10):
@@ -318,7 +320,7 @@ def measure(campaign: Path, evaluations: int, count: int) -> bool:
             bench = bench_of(bound, workers)
             ours, wide = bench.rows(count)
             print(f"\nresident MB after {evaluations // 10} evaluations and after {evaluations}:")
-            grown = memory(bench.adaptive, evaluations)
+            grown = memory(bench.workers, bench.adaptive, evaluations)
         for name, early, late in grown:
             print(f"  {name:10} {early:8.1f} {late:8.1f}")
     print()
