@@ -111,11 +111,16 @@ def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
                 "read",
             )
         settings = {name: binder.setting(name, w) for name, w in entry.set.items()}
-        reductions.append(Reduction(entry.name, settings, entry.bound, entry.cost))
+        reductions.append(Reduction(entry.name, settings, bound=entry.bound, cost=entry.cost))
     full = {name: binder.setting(name, w) for name, w in choice.full.items()}
     try:
         return AccuracyAnnotation(
-            choice.tolerance, choice.substep, full, tuple(reductions), choice.force, choice.forbid
+            tolerance=choice.tolerance,
+            substep=choice.substep,
+            full=full,
+            reductions=tuple(reductions),
+            force=choice.force,
+            forbid=choice.forbid,
         )
     except BadInput as error:
         raise BadInput(f"{where} {error}") from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ from fitting.text.units import base_unit, convert
 from fitting.text.written import Written, in_unit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drive:
     """How the FMU is driven, in its own units.
 
@@ -50,7 +50,7 @@ class Drive:
     order: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Experiment:
     """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
 
@@ -76,7 +76,7 @@ class Experiment:
         return self.lines_hz or self.tones_hz
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SweepData:
     """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
 
@@ -105,6 +105,7 @@ class Setup:
 
     drive: Drive
     output: str
+    _: KW_ONLY
     start_values: Mapping[str, Scalar] = field(default_factory=dict)
     steady_start: bool = False
     line_width_hz: float | None = None
@@ -121,7 +122,7 @@ class Drift:
     units: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BoundCampaign:
     """A campaign that fits one FMU: every name exists there, every number is in its unit.
 
@@ -268,14 +269,14 @@ def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     if level <= 0.0:
         raise BadInput(f"{choice.level.where}: found {level:.6g}, wanted a positive amplitude")
     return Drive(
-        choice.kind,
-        choice.frequencies,
-        choice.amplitudes or (),
-        choice.input,
-        level,
-        choice.samples_per_period or SAMPLES_PER_PERIOD,
-        units[0],
-        choice.highest_order,
+        kind=choice.kind,
+        frequencies=choice.frequencies,
+        amplitudes=choice.amplitudes or (),
+        input=choice.input,
+        level=level,
+        samples_per_period=choice.samples_per_period or SAMPLES_PER_PERIOD,
+        frequency_unit=units[0],
+        order=choice.highest_order,
     )
 
 
@@ -296,15 +297,15 @@ def _bind_experiments(
             settings[name] = before + position * (after - before)
         bound.append(
             Experiment(
-                measured.label,
-                settings,
-                measured.tones_hz,
-                measured.peaks_v,
-                measured.sigmas_v,
-                measured.floor_v,
-                measured.spectrum,
-                measured.lines_hz,
-                _observed(measured, binder, output),
+                label=measured.label,
+                settings=settings,
+                tones_hz=measured.tones_hz,
+                peaks_v=measured.peaks_v,
+                sigmas_v=measured.sigmas_v,
+                floor_v=measured.floor_v,
+                spectrum=measured.spectrum,
+                lines_hz=measured.lines_hz,
+                output=_observed(measured, binder, output),
             )
         )
     return tuple(bound)

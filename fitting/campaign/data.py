@@ -240,7 +240,7 @@ class _Row:
         path = folder / self.written.spectra.replace("{experiment}", self.label)
         how, floor_kind = self.written.format, self.written.noise_floor
         raw = read_trace(path, how.layout, how.selection)
-        spectrum = Spectrum(*_calibrated(raw, how), path, how.amplitude.unit)
+        spectrum = Spectrum(*_calibrated(raw, how), source=path, unit=how.amplitude.unit)
         reading = read_peaks(
             spectrum.frequency_hz,
             spectrum.amplitude_v,

@@ -7,7 +7,7 @@ no measurement can be. Amplitudes are peak values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +35,7 @@ class Spectrum:
 
     frequency_hz: FloatArray
     amplitude_v: FloatArray
+    _: KW_ONLY
     source: Path = NO_FILE
     unit: str = "V"
 

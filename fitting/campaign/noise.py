@@ -30,7 +30,7 @@ SCALE_REACH = 0.5
 SCALE_NAME = "ln_scale"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Noise:
     """Declared noise in the campaign's unit, peak amplitudes; see `WrittenNoise`.
 

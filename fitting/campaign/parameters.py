@@ -15,7 +15,7 @@ from fitting.text.errors import BadInput
 UNIFORM_WIDTH = math.sqrt(12.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """One fitted FMU parameter, all numbers in ``unit`` (the FMU's own).
 

@@ -180,4 +180,11 @@ def _trial_run(description: FmuDescription, step: float, values: Mapping[str, Sc
         for v in description.variables.values()
         if v.can_be_started and v.kind == "Real" and v.start is not None
     }
-    return Run({**starts, **values}, 0.0, step, 2, outputs, allow_nan=True)
+    return Run(
+        start_values={**starts, **values},
+        settle_s=0.0,
+        sample_step_s=step,
+        samples=2,
+        outputs=outputs,
+        allow_nan=True,
+    )

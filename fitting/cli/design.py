@@ -145,7 +145,7 @@ def _question(
     target = args.target or said.target or names[0]
     criterion = args.criterion or said.criterion or CRITERIA[0]
     start = _start(args.at, fitted, bound) if fitted is not None else None
-    return DesignGoal(target, criterion, start, args.seed)
+    return DesignGoal(target, criterion=criterion, start=start, seed=args.seed)
 
 
 def _start(

@@ -96,7 +96,13 @@ def run(args: argparse.Namespace) -> int:
             "seed": str(args.seed),
         }
     at = "the campaign's start and reference values" if fitted is None else args.at.as_posix()
-    found = Identification(bound.title, bound.synthetic, at, knowledge, provenance)
+    found = Identification(
+        title=bound.title,
+        synthetic=bound.synthetic,
+        at=at,
+        knowledge=knowledge,
+        provenance=provenance,
+    )
     write_json(out / JSON_NAME, found)
     print("\n".join(table(found)))
     print(f"\nwritten: {out / JSON_NAME}")

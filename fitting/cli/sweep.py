@@ -132,7 +132,14 @@ def _sweep(args: argparse.Namespace, description: FmuDescription) -> tuple[Sweep
     output = args.output or first_output(description)[0]
     directions = DIRECTIONS if args.direction == BOTH else (args.direction,)
     grid = tuple(float(f"{f:.12g}") for f in np.linspace(low, high, args.points))
-    return Sweep(values, tone.name, unit, grid, output, directions), silenced
+    return Sweep(
+        start_values=values,
+        tone=tone.name,
+        tone_unit=unit,
+        frequencies_hz=grid,
+        output=output,
+        directions=directions,
+    ), silenced
 
 
 def _settling(text: str | None) -> float | None:

@@ -22,7 +22,7 @@ MOST_OFFSETS = 24
 MOST_SETUPS = 20_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """What the instrument can do, frequencies in Hz, amplitudes in the detector's unit.
 
@@ -67,7 +67,7 @@ class Limits:
         return math.hypot(floor, self.relative_noise * amplitude_v)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Setup:
     """One thing to measure: tones, what is observed, drive level (a factor), further settings.
 
@@ -90,7 +90,7 @@ class Setup:
         return said + "".join(f", {name} = {value}" for name, value in self.settings.items())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Drive:
     """What tells a setup from the others: where it is driven, what is read, how strongly."""
 
@@ -128,7 +128,12 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
     base = base_settings(bound)
     drives = itertools.product(places, limits.outputs, limits.levels, combined)
     return tuple(
-        _setup(bound, limits.lines, base, _Drive(centre, tones, output, level, chosen))
+        _setup(
+            bound,
+            limits.lines,
+            base,
+            _Drive(centre_hz=centre, tones_hz=tones, output=output, level=level, settings=chosen),
+        )
         for (centre, tones), output, level, chosen in drives
     )
 

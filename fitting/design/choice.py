@@ -29,7 +29,7 @@ AS_GOOD = 0.02
 LEAST_GAIN, MOST_EXCHANGES = 1e-6, 200
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DesignProblem:
     """Information matrices in variables whose prior is of unit variance, at k points.
 

@@ -49,7 +49,7 @@ class Place:
     x: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rows:
     """Peaks of some experiments at one place.
 
@@ -83,13 +83,25 @@ class Series:
             workers=self.workers,
             parameters=bound.parameters,
             measurements=self.data.measurements,
-            models={"": DrivenModel(bound.setup, bound.parameters, self.plan, alternative)},
+            models={
+                "": DrivenModel(
+                    setup=bound.setup,
+                    parameters=bound.parameters,
+                    plan=self.plan,
+                    alternative=alternative,
+                )
+            },
             derived={"": bound.derived},
         )
 
     def objective(self, alternative: Mapping[str, Scalar], steps: FloatArray) -> Objective:
         """The objective of one alternative with given difference steps."""
-        return Objective(self.response(alternative), self.bound.parameters, self.data, steps)
+        return Objective(
+            response=self.response(alternative),
+            parameters=self.bound.parameters,
+            data=self.data,
+            steps=steps,
+        )
 
     def peaks(self, point: Point) -> FloatArray:
         """Scaled amplitudes of all tones at a point, shape (m,)."""
@@ -127,12 +139,12 @@ class Series:
         amplitude_v = self.peaks(here)
         count = amplitude_v.size
         return Rows(
-            amplitude_v,
-            around.quotients([self.peaks(node) for node in nodes], log_ratio),
-            np.stack(shifted, axis=1) if shifted else np.zeros((count, 0)),
-            here.residuals[:count],
-            here.residuals[count:],
-            around.quotients([node.residuals[count:] for node in nodes]),
+            amplitude_v=amplitude_v,
+            by_x=around.quotients([self.peaks(node) for node in nodes], log_ratio),
+            by_setting=np.stack(shifted, axis=1) if shifted else np.zeros((count, 0)),
+            residuals=here.residuals[:count],
+            swept_residuals=here.residuals[count:],
+            swept_by_x=around.quotients([node.residuals[count:] for node in nodes]),
         )
 
     def _by_setting(self, place: Place, steps: FloatArray, name: str, shift: float) -> FloatArray:

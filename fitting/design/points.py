@@ -46,7 +46,7 @@ class LinearisedFit:
         return self.problem.chi_square
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WhitenedData:
     """Data so far: series, covariance of all their rows (m, m), prior sigmas and steps (n,).
 
@@ -81,7 +81,9 @@ class WhitenedData:
         for place, some, matrices in zip(places, residuals, slopes, strict=True):
             rows = whitened(np.concatenate(some), self.covariance)
             matrix = whitened(np.concatenate(matrices), self.covariance)
-            found.append(LinearisedFit(place, Linearisation(rows, matrix, self.prior)))
+            found.append(
+                LinearisedFit(place, Linearisation(rows=rows, matrix=matrix, prior=self.prior))
+            )
         return found
 
     def moved(self, fitted: LinearisedFit, dy: FloatArray) -> Place:

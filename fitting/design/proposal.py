@@ -110,13 +110,15 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
         groups.setdefault((s.output, s.centre_hz, s.level), []).append(i)
     return tuple(
         Kind(
-            *key,
+            output=output,
+            centre_hz=centre_hz,
+            level=level,
             best=min(alone[i] for i in group),
             worst=max(alone[i] for i in group),
             beside=min(beside[i] for i in group),
             count=len(group),
         )
-        for key, group in groups.items()
+        for (output, centre_hz, level), group in groups.items()
     )
 
 
@@ -130,10 +132,10 @@ def _places(
         p = canonical(bound.parameters, to_model(bound.parameters, place.x))
         points.append(
             PlacePoint(
-                dict(place.alternative),
-                dict(zip(names, map(float, p), strict=True)),
-                float(weighed.values[k]),
-                tuple(map(float, along[:, k])),
+                alternative=dict(place.alternative),
+                parameters=dict(zip(names, map(float, p), strict=True)),
+                target=float(weighed.values[k]),
+                sigmas=tuple(map(float, along[:, k])),
             )
         )
     return tuple(points)

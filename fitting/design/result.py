@@ -26,7 +26,7 @@ class Expected:
     worst: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Proposal:
     """One proposed measurement: `rank` in order of use, drive, output, number of spectra averaged.
 
@@ -47,7 +47,7 @@ class Proposal:
     expected: Expected
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Kind:
     """Candidates that share output, resonance and level.
 
@@ -64,7 +64,7 @@ class Kind:
     count: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlacePoint:
     """A point at which the design was judged.
 
@@ -78,7 +78,7 @@ class PlacePoint:
     sigmas: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Design:
     """A proposal for the next measurements.
 

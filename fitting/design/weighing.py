@@ -8,7 +8,7 @@ from it; the choice is the best on average (geometric mean of the expected stand
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -57,12 +57,13 @@ class DesignGoal:
     """
 
     target: str
+    _: KW_ONLY
     criterion: str = "target"
     start: tuple[Mapping[str, Scalar], FloatArray] | None = None
     seed: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Weighed:
     """Everything that a choice rests on, candidates as (setup, repeats).
 
@@ -108,7 +109,7 @@ class Weighed:
         return np.asarray(sigmas / np.hypot(1.0, sigmas / self.spread))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Known:
     """What is known before anything new is measured, at the `places` where a design is judged.
 
@@ -269,7 +270,7 @@ def _equal_fits(
         first = series.rows([start], steps, limits.setting_sigmas)[0]
         covariance = information_of_data(series, first, limits.setting_sigmas)[1]
         blocks.append(covariance + scale_sigma(series.data) ** 2)
-    whitened = WhitenedData(known, block_diag(*blocks), prior, steps)
+    whitened = WhitenedData(series=known, covariance=block_diag(*blocks), prior=prior, steps=steps)
     given = nearest_fit(whitened, start)
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):

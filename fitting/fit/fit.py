@@ -29,7 +29,7 @@ from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Progress:
     """State of a running reconstruction, handed out before and after every level.
 
@@ -81,7 +81,7 @@ class Status(Enum):
     INTERRUPTED = "interrupted"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """A solved problem: Algorithm 2 from every start and for every discrete alternative.
 
@@ -169,7 +169,9 @@ def solve_problem(
             )
         except KeyboardInterrupt:
             break
-        journal = Journal(watch.recall, watch.record, watch.entering, hooks.clock)
+        journal = Journal(
+            recall=watch.recall, record=watch.record, entering=watch.entering, clock=hooks.clock
+        )
         outcomes.append(
             run_alternative(objectives[-1], options.schedule, options.solve, k, journal)
         )
@@ -226,20 +228,20 @@ class _Watch:
         mean = self.spent / self.fresh if self.fresh else float("nan")
         self.hooks.progress(
             Progress(
-                alternative,
-                self.alternatives,
-                start,
-                schedule.starts,
-                level,
-                schedule.levels,
-                schedule.nu(level),
-                self.last.j_fit if self.last else float("nan"),
-                self.last.j_reg if self.last else float("nan"),
-                self.evaluations,
-                self.done,
-                max(whole, self.done),
-                self.hooks.clock() - self.begun,
-                max(whole - self.done, 0) * mean,
+                alternative=alternative,
+                alternatives=self.alternatives,
+                start=start,
+                starts=schedule.starts,
+                level=level,
+                levels=schedule.levels,
+                nu=schedule.nu(level),
+                j_fit=self.last.j_fit if self.last else float("nan"),
+                j_reg=self.last.j_reg if self.last else float("nan"),
+                evaluations=self.evaluations,
+                done=self.done,
+                of=max(whole, self.done),
+                elapsed_s=self.hooks.clock() - self.begun,
+                left_s=max(whole - self.done, 0) * mean,
             )
         )
 

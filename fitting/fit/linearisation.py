@@ -29,7 +29,7 @@ DETERMINED, PARTLY = 0.9, 0.1
 SMALLEST_SIGMA = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Minimum:
     """Least chi square of a linearised problem over the directions that its data determine.
 
@@ -44,7 +44,7 @@ class Minimum:
     unseen: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """Whitened rows and their derivatives at a point, with the prior beside them.
 
@@ -173,7 +173,10 @@ class Linearisation:
             factor: at least one where errors are not to shrink.
         """
         return Linearisation(
-            self.rows / factor, self.matrix / factor, self.prior, self.inflation * factor
+            rows=self.rows / factor,
+            matrix=self.matrix / factor,
+            prior=self.prior,
+            inflation=self.inflation * factor,
         )
 
 
@@ -184,9 +187,9 @@ def joined(parts: Sequence[Linearisation]) -> Linearisation:
         parts: at least one, with independent rows.
     """
     return Linearisation(
-        np.concatenate([part.rows for part in parts]),
-        np.concatenate([part.matrix for part in parts]),
-        parts[0].prior,
+        rows=np.concatenate([part.rows for part in parts]),
+        matrix=np.concatenate([part.matrix for part in parts]),
+        prior=parts[0].prior,
     )
 
 
@@ -214,10 +217,10 @@ def linearise(
     inflation = max(1.0, float(np.sqrt(np.sum(white**2) / max(m - n, 1))))
     counted = noise if weighed is None else weighed
     return Linearisation(
-        whitened(residuals, counted) / inflation,
-        whitened(matrix, counted) / inflation,
-        prior,
-        inflation,
+        rows=whitened(residuals, counted) / inflation,
+        matrix=whitened(matrix, counted) / inflation,
+        prior=prior,
+        inflation=inflation,
     )
 
 

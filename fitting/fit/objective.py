@@ -30,7 +30,7 @@ Nu = float | FloatArray
 ASSUMED_NOISE = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Objective:
     """Response, parameters and data; `steps` (n,) are the finite-difference steps in x."""
 
@@ -40,7 +40,7 @@ class Objective:
     steps: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Point:
     """One evaluated search vector.
 
@@ -178,7 +178,7 @@ def make_objective(
     longest = np.minimum(1.0, 0.1 * (upper - lower))
     start = to_search(parameters, starts(parameters))
     middle = np.clip(np.zeros_like(start), lower, upper)
-    draft = Objective(response, parameters, data, 1e-3 * longest)
+    draft = Objective(response=response, parameters=parameters, data=data, steps=1e-3 * longest)
     points = evaluate_many(draft, [*stencil(draft, start), *stencil(draft, middle)])
     half = len(points) // 2
     slopes = np.maximum(
@@ -187,7 +187,12 @@ def make_objective(
     )
     lengths = np.minimum(longest, 1.0 / np.maximum(slopes, np.finfo(float).tiny))
     unit = float(np.cbrt(3.0 * noise_level(draft, middle, lengths)))
-    return Objective(response, parameters, data, min(max(unit, 1e-5), 1e-2) * lengths)
+    return Objective(
+        response=response,
+        parameters=parameters,
+        data=data,
+        steps=min(max(unit, 1e-5), 1e-2) * lengths,
+    )
 
 
 def noise_level(objective: Objective, x: FloatArray, lengths: FloatArray) -> float:

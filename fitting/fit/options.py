@@ -20,12 +20,12 @@ class Options:
 def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
     """The campaign's own settings; `quick` takes its own start alone and looser tolerances."""
     schedule = Schedule(
-        chosen.nu_start,
-        chosen.beta,
-        chosen.iterations,
-        chosen.tolerance,
-        chosen.starts,
-        chosen.seed,
+        nu_start=chosen.nu_start,
+        beta=chosen.beta,
+        levels=chosen.iterations,
+        tolerance=chosen.tolerance,
+        starts=chosen.starts,
+        seed=chosen.seed,
     )
     solve = SolveSettings(misfit=chosen.misfit)
     if quick:

@@ -15,7 +15,7 @@ from fitting.fit.solver.continuation import Chain, Outcome, equal_j
 from fitting.text.arrays import FloatArray, Scalar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HistoryRow:
     """One nu of the reported chain; level -1 is the start itself, before any solve."""
 
@@ -34,7 +34,7 @@ class HistoryRow:
     seconds: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StartResult:
     """Where one start led: end values (canonical), J, the start it met, why it ended."""
 
@@ -48,7 +48,7 @@ class StartResult:
     equivalent: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AlternativeResult:
     """One discrete alternative with its best start; `equal_to_best` within the tolerance of J."""
 
@@ -79,38 +79,38 @@ def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
             start = solution.initial
             rows.append(
                 HistoryRow(
-                    -1,
-                    float("nan"),
-                    shown,
-                    means,
-                    start.j_fit,
-                    j_reg(begun, solution.held),
-                    float("nan"),
-                    float("nan"),
-                    "start",
-                    "where the search began",
-                    0,
-                    0,
-                    0.0,
+                    level=-1,
+                    nu=float("nan"),
+                    parameters=shown,
+                    derived=means,
+                    j_fit=start.j_fit,
+                    j_reg=j_reg(begun, solution.held),
+                    change=float("nan"),
+                    optimality=float("nan"),
+                    status="start",
+                    message="where the search began",
+                    iterations=0,
+                    evaluations=0,
+                    seconds=0.0,
                 )
             )
             continue
         step = solution.chain.steps[k - 1]
         rows.append(
             HistoryRow(
-                step.level,
-                step.nu,
-                shown,
-                means,
-                step.j_fit,
-                step.j_reg,
-                step.change,
-                step.optimality,
-                step.status,
-                step.message,
-                step.iterations,
-                step.evaluations,
-                step.seconds,
+                level=step.level,
+                nu=step.nu,
+                parameters=shown,
+                derived=means,
+                j_fit=step.j_fit,
+                j_reg=step.j_reg,
+                change=step.change,
+                optimality=step.optimality,
+                status=step.status,
+                message=step.message,
+                iterations=step.iterations,
+                evaluations=step.evaluations,
+                seconds=step.seconds,
             )
         )
     return tuple(rows)

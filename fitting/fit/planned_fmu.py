@@ -29,11 +29,20 @@ class PlannedFmu:
         """The FMU as the response of one alternative."""
         problem = self.problem
         models = {
-            m.series: DrivenModel(m.setup, problem.parameters, self.plans[m.series], alternative)
+            m.series: DrivenModel(
+                setup=m.setup,
+                parameters=problem.parameters,
+                plan=self.plans[m.series],
+                alternative=alternative,
+            )
             for m in problem.measurements
         }
         return FmuResponse(
-            self.workers, problem.parameters, problem.measurements, models, problem.derived
+            workers=self.workers,
+            parameters=problem.parameters,
+            measurements=problem.measurements,
+            models=models,
+            derived=problem.derived,
         )
 
     @property
@@ -73,7 +82,9 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
     setup = series.setup
     if not (setup.steady_start or draft.settle_s > 0.0):
         return  # it may move because it has not settled
-    model = DrivenModel(setup, series.parameters, draft, series.alternative)
+    model = DrivenModel(
+        setup=setup, parameters=series.parameters, plan=draft, alternative=series.alternative
+    )
     peaks = [m for m in series.measurements if isinstance(m, Tones)]
     try:
         share = max(

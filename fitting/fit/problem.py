@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
 from fitting.campaign import BoundCampaign, Drift, Experiment, SweepData
@@ -29,6 +29,7 @@ class Problem:
 
     parameters: tuple[Parameter, ...]
     data: Dataset
+    _: KW_ONLY
     alternatives: tuple[Mapping[str, Scalar], ...] = ({},)
     derived: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     title: str = ""

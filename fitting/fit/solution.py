@@ -19,7 +19,7 @@ from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
@@ -70,7 +70,18 @@ def solution_of(
     prior = prior_sigmas(parameters, nu)
     errors = linearise(final.residuals, seen, noise.covariance, prior, widened.covariance)
     held = weights(objective, nu, misfit)
-    return Solution(objective, chain, nu, initial, final, matrix, errors, structure, held, beside)
+    return Solution(
+        objective=objective,
+        chain=chain,
+        nu=nu,
+        initial=initial,
+        final=final,
+        matrix=matrix,
+        errors=errors,
+        structure=structure,
+        held=held,
+        beside=beside,
+    )
 
 
 def _curve_structure(data: Dataset, final: Point, matrix: FloatArray) -> Structure | None:

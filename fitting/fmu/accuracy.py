@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -24,6 +24,7 @@ class Reduction:
 
     name: str
     set: Mapping[str, Scalar]
+    _: KW_ONLY
     bound: str | None = None
     cost: float = 0.5
 
@@ -36,7 +37,7 @@ class Reduction:
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AccuracyAnnotation:
     """What is known of an FMU: how it is told to be accurate, and what makes it cheaper.
 

@@ -43,10 +43,10 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
         if name is not None:
             description.variable(name)
     return AccuracyAnnotation(
-        element.get("tolerance"),
-        element.get("substep"),
-        _settings(element.find("Full"), description),
-        tuple(_reduction(part, description) for part in element.iterfind("Reduction")),
+        tolerance=element.get("tolerance"),
+        substep=element.get("substep"),
+        full=_settings(element.find("Full"), description),
+        reductions=tuple(_reduction(part, description) for part in element.iterfind("Reduction")),
     )
 
 
@@ -59,7 +59,7 @@ def _reduction(part: ElementTree.Element, description: FmuDescription) -> Reduct
             f"{description.path}: its annotation for {TOOL} says cost = {cost!r} of the reduction "
             f"{name!r}, wanted a number"
         ) from None
-    return Reduction(name, _settings(part, description), part.get("bound"), counted)
+    return Reduction(name, _settings(part, description), bound=part.get("bound"), cost=counted)
 
 
 def _settings(

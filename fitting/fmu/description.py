@@ -27,7 +27,7 @@ _KINDS: dict[str, Kind] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FmuVariable:
     """A variable of an FMU; ``start``, ``min`` and ``max`` are in ``unit`` (None: none declared).
 
@@ -57,7 +57,7 @@ class FmuVariable:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FmuDescription:
     """What an FMU file says of itself; ``variables`` by name in the order of the file."""
 

@@ -58,7 +58,7 @@ class _Open:
             shutil.rmtree(home, ignore_errors=True)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Job:
     """A batch on its way: requests, the runs they were made of, and their results."""
 
@@ -143,7 +143,12 @@ class FmuWorkers:
         """
         self.latest_warnings = ()
         requests = self._requests.take_all(runs)
-        job = _Job(runs, requests, [np.empty(0)] * len(requests), self._shares(len(requests)))
+        job = _Job(
+            runs=runs,
+            requests=requests,
+            results=[np.empty(0)] * len(requests),
+            todo=self._shares(len(requests)),
+        )
         try:
             self._start_missing()
             for number in job.todo:

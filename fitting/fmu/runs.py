@@ -48,7 +48,7 @@ class InputSignal:
                 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Segment:
     """A segment of a piecewise run: a variable moved to ``value``, settling and samples again.
 
@@ -68,7 +68,7 @@ class Segment:
             raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """One simulation of an FMU.
 
@@ -159,7 +159,7 @@ def row_times(run: Timed) -> list[float]:
     return times
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Counts:
     """What the workers did: ``seconds`` were spent in the loops of FMI calls, summed over workers.
 
@@ -174,9 +174,9 @@ class Counts:
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(
-            self.runs + other.runs,
-            self.steps + other.steps,
-            self.seconds + other.seconds,
-            self.instances + other.instances,
-            self.processes + other.processes,
+            runs=self.runs + other.runs,
+            steps=self.steps + other.steps,
+            seconds=self.seconds + other.seconds,
+            instances=self.instances + other.instances,
+            processes=self.processes + other.processes,
         )

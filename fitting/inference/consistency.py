@@ -61,7 +61,7 @@ class _System:
         held = np.diag(self.priors.matrix) > 0.0
         rows = np.flatnonzero(held & mine)
         priors = self.priors
-        return Linearisation(priors.rows[rows], priors.matrix[rows], priors.prior)
+        return Linearisation(rows=priors.rows[rows], matrix=priors.matrix[rows], prior=priors.prior)
 
     def degrees_of_freedom(self, part: int, least: Minimum) -> int:
         """Rows of a campaign and priors of its values, less what they determine; at least one."""
@@ -150,13 +150,17 @@ def _whitened(solution: Solution) -> tuple[_System, list[float]]:
     noise = noise_of(solution.objective, point).covariance
     prior = prior_sigmas(solution.parameters)
     inverse = [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
-    own_priors = Linearisation(np.array(inverse) * point.x, np.diag(inverse), prior)
+    own_priors = Linearisation(
+        rows=np.array(inverse) * point.x, matrix=np.diag(inverse), prior=prior
+    )
     parts, owners = [], []
     for k in range(len(data.series)):
         mine = data.series_of_rows == k
         own = noise[np.ix_(mine, mine)]
         rows, matrix = point.residuals[mine], solution.matrix[mine]
-        parts.append(Linearisation(whitened(rows, own), whitened(matrix, own), prior))
+        parts.append(
+            Linearisation(rows=whitened(rows, own), matrix=whitened(matrix, own), prior=prior)
+        )
         owners.append(np.asarray(np.any(matrix != 0.0, axis=0)))
     system = _System(tuple(parts), own_priors, tuple(owners))
     inflation = []
@@ -191,14 +195,14 @@ def _tension(
     first, second = (" + ".join(names[k] for k in parts) for parts in (one, other))
     if freedom <= 0:
         return Tension(
-            first,
-            second,
-            0.0,
-            0,
-            float("nan"),
-            float("nan"),
-            f"{first} and {second} determine no number in common: they cannot contradict each "
-            "other.",
+            one=first,
+            other=second,
+            chi_square=0.0,
+            freedom=0,
+            p_value=float("nan"),
+            sigmas=float("nan"),
+            sentence=f"{first} and {second} determine no number in common: they cannot contradict "
+            "each other.",
         )
     value = max(0.0, both.chi_square - a.chi_square - b.chi_square)
     p = float(chdtrc(freedom, value))
@@ -206,12 +210,12 @@ def _tension(
     verdict = "contradict each other" if sigmas > WORTH_A_WARNING else "agree"
     common = "one number" if freedom == 1 else f"{freedom} numbers"
     return Tension(
-        first,
-        second,
-        value,
-        freedom,
-        p,
-        sigmas,
-        f"{first} and {second} {verdict}: they differ by {sigmas:.2g} standard deviations in the "
-        f"{common} that both determine (chi square {value:.3g}).",
+        one=first,
+        other=second,
+        chi_square=value,
+        freedom=freedom,
+        p_value=p,
+        sigmas=sigmas,
+        sentence=f"{first} and {second} {verdict}: they differ by {sigmas:.2g} standard deviations "
+        f"in the {common} that both determine (chi square {value:.3g}).",
     )

@@ -25,7 +25,7 @@ from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class IdentificationOptions:
     """What is asked: values to set out from, expected data instead of measured ones, limits.
 
@@ -83,13 +83,13 @@ def identify(
         )
     )
     options = InferenceOptions(
-        units,
-        request.seed,
-        request.budget,
-        begins[1:],
-        equal_fits,
-        not request.expected,
-        request.bootstrap,
+        units=units,
+        seed=request.seed,
+        budget=request.budget,
+        others=begins[1:],
+        alternatives=equal_fits,
+        data=not request.expected,
+        bootstrap=request.bootstrap,
     )
     return know(objective, begins[0], noise, options)
 
@@ -166,10 +166,10 @@ def _equal_fit(
     values = {q.name: float(v) for q, v in zip(parameters, p, strict=True)}
     words = ", ".join(f"{name} = {value}" for name, value in settings.items())
     return Equivalent(
-        values,
-        {name: float(v[0]) for name, v in outputs.items()},
-        float(delta),
-        "alternative",
-        f"{words} fits as well",
-        words,
+        parameters=values,
+        derived={name: float(v[0]) for name, v in outputs.items()},
+        delta=float(delta),
+        origin="alternative",
+        sentence=f"{words} fits as well",
+        where=words,
     )

@@ -32,7 +32,7 @@ from fitting.text.errors import FmuFailure
 Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Inference:
     """What the data of a fit determine.
 
@@ -49,7 +49,7 @@ class Inference:
     warnings: tuple[Warned, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InferenceRequest:
     """How much is asked of the data.
 
@@ -153,12 +153,12 @@ def _alternatives(fit: Fit) -> tuple[Equivalent, ...]:
         values = ", ".join(f"{name} = {value:.5g}" for name, value in other.parameters.items())
         found.append(
             Equivalent(
-                other.parameters,
-                other.derived,
-                float("nan"),
-                "alternative",
-                f"{settings} with {values} reaches the same J",
-                settings,
+                parameters=other.parameters,
+                derived=other.derived,
+                delta=float("nan"),
+                origin="alternative",
+                sentence=f"{settings} with {values} reaches the same J",
+                where=settings,
             )
         )
     return tuple(found)

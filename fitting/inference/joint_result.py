@@ -14,7 +14,7 @@ class Estimate:
     std: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SeriesPart:
     """One campaign of a joint fit.
 
@@ -38,7 +38,7 @@ class SeriesPart:
     swept_final_v: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tension:
     """Test of the numbers that two sets of campaigns both determine.
 
@@ -63,7 +63,7 @@ class JointResult:
     tensions: tuple[Tension, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExternalTest:
     """Distance of a result from a value found elsewhere, in standard deviations (NaN: untestable).
 

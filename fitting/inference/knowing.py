@@ -36,7 +36,7 @@ BETTER = 1.0
 BUDGET = 12000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InferenceOptions:
     """What is asked of the inference: units of outputs, seed, evaluations at most, bootstrap.
 

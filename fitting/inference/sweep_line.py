@@ -25,7 +25,7 @@ APART_SIGMA = 3.0
 WORTH_TELLING = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LineFit:
     """The sweep's line with one form of background; NaN where that fit failed (`message`).
 
@@ -47,7 +47,7 @@ class LineFit:
     message: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SweepLine:
     """One damped mode fitted to the sweep itself, without the FMU, beside what the instrument says.
 
@@ -94,39 +94,39 @@ def line_of_sweep(sweep: SweepData) -> SweepLine:
     nan = math.nan
     if isinstance(fit, str):
         return SweepLine(
-            nan,
-            nan,
-            nan,
-            nan,
-            nan,
-            nan,
-            nan,
-            nan,
-            sweep.unit,
-            nan,
-            sweep.background,
-            fit,
-            instrument,
-            notes,
-            fits,
+            frequency_hz=nan,
+            frequency_std_hz=nan,
+            width_hz=nan,
+            width_std_hz=nan,
+            q=nan,
+            q_std=nan,
+            amplitude=nan,
+            amplitude_std=nan,
+            unit=sweep.unit,
+            residual=nan,
+            background=sweep.background,
+            message=fit,
+            instrument=instrument,
+            notes=notes,
+            fits=fits,
         )
     return SweepLine(
-        fit.eta_hz,
-        fit.eta_std_hz,
-        fit.width_hz,
-        fit.width_std_hz,
-        fit.q,
-        fit.q_std,
-        fit.amplitude,
-        fit.amplitude_std,
-        sweep.unit,
-        fit.residual_rms,
-        sweep.background,
-        fit.message,
-        instrument,
-        notes,
-        fits,
-        background_p(sweep.amplitude_v, tried["none"], tried["complex"]),
+        frequency_hz=fit.eta_hz,
+        frequency_std_hz=fit.eta_std_hz,
+        width_hz=fit.width_hz,
+        width_std_hz=fit.width_std_hz,
+        q=fit.q,
+        q_std=fit.q_std,
+        amplitude=fit.amplitude,
+        amplitude_std=fit.amplitude_std,
+        unit=sweep.unit,
+        residual=fit.residual_rms,
+        background=sweep.background,
+        message=fit.message,
+        instrument=instrument,
+        notes=notes,
+        fits=fits,
+        background_p=background_p(sweep.amplitude_v, tried["none"], tried["complex"]),
     )
 
 
@@ -143,21 +143,34 @@ def _fit(sweep: SweepData, background: str) -> Resonance | str:
 def _line_fit(background: str, fit: Resonance | str) -> LineFit:
     nan = math.nan
     if isinstance(fit, str):
-        return LineFit(background, nan, nan, nan, nan, nan, nan, nan, nan, nan, nan, fit)
+        return LineFit(
+            background=background,
+            frequency_hz=nan,
+            frequency_std_hz=nan,
+            width_hz=nan,
+            width_std_hz=nan,
+            q=nan,
+            q_std=nan,
+            residual=nan,
+            structure_p=nan,
+            points=nan,
+            widening=nan,
+            message=fit,
+        )
     found = fit.structure
     return LineFit(
-        background,
-        fit.eta_hz,
-        fit.eta_std_hz,
-        fit.width_hz,
-        fit.width_std_hz,
-        fit.q,
-        fit.q_std,
-        fit.residual_rms,
-        found.p_value,
-        found.points,
-        found.widening,
-        fit.message,
+        background=background,
+        frequency_hz=fit.eta_hz,
+        frequency_std_hz=fit.eta_std_hz,
+        width_hz=fit.width_hz,
+        width_std_hz=fit.width_std_hz,
+        q=fit.q,
+        q_std=fit.q_std,
+        residual=fit.residual_rms,
+        structure_p=found.p_value,
+        points=found.points,
+        widening=found.widening,
+        message=fit.message,
     )
 
 

@@ -9,7 +9,7 @@ from fitting.fit.linearisation import IDENTIFIABLE
 Floats = tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ParameterResult:
     """One fitted parameter.
 
@@ -31,7 +31,7 @@ class ParameterResult:
     identifiable: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DerivedResult:
     """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
 
@@ -63,7 +63,7 @@ class DerivedResult:
         return f"{self.value:.9g} ± {self.std:.2g}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OffsetResult:
     """A fitted value of one state of the sample, such as its offset from the interpolated drift.
 

@@ -217,7 +217,9 @@ def _in_order(explored: Exploration, quantity: Quantity) -> list[ProfilePoint]:
     """All points of a profile, the optimum and the reached ends among them, in rising order."""
     expansion = explored.optimum.expansion
     down, up = explored.branches[quantity.name]
-    middle = ProfilePoint(quantity.best, 0.0, expansion.x, expansion.sample.outputs)
+    middle = ProfilePoint(
+        value=quantity.best, delta=0.0, x=expansion.x, outputs=expansion.sample.outputs
+    )
     points = [*down.points, middle, *up.points]
     low, high = min(p.value for p in points), max(p.value for p in points)
     near = 1e-3 * quantity.width
@@ -247,35 +249,35 @@ def _without_value(explored: Exploration, name: str, unit: str) -> Profile:
     box = (explored.ranges[name].low, explored.ranges[name].high)
     if math.isfinite(best) and not box[1] > box[0]:  # it does not depend on what is fitted
         return Profile(
-            "derived",
-            unit,
-            best,
-            0.0,
-            (best, best),
-            (best, best),
-            (best, best),
-            ("crossed", "crossed"),
-            1.0,
-            IDENTIFIABLE[0],
-            "it does not depend on the parameters",
-            (best,),
-            (0.0,),
-            {},
+            kind="derived",
+            unit=unit,
+            best=best,
+            sigma=0.0,
+            interval68=(best, best),
+            interval95=(best, best),
+            box=(best, best),
+            ends=("crossed", "crossed"),
+            shrinkage=1.0,
+            verdict=IDENTIFIABLE[0],
+            reason="it does not depend on the parameters",
+            values=(best,),
+            delta=(0.0,),
+            path={},
         )
     where = "value" if math.isnan(best) else "slope"
     return Profile(
-        "derived",
-        unit,
-        best,
-        nan,
-        box,
-        box,
-        box,
-        ("lost", "lost"),
-        0.0,
-        IDENTIFIABLE[2],
-        f"it has no {where} at the most likely point",
-        (),
-        (),
-        {},
+        kind="derived",
+        unit=unit,
+        best=best,
+        sigma=nan,
+        interval68=box,
+        interval95=box,
+        box=box,
+        ends=("lost", "lost"),
+        shrinkage=0.0,
+        verdict=IDENTIFIABLE[2],
+        reason=f"it has no {where} at the most likely point",
+        values=(),
+        delta=(),
+        path={},
     )

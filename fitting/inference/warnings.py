@@ -227,9 +227,9 @@ def _row_by_row(solution: Solution) -> Linearisation:
     point = solution.final
     sigma = noise_of(solution.objective, point).sigma
     return Linearisation(
-        point.residuals / sigma,
-        solution.matrix / sigma[:, np.newaxis],
-        prior_sigmas(solution.parameters, solution.nu),
+        rows=point.residuals / sigma,
+        matrix=solution.matrix / sigma[:, np.newaxis],
+        prior=prior_sigmas(solution.parameters, solution.nu),
     )
 
 

@@ -53,7 +53,13 @@ def string_bench(series: str) -> Bench:
     """The bench of the paper's nanostring for ``series`` "q1" or "q2": its pairs, its angle."""
     return Bench(
         series=series,
-        sample=TwoModes(SERIES_THETA[series], 120.0, 90.0, 6940260.0, 7027600.0),
+        sample=TwoModes(
+            theta_rad=SERIES_THETA[series],
+            d1_hz=120.0,
+            d2_hz=90.0,
+            eta_plus_hz=6940260.0,
+            eta_minus_hz=7027600.0,
+        ),
         observed=("q1", "q2").index(series),
         pairs_hz=DRIVE_PAIRS_HZ[series],
         instrument=Analyser(),
@@ -63,7 +69,9 @@ def string_bench(series: str) -> Bench:
 def duffing_bench() -> Bench:
     """The paper's string, q1 series, driven up to a shift of about a line width."""
     eta, gaps, levels = 6940260.0, (20.0, 30.0), (0.25, 0.35)
-    modes = TwoModes(1.9498, 120.0, 90.0, eta, 7027600.0)
+    modes = TwoModes(
+        theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=eta, eta_minus_hz=7027600.0
+    )
     return Bench(
         series=DUFFING,
         sample=CubicModes(modes, DUFFING_CUBIC),

@@ -90,7 +90,7 @@ class Plan:
                 drive=Drive(
                     tuple(self._number(name, i, "Hz") for name in self._frequencies),
                     tuple(self._number(name, i) for name in self._amplitudes),
-                    (self._number(GAINS[0], i), self._number(GAINS[1], i)),
+                    gains=(self._number(GAINS[0], i), self._number(GAINS[1], i)),
                 ),
                 observed=self._observed(i),
                 averaged=averaged[i],

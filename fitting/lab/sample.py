@@ -7,7 +7,7 @@ A further kind of sample is a class of this protocol in a file of its own, and a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from fitting.text.arrays import ComplexArray
@@ -29,6 +29,7 @@ class Drive:
 
     tones_hz: tuple[float, ...]
     amplitudes: tuple[float, ...]
+    _: KW_ONLY
     gains: tuple[float, float] = (1.0, 1.0)
     lines: tuple[tuple[int, ...], ...] = ()
 

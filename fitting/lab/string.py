@@ -17,7 +17,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 TWO_PI = 2.0 * math.pi
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TwoModes:
     """Two coupled damped modes: angle, damping d1 and d2, eigenfrequencies.
 

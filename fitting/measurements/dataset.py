@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,7 @@ class Dataset:
     """
 
     measurements: tuple[Measurement, ...]
+    _: KW_ONLY
     weigh: bool = False
     outliers: str = "keep"
     names: tuple[str, ...] = ()

@@ -37,7 +37,7 @@ def _in_unit(tone_hz: float, unit: str) -> float:
     return convert(tone_hz, "Hz", unit, where="[sweep] frequency")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DrivenModel:
     """How parameter vectors become runs of the FMU, for one series and one discrete alternative."""
 

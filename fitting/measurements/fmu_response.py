@@ -22,7 +22,7 @@ from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import FloatArray, Scalar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FmuResponse:
     """`Response` of some measurements through FMU workers, for one discrete alternative.
 
@@ -101,7 +101,14 @@ class FmuResponse:
         """Values of outputs after initialisation, shape (rows of the table, places, names)."""
         groups = [model.groups(table, label) for label, _ in places]
         runs = [
-            Run(model.values(table[k], label, settings), 0.0, 1.0, 1, names, allow_nan=True)
+            Run(
+                start_values=model.values(table[k], label, settings),
+                settle_s=0.0,
+                sample_step_s=1.0,
+                samples=1,
+                outputs=names,
+                allow_nan=True,
+            )
             for (label, settings), (first, _) in zip(places, groups, strict=True)
             for k in first
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 from fitting.simulate.budget import Budget, Decision, PlanRecord, record_of
 from fitting.simulate.words import decision_in_words, sum_in_words
@@ -23,6 +23,7 @@ class Plan:
     """
 
     settle_s: float
+    _: KW_ONLY
     budget: Budget | None = None
     order: int = 1
     nodes_hz: tuple[float, ...] = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class Series:
 
     measurements: tuple[Measurement, ...]
     parameters: tuple[Parameter, ...]
+    _: KW_ONLY
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
     seed: int = 1
 
@@ -67,7 +68,7 @@ def plan_series(series: Series) -> Plan:
             apart.
     """
     settle_s, decision = _settling(series)
-    return _planned(series, Plan(settle_s, Budget(series.setup.accuracy, (decision,))))
+    return _planned(series, Plan(settle_s, budget=Budget(series.setup.accuracy, (decision,))))
 
 
 def _planned(series: Series, plan: Plan) -> Plan:
@@ -78,7 +79,9 @@ def _planned(series: Series, plan: Plan) -> Plan:
 
 def _settling(series: Series) -> tuple[float, Decision]:
     if series.setup.steady_start:
-        return 0.0, Decision(Kind.SETTLING, Basis.DECLARED, 0.0, numbers={"settle_s": 0.0})
+        return 0.0, Decision(
+            kind=Kind.SETTLING, basis=Basis.DECLARED, bound=0.0, numbers={"settle_s": 0.0}
+        )
     width = series.line_width_hz
     if width is None:
         raise BadInput(
@@ -117,7 +120,9 @@ def measured_plan(
         FmuFailure: the FMU failed at the start.
     """
     draft, setup = plan_series(series), series.setup
-    model = DrivenModel(setup, series.parameters, draft, series.alternative)
+    model = DrivenModel(
+        setup=setup, parameters=series.parameters, plan=draft, alternative=series.alternative
+    )
     drives = _drives(series, model, workers)
     if not drives:
         return draft

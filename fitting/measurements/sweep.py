@@ -49,7 +49,7 @@ SEARCH_ROUNDS = 12
 SMALLEST_MISFIT = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sweep(MeasurementKind):
     """Amplitudes over frequency: what they say of the scale, and, if `fitted`, one row per point.
 

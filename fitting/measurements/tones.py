@@ -6,7 +6,7 @@ r_i = (chi z_i - z*_i)/z*_i        z_i simulated, z*_i measured amplitude of lin
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +41,7 @@ class Tones(MeasurementKind):
 
     setup: Setup
     experiments: tuple[Experiment, ...]
+    _: KW_ONLY
     series: str = ""
     sigmas_v: FloatArray = field(default_factory=lambda: np.empty(0))
     noise_told: str = ""
@@ -93,7 +94,9 @@ class Tones(MeasurementKind):
         """The plan with the windows of its experiments."""
         if not self.experiments or plan.budget is None:
             return plan
-        windows = tuple(w for w, _ in self._observed(DrivenModel(self.setup, (), plan)))
+        windows = tuple(
+            w for w, _ in self._observed(DrivenModel(setup=self.setup, parameters=(), plan=plan))
+        )
         remarks = (
             f"Experiment {e.label.removeprefix(f'{self.series}/')}: {window_in_words(w)}."
             for e, w in zip(self.experiments, windows, strict=True)
@@ -156,7 +159,7 @@ class Tones(MeasurementKind):
 def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
     """The experiments of a campaign as a measurement, with everything known of their noise."""
     sigmas_v, told = peak_sigmas(bound)
-    return Tones(bound.setup, bound.experiments, series, sigmas_v, told)
+    return Tones(bound.setup, bound.experiments, series=series, sigmas_v=sigmas_v, noise_told=told)
 
 
 def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
@@ -171,7 +174,7 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
     if noise.relative == 0.0:
         scatter, freedom = repeat_scatter(_repeats(bound), peaks, floors)
         if freedom >= ENOUGH_REPEATS and scatter > 0.0:
-            noise = Noise(scatter, noise.absolute_v)
+            noise = Noise(relative=scatter, absolute_v=noise.absolute_v)
             said.append(f"{100 * scatter:.3g} % from repeats ({freedom} degrees of freedom)")
     elif noise.declared:
         said.append(f"{100 * noise.relative:.3g} % as declared")

@@ -143,7 +143,7 @@ def _expected(p: Proposal | None, design: Design) -> Expected:
 
 def _sigma(exact: float, factor: float) -> Cell:
     """A standard deviation in the unit of the head, its exact value in the target's."""
-    return Cell("–") if math.isnan(exact) else Cell(number(exact / factor, 3), exact)
+    return Cell("–") if math.isnan(exact) else Cell(number(exact / factor, 3), value=exact)
 
 
 def places_table(design: Design) -> Table:
@@ -158,8 +158,12 @@ def places_table(design: Design) -> Table:
     columns += [Column(plain(name), _value(name), digits=6) for name in design.places[0].parameters]
     columns += [
         Column(plain(design.target), lambda row: row[1].target, digits=3),
-        Column(f"{sigma} so far", lambda row: row[1].sigmas[0], design.unit, 3, size),
-        Column(f"{sigma} then", lambda row: row[1].sigmas[-1], design.unit, 3, size),
+        Column(
+            f"{sigma} so far", lambda row: row[1].sigmas[0], unit=design.unit, digits=3, size=size
+        ),
+        Column(
+            f"{sigma} then", lambda row: row[1].sigmas[-1], unit=design.unit, digits=3, size=size
+        ),
     ]
     return tabulate("Points at which the design was judged", columns, enumerate(design.places))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 
 import fitting
@@ -21,6 +21,7 @@ class Section:
 
     id: str
     title: str
+    _: KW_ONLY
     paragraphs: tuple[str, ...] = ()
     points: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
@@ -36,7 +37,7 @@ class Status:
     good: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Page:
     """A page: what it is about, its kind in the title bar, how it ended, warnings, sections."""
 
@@ -48,7 +49,7 @@ class Page:
     warnings: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Picture:
     """An embedded figure: its number in the report and the data URI of its drawing."""
 
@@ -94,7 +95,15 @@ def _numbered(sections: Sequence[Section]) -> list[dict[str, object]]:
         for figure in section.figures:
             count += 1
             source = f"data:image/svg+xml;base64,{_base64(figure.svg)}"
-            pictures.append(Picture(count, source, figure.alt, figure.title, figure.caption))
+            pictures.append(
+                Picture(
+                    number=count,
+                    source=source,
+                    alt=figure.alt,
+                    title=figure.title,
+                    caption=figure.caption,
+                )
+            )
         shown.append({**vars(section), "figures": pictures})
     return shown
 

@@ -161,14 +161,14 @@ def _experiments(result: Result, data: ShownCampaign, figures: Figures) -> Secti
     if spectra:
         read = f"peaks read from {spectra} spectra, noise floor removed"
     said = f"{len(data.tones)} experiments with {len(result.peaks)} {read}."
-    return Section("experiments", "Experiments and spectra", (said,), figures=figures)
+    return Section("experiments", "Experiments and spectra", paragraphs=(said,), figures=figures)
 
 
 def _response(result: Result, figures: Figures) -> Section | None:
     title = "Frequency response and scale"
     if result.sweep is None:
         said = ("Every campaign has a sweep and a scale of its own.",)
-        return Section("response", title, said, figures=figures) if figures else None
+        return Section("response", title, paragraphs=said, figures=figures) if figures else None
     table, told = None, []
     if result.line is not None:
         table = line_table(result.line)
@@ -177,7 +177,9 @@ def _response(result: Result, figures: Figures) -> Section | None:
         else:
             told += line_sentences(result.line)[1:]  # the table holds the first
     told.append(scale_sentence(result.scale))
-    return Section("response", title, tuple(told), tables=_existing(table), figures=figures)
+    return Section(
+        "response", title, paragraphs=tuple(told), tables=_existing(table), figures=figures
+    )
 
 
 def _deviations(result: Result, data: ShownCampaign, figures: Figures) -> Section:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
 from fitting.fit.problem import Problem
@@ -28,7 +28,7 @@ class Trace:
     amplitude: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ShownTones:
     """One experiment: what drove it and what was measured.
 
@@ -59,6 +59,7 @@ class ShownSweep:
 
     frequency_hz: tuple[float, ...]
     amplitude: tuple[float, ...]
+    _: KW_ONLY
     unit: str = "V"
     fitted: bool = False
     resonance: Resonance | None = None
@@ -77,6 +78,7 @@ class ShownCampaign:
 
     title: str
     synthetic: bool
+    _: KW_ONLY
     unit: str = "V"
     drive: str = "b"
     tones: tuple[ShownTones, ...] = ()

@@ -12,7 +12,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -37,6 +37,7 @@ class Cell:
     """
 
     text: str
+    _: KW_ONLY
     value: float | None = None
     html: str = ""
     head: bool = False
@@ -51,6 +52,7 @@ class Head:
     """
 
     name: str
+    _: KW_ONLY
     unit: str = ""
     shown: str = ""
     symbol: bool = False
@@ -80,6 +82,7 @@ class Column(Generic[Row]):
 
     name: str
     of: Callable[[Row], float | str | Cell]
+    _: KW_ONLY
     unit: str = ""
     digits: int = 8
     size: float | None = None
@@ -96,7 +99,13 @@ class Column(Generic[Row]):
     @property
     def head(self) -> Head:
         """The head of the column."""
-        return Head(self.name, unit_text(self.unit), self.scale[1], self.symbol, self.before)
+        return Head(
+            self.name,
+            unit=unit_text(self.unit),
+            shown=self.scale[1],
+            symbol=self.symbol,
+            before=self.before,
+        )
 
     def cell(self, row: Row) -> Cell:
         """The cell of a record."""
@@ -113,13 +122,13 @@ class Column(Generic[Row]):
 
     def _number(self, value: float) -> Cell:
         if isinstance(value, int):
-            return Cell(str(value), value)
+            return Cell(str(value), value=value)
         shown = value / self.scale[0]
         text = number(shown, self.digits) if self.write is None else self.write(shown)
-        return Cell(text, value) if math.isfinite(value) else Cell(number(value))
+        return Cell(text, value=value) if math.isfinite(value) else Cell(number(value))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
     """A table: what it shows, the heads of its columns, rows of as many cells, a remark."""
 
@@ -157,10 +166,10 @@ def tabulate(
 ) -> Table:
     """The table of records, a row each."""
     return Table(
-        caption,
-        tuple(column.head for column in columns),
-        tuple(tuple(column.cell(record) for column in columns) for record in records),
-        note,
+        caption=caption,
+        heads=tuple(column.head for column in columns),
+        rows=tuple(tuple(column.cell(record) for column in columns) for record in records),
+        note=note,
     )
 
 

@@ -32,7 +32,9 @@ def page_of(study: Study, figures: Sequence[FigureFile]) -> Page:
         "none."
     )
     sections = [
-        Section("accuracies", title, (text,), tables=tuple(choice_tables(study).values())),
+        Section(
+            "accuracies", title, paragraphs=(text,), tables=tuple(choice_tables(study).values())
+        ),
         Section("figure", "The whole trade", figures=tuple(figures)),
         _fronts(study),
     ]
@@ -67,4 +69,4 @@ def _fronts(study: Study) -> Section:
         "Settings that no other one beats in error and cost. Every setting that was tried is a row "
         "of tradeoff.csv."
     )
-    return Section("front", "Pareto front", (text,), tables=tuple(front_tables(study)))
+    return Section("front", "Pareto front", paragraphs=(text,), tables=tuple(front_tables(study)))

@@ -130,8 +130,17 @@ def _peaks(problem: Problem, solution: Solution) -> tuple[Peak, ...]:
         data.peaks(solution.final.scaled),
     )
     return tuple(
-        Peak(label, frequency_hz, *map(float, values))
-        for (label, frequency_hz), *values in zip(lines, *columns, strict=True)
+        Peak(
+            experiment=label,
+            frequency_hz=frequency_hz,
+            measured_v=float(measured),
+            sigma_v=float(sigma),
+            initial_v=float(initial),
+            final_v=float(final),
+        )
+        for (label, frequency_hz), measured, sigma, initial, final in zip(
+            lines, *columns, strict=True
+        )
     )
 
 
@@ -139,13 +148,12 @@ def _sweep(problem: Problem, solution: Solution) -> SweepCurves | None:
     if problem.sweep is None:
         return None
     [k] = [k for k, m in enumerate(problem.measurements) if m.is_curve]
-    columns = (
-        problem.sweep.frequency_hz,
-        problem.sweep.amplitude_v,
-        solution.initial.scaled[k],
-        solution.final.scaled[k],
+    return SweepCurves(
+        frequency_hz=tuple(map(float, problem.sweep.frequency_hz)),
+        measured_v=tuple(map(float, problem.sweep.amplitude_v)),
+        initial_v=tuple(map(float, solution.initial.scaled[k])),
+        final_v=tuple(map(float, solution.final.scaled[k])),
     )
-    return SweepCurves(*(tuple(map(float, column)) for column in columns))
 
 
 def _correlation(solution: Solution) -> tuple[tuple[float, ...], ...]:

@@ -75,28 +75,28 @@ def _test(result: Result, text: str) -> ExternalTest:
         low, high = _allowed(found)
         where = "lies within" if low <= value <= high else "lies outside"
         return ExternalTest(
-            name,
-            value,
-            std,
-            found.unit,
-            found.value,
-            math.nan,
-            math.nan,
-            f"{name} = {outside} cannot be tested: {name} is not determined by these data; the "
-            f"value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
+            name=name,
+            value=value,
+            std=std,
+            unit=found.unit,
+            found=found.value,
+            found_std=math.nan,
+            sigmas=math.nan,
+            sentence=f"{name} = {outside} cannot be tested: {name} is not determined by these "
+            f"data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
         )
     own = _towards(found, value)
     sigmas = (found.value - value) / math.hypot(own, std)
     verdict = "agrees with" if abs(sigmas) <= 3.0 else "contradicts"
     return ExternalTest(
-        name,
-        value,
-        std,
-        found.unit,
-        found.value,
-        own,
-        sigmas,
-        f"{name} = {quantity(found.value, own, found.unit)} {verdict} {outside}: they are "
+        name=name,
+        value=value,
+        std=std,
+        unit=found.unit,
+        found=found.value,
+        found_std=own,
+        sigmas=sigmas,
+        sentence=f"{name} = {quantity(found.value, own, found.unit)} {verdict} {outside}: they are "
         f"{abs(sigmas):.3g} standard deviations apart.",
     )
 

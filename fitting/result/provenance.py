@@ -20,7 +20,7 @@ from fitting.result.result import Provenance
 from fitting.text.records import to_plain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identity:
     """What the result says about the FMU and how it was asked; `units` name -> unit."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.campaign.parameters import canonical
 from fitting.fit.fit import Fit, Hooks, solve_problem
@@ -31,12 +31,12 @@ def identify_fmu(description: FmuDescription, command: str) -> Identity:
     """What the result says about the FMU, without the plan."""
     units = {name: v.unit or "" for name, v in description.variables.items()}
     return Identity(
-        description.model_name,
-        description.path.name,
-        description.guid,
-        description.sha256,
-        command,
-        units,
+        name=description.model_name,
+        file=description.path.name,
+        guid=description.guid,
+        sha256=description.sha256,
+        command=command,
+        units=units,
     )
 
 
@@ -45,6 +45,7 @@ class ReconstructionOptions:
     """How a problem is solved and watched, and how much is inferred."""
 
     options: Options
+    _: KW_ONLY
     hooks: Hooks = field(default_factory=Hooks)
     profiles: bool = True
     bootstrap: int = 0

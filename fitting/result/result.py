@@ -25,7 +25,7 @@ from fitting.text.records import read_json, write_json
 STATUSES = ("converged", "not converged", "interrupted")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Peak:
     """One peak: measured and simulated (scaled) amplitudes, before and after, V peak."""
 
@@ -55,7 +55,7 @@ class Deviations:
     improvement_percent: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SweepCurves:
     """The sweep as measured and as simulated (scaled) before and after, V peak, (n,) each."""
 
@@ -65,7 +65,7 @@ class SweepCurves:
     final_v: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scale:
     """chi before and after, its grid bias, and what noise did to the laboratory's maximum.
 
@@ -90,7 +90,7 @@ class Cost:
     fmu_runs: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Provenance:
     """Where the result comes from; `plan` and `notes` in sentences.
 
@@ -113,7 +113,7 @@ class Provenance:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """A whole reconstruction, as `result.json` holds it."""
 

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares, lsq_linear
 from fitting.text.arrays import FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LeastSquaresFit:
     """The minimum of a sum of squares and the curvature there.
 

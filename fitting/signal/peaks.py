@@ -38,7 +38,7 @@ class NoiseFloor:
     sigma_v: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PeakReading:
     """Amplitudes at the known tones of one spectrum.
 
@@ -52,7 +52,7 @@ class PeakReading:
     floor: NoiseFloor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Resonance:
     """One damped mode fitted to a sweep; every value has its standard deviation beside it.
 
@@ -155,7 +155,9 @@ def read_peaks(
         peaks = raw * np.sqrt(1.0 - (floor.sigma_v / raw) ** 2)  # no square of a volt: any scale
     else:
         peaks = raw
-    return PeakReading(peaks, np.full(raw.shape, floor.sigma_v), raw, floor)
+    return PeakReading(
+        peaks_v=peaks, sigmas_v=np.full(raw.shape, floor.sigma_v), raw_v=raw, floor=floor
+    )
 
 
 def _check_inside(frequency_hz: FloatArray, tone_hz: float, source: str) -> None:

@@ -23,7 +23,7 @@ SMALLEST_RESIDUAL = 1e-6
 LAGS = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Structure:
     """What the order of the residuals tells.
 
@@ -64,17 +64,22 @@ def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure
     noise = math.sqrt(float(np.mean(residuals**2)))
     p_value = white_noise_p(residuals) if noise >= SMALLEST_RESIDUAL else 1.0
     if p_value >= STRUCTURED or m <= n:
-        return Structure(p_value, 0, float(m), 1.0)
+        return Structure(p_value=p_value, order=0, points=float(m), widening=1.0)
     coefficients = autoregression(residuals, _lags(m))
     left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
     basis = left[:, singular > singular[0] * np.finfo(float).eps * m]
     if basis.shape[1] == 0:  # no column sees anything
-        return Structure(p_value, 0, float(m), 1.0)
+        return Structure(p_value=p_value, order=0, points=float(m), widening=1.0)
     effect = basis.T @ matmul_toeplitz(autocorrelation(coefficients, m), basis)
     worst = float(np.linalg.eigvalsh(effect)[-1])
     freedom = max(m - float(np.trace(effect)), 1.0)
     square = min(max(1.0, worst * (m - n) / freedom), float(m - n))
-    return Structure(p_value, coefficients.size, n + (m - n) / square, math.sqrt(square))
+    return Structure(
+        p_value=p_value,
+        order=coefficients.size,
+        points=n + (m - n) / square,
+        widening=math.sqrt(square),
+    )
 
 
 def white_noise_p(residuals: FloatArray) -> float:

@@ -31,7 +31,7 @@ TINY = float(np.finfo(float).tiny)
 LEAST_BIAS = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Maximum:
     """Maximum of a resonance curve; `bias` is the relative error left by the grid.
 
@@ -45,7 +45,7 @@ class Maximum:
     bracketed: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LaboratoryMaximum:
     """Maximum of a measured sweep, as it stands and by a fit of its top.
 
@@ -117,7 +117,9 @@ def refine_maximum(
         )
     k = int(np.argmax(a))
     if k in (0, f.size - 1):
-        return Maximum(float(a[k]), float(f[k]), float("inf"), bracketed=False)
+        return Maximum(
+            value=float(a[k]), frequency_hz=float(f[k]), bias=float("inf"), bracketed=False
+        )
     if f.size == COARSE_POINTS and bend is not None:
         return _of_three(f, a, bend)
     t_coarse, y_coarse = _lowest(f, a, k, COARSE_POINTS, 0.0)
@@ -128,7 +130,12 @@ def refine_maximum(
         bias = max(bias, CHANCE * abs(float(np.sqrt(y_fine / y)) - 1.0))
     if f.size < FINE_POINTS:  # two fits through so few points can agree by symmetry alone
         bias = max(bias, float(a[k] / min(a[k - 1], a[k + 1])) - 1.0)
-    return Maximum(float(a[k] / np.sqrt(y_fine)), float(f[k] + h * t_fine), bias, bracketed=True)
+    return Maximum(
+        value=float(a[k] / np.sqrt(y_fine)),
+        frequency_hz=float(f[k] + h * t_fine),
+        bias=bias,
+        bracketed=True,
+    )
 
 
 def _of_three(f: FloatArray, a: FloatArray, bend: float) -> Maximum:
@@ -141,7 +148,9 @@ def _of_three(f: FloatArray, a: FloatArray, bend: float) -> Maximum:
     least = float(max(1.0 + 0.5 * slope * at, np.finfo(float).tiny))
     remainder = bend * 2.0 * half_bend / 6.0 * abs(float(np.prod(at - t)))
     bias = 0.5 * float(remainder) / least
-    return Maximum(float(a[1] / np.sqrt(least)), float(f[1] + at), bias, bracketed=True)
+    return Maximum(
+        value=float(a[1] / np.sqrt(least)), frequency_hz=float(f[1] + at), bias=bias, bracketed=True
+    )
 
 
 def bend_of(frequency_hz: FloatArray, amplitude: FloatArray) -> tuple[float, FloatArray]:
@@ -227,7 +236,16 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     on_edge = k in (0, f.size - 1)
     fall = 1.0 - float(np.min(a[max(0, k - 1) : k + 2]) / a[k]) if a[k] > 0.0 else 0.0
     nan = float("nan")
-    plain = LaboratoryMaximum(float(a[k]), float(f[k]), nan, 0.0, nan, 0.0, fall, on_edge)
+    plain = LaboratoryMaximum(
+        value_v=float(a[k]),
+        frequency_hz=float(f[k]),
+        fitted_v=nan,
+        scatter=0.0,
+        bias=nan,
+        bias_std=0.0,
+        fall=fall,
+        on_edge=on_edge,
+    )
     top = a >= TOP_SHARE * a[k]
     if np.count_nonzero(top) < 4:
         top = np.abs(np.arange(f.size) - min(max(k, 1), f.size - 2)) <= 1
@@ -247,7 +265,14 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     # a parabola through n points knows its top to about 1.5 scatter/sqrt(n)
     error = 1.5 * scatter / float(np.sqrt(relative.size))
     return LaboratoryMaximum(
-        float(a[k]), float(f[k]), fitted, scatter, float(a[k]) / fitted - 1.0, error, fall, on_edge
+        value_v=float(a[k]),
+        frequency_hz=float(f[k]),
+        fitted_v=fitted,
+        scatter=scatter,
+        bias=float(a[k]) / fitted - 1.0,
+        bias_std=error,
+        fall=fall,
+        on_edge=on_edge,
     )
 
 

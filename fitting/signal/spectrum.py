@@ -31,7 +31,7 @@ NEAR_ORDER, ANY_ORDER = 41, 5
 MOST_MIXED = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Band:
     """A window of whole periods, sampled so that a band of frequencies is seen unfolded.
 
@@ -145,7 +145,7 @@ def plan_band(
         again = itertools.chain([first], possible)
         clean = (n for n in again if kept_apart(cycles, mixed, n))
         n = next(clean, first)
-        return Band(tones, window, n, _common_zone(halves, n) or 0)
+        return Band(tones_hz=tones, window_s=window, samples=n, zone=_common_zone(halves, n) or 0)
     raise BadInput(
         f"{tones_in_words(tones)}: no sampling of {float(window)!r} s "
         f"{f'with {samples} samples' if samples else f'up to {MOST_SAMPLES} samples'} keeps them "

@@ -36,7 +36,7 @@ GRAIN_BITS = 50
 LARGEST_GRAIN = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Window:
     """When to sample one run: t_j = settle + j step, j < samples; how many held steps a step has.
 

@@ -72,11 +72,11 @@ class Batch:
         """Run all that was asked for since the last call, in one batch."""
         runs = [
             Run(
-                values,
-                window.settle_s,
-                window.step_s,
-                window.samples,
-                tuple(outputs),
+                start_values=values,
+                settle_s=window.settle_s,
+                sample_step_s=window.step_s,
+                samples=window.samples,
+                outputs=tuple(outputs),
                 input_signal=signal,
             )
             for values, window, signal, outputs in self._runs[len(self._answers) :]

@@ -62,7 +62,7 @@ SHARES: Mapping[Kind, float] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Decision:
     """One choice of a plan, the relative error of an amplitude that it may cost, and the reason.
 
@@ -134,7 +134,7 @@ class Budget:
         return tuple(d for d in found if not subject or d.subject == subject)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanRecord:
     """A plan as a result holds it; `settings` are the start values that it chose for the FMU."""
 

@@ -25,7 +25,7 @@ class Approach:
     value: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drive:
     """What an FMU is driven with, and what is read of it.
 
@@ -86,7 +86,7 @@ class Drive:
         if self.input is not None:
             settle_s = whole_steps(settle_s, held_s)
         # the tones are not read of it
-        times = Window((), settle_s, step_s, samples)
+        times = Window(tones_hz=(), settle_s=settle_s, step_s=step_s, samples=samples)
         return self._run(settings, times, self.outputs, held_s)
 
     def _run(
@@ -99,14 +99,29 @@ class Drive:
         signal, moved = None, ""
         segments: tuple[Segment, ...] = ()
         values = {**self.start_values, **settings}
-        times = window.settle_s, window.step_s, window.samples
         if self.input is not None:
             rows = tuple((tone, self.level, 0.0) for tone in self.tones_hz)
             signal = InputSignal(self.input, rows, input_step_s)
         if self.approach is not None:
             moved, values[self.approach.name] = self.approach.name, self.approach.first
-            segments = (Segment(self.approach.value, *times),)
-        return Run(values, *times, outputs, input_signal=signal, moved=moved, segments=segments)
+            segments = (
+                Segment(
+                    value=self.approach.value,
+                    settle_s=window.settle_s,
+                    sample_step_s=window.step_s,
+                    samples=window.samples,
+                ),
+            )
+        return Run(
+            start_values=values,
+            settle_s=window.settle_s,
+            sample_step_s=window.step_s,
+            samples=window.samples,
+            outputs=outputs,
+            input_signal=signal,
+            moved=moved,
+            segments=segments,
+        )
 
     def fit(self, window: Window) -> ToneFit:
         """The fit of the lines in the last samples of a run with that window."""

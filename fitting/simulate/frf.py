@@ -40,7 +40,7 @@ LONGEST_SETTLE_S = 100.0
 APART = 0.02
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sweep:
     """What to simulate: ``tone`` is the tunable parameter that is moved, in ``tone_unit``.
 
@@ -94,7 +94,7 @@ class Jump:
     high_hz: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SweepResponse:
     """Curves of a sweep, in the output's unit, the jumps between them, and the plan of it.
 
@@ -204,7 +204,14 @@ def _path_run(what: Sweep, path: Sequence[float], plan: DrivePlan) -> tuple[Run,
     windows = [drive.window(plan.settle_s, plan.order, plan.longest_s) for drive in drives]
     first, *rest = zip(drives, windows, strict=True)
     segments = tuple(
-        Segment(d.approach.value, plan.settle_s, w.step_s, w.samples) for d, w in rest if d.approach
+        Segment(
+            value=d.approach.value,
+            settle_s=plan.settle_s,
+            sample_step_s=w.step_s,
+            samples=w.samples,
+        )
+        for d, w in rest
+        if d.approach
     )
     return replace(first[0].run(first[1], plan.settings), segments=segments), windows
 

@@ -104,7 +104,7 @@ def knowledge_of(
     return Knowledge(merged, description.variables)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanOptions:
     """What a plan is for.
 
@@ -124,7 +124,7 @@ class PlanOptions:
     fixed: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DrivePlan:
     """What to simulate for some drives.
 
@@ -236,7 +236,7 @@ class _Planner:
         self._input(settings, settled.settle_s)
         order, readings = self._samples(settings, settled.settle_s)
         rounding = max(reading.rounding for reading in readings)
-        self._add(Decision(Kind.ROUNDING, Basis.DOUBLE, rounding))
+        self._add(Decision(kind=Kind.ROUNDING, basis=Basis.DOUBLE, bound=rounding))
         longest_s = self.probe.longest_s
         windows = tuple(d.window(settled.settle_s, order, longest_s) for d in self.probe.drives)
         decisions = list(self.budget.decisions)
@@ -524,7 +524,12 @@ class _Planner:
         if substep in self.options.fixed or self._too_long(settings):
             return stated
         reduced = {**settings, **reduction.set}
-        full = FullModel({**settings, **self._fine(settings)}, substep, first[substep], ORDERS[2])
+        full = FullModel(
+            settings={**settings, **self._fine(settings)},
+            substep=substep,
+            first=first[substep],
+            order=ORDERS[2],
+        )
         try:
             found = measured(
                 self.probe, {**reduced, **self._fine(reduced)}, full, (left, most), self.limits

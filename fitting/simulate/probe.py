@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ TOLERANCES = 1e-3, 1e-9
 UNNAMED = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reading:
     """Tones in one run: complex amplitudes (tones, outputs) with the phase at time 0.
 
@@ -91,6 +91,7 @@ class Probe:
 
     drives: tuple[Drive, ...]
     workers: Workers
+    _: KW_ONLY
     substep: str | None = None
     tolerance: str | None = None
     of_largest: bool = False

@@ -22,7 +22,7 @@ FINE = 0.1
 HALVINGS, ORDER_FOUR = 8, 16.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FullModel:
     """The full model: its start values, the name of its substep and a first value of that, s.
 

@@ -62,7 +62,7 @@ class Trace:
     values: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Spectrum:
     """Amplitudes (bins, outputs), V peak for volts, at frequencies (bins,) in Hz, ascending.
 
@@ -116,7 +116,7 @@ class MixedLine:
     amplitudes: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DriveResponse:
     """What came of a drive.
 
@@ -286,7 +286,7 @@ def _spectrum(band: Band, coherent: bool, values: FloatArray) -> tuple[FloatArra
     return frequencies[::upwards], amplitudes[::upwards]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Lines:
     """Amplitudes of a response at the tones, at combinations of them, elsewhere: (any, outputs).
 

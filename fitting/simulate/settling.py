@@ -44,7 +44,7 @@ class Limits:
     longest_s: float = math.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Settled:
     """Time to settle, the error that is left, and what was seen at the end.
 

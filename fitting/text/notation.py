@@ -124,7 +124,7 @@ def hertz(*values_hz: float, digits: int = 9, joined: str = " and ") -> str:
     return f"{joined.join(f'{value / factor:.{digits}g}' for value in values_hz)} {unit}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scaling:
     """How values are drawn: (value - offset)/factor, in `unit`; `origin` is the offset in words."""
 
@@ -154,14 +154,14 @@ def scaling_for(values: Iterable[float], unit: str) -> Scaling:
     span = max(finite) - min(finite) if finite else 0.0
     if not _CONSTANT * size < span < _NARROW * size:
         factor, shown = prefixed(size, unit)
-        return Scaling(0.0, factor, shown)
+        return Scaling(offset=0.0, factor=factor, unit=shown)
     step = 10.0 ** math.floor(math.log10(span / 5.0))
     middle = round(0.5 * (max(finite) + min(finite)) / step) * step
     whole, named = prefixed(abs(middle), unit)
     digits = max(0, round(math.log10(whole / step)))
     origin = f"{middle / whole:.{digits}f}".replace("-", "−") + (f" {named}" if named else "")
     factor, shown = prefixed(span, unit)
-    return Scaling(middle, factor, shown, origin)
+    return Scaling(offset=middle, factor=factor, unit=shown, origin=origin)
 
 
 def power_of_ten(exponent: int) -> str:

@@ -28,7 +28,7 @@ class Column:
     index: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Table:
     """A delimited text file: ``columns``, ``cells`` (rows of text) and the line of every row."""
 

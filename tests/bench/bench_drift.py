@@ -40,13 +40,13 @@ def longer(bound: BoundCampaign, count: int) -> BoundCampaign:
         pairs.append(replace(old, label=label, settings={**old.settings, "eta_plus": state}))
         offsets.append(
             Parameter(
-                f"offset[{label}]",
-                "Hz",
-                -180.0,
-                180.0,
-                0.0,
-                0.0,
-                30.0,
+                name=f"offset[{label}]",
+                unit="Hz",
+                lower=-180.0,
+                upper=180.0,
+                start=0.0,
+                reference=0.0,
+                scale=30.0,
                 experiment=label,
                 adds_to=("eta_plus", "eta_minus"),
                 prior_sigma=30.0,
@@ -72,7 +72,10 @@ def main() -> None:
 def _row(bound: BoundCampaign, workers: FmuWorkers) -> None:
     response = through(workers, bound, drafted(bound), bound.alternatives[0])
     objective = Objective(
-        response, bound.parameters, problem_of([bound]).data, np.full(len(bound.parameters), 1e-3)
+        response=response,
+        parameters=bound.parameters,
+        data=problem_of([bound]).data,
+        steps=np.full(len(bound.parameters), 1e-3),
     )
     x = np.zeros(len(bound.parameters))
     evaluate_many(objective, [x])

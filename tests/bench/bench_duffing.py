@@ -75,12 +75,20 @@ def scenes() -> Iterator[Scene]:
     alpha = width / eta * (2 * math.pi * eta) ** 2 * 8.0 / 3.0
     yield Scene(
         "1 kHz, Q 200",
-        TwoModes(0.0, width, width, eta, 1.0126 * eta),
+        TwoModes(
+            theta_rad=0.0, d1_hz=width, d2_hz=width, eta_plus_hz=eta, eta_minus_hz=1.0126 * eta
+        ),
         Cubic(alpha),
         Drive.equal((eta - 1.0, eta + 2.0), 0.3 * force),
     )
     lab = duffing_bench()
-    alone = TwoModes(0.0, lab.modes.widths_hz()[0], 100.0, 6940260.0, 7027600.0)
+    alone = TwoModes(
+        theta_rad=0.0,
+        d1_hz=lab.modes.widths_hz()[0],
+        d2_hz=100.0,
+        eta_plus_hz=6940260.0,
+        eta_minus_hz=7027600.0,
+    )
     yield Scene(
         "string, 6.94 MHz, Q 73,700",
         alone,

@@ -230,17 +230,36 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
     """Sum of squares in units of the noise: the exact Gaussian posterior, whatever nu is."""
     sigma, prior = np.array([0.1, 0.3]), 0.5
     parameters = (
-        Parameter("a", "1", -9.0, 9.0, 0.0, 0.0, 1.0, prior_sigma=2.0),
+        Parameter(
+            name="a",
+            unit="1",
+            lower=-9.0,
+            upper=9.0,
+            start=0.0,
+            reference=0.0,
+            scale=1.0,
+            prior_sigma=2.0,
+        ),
         *(
             Parameter(
-                f"o[{m}]", "1", -9.0, 9.0, 0.0, 0.0, prior, experiment=str(m), prior_sigma=prior
+                name=f"o[{m}]",
+                unit="1",
+                lower=-9.0,
+                upper=9.0,
+                start=0.0,
+                reference=0.0,
+                scale=prior,
+                experiment=str(m),
+                prior_sigma=prior,
             )
             for m in (1, 2)
         ),
     )
     data = np.array([0.7, -0.2])  # peaks 1 + data, relative errors sigma
     measured = dataset(1.0 + data, sigma * (1.0 + data), weigh=True)
-    objective = Objective(Line(), parameters, measured, np.full(3, 1e-3))
+    objective = Objective(
+        response=Line(), parameters=parameters, data=measured, steps=np.full(3, 1e-3)
+    )
     matrix = np.array([[1.0, 1.0, 0.0], [2.0, 0.0, 2.0]])
     precision = np.diag(1.0 / np.array([2.0, prior, prior]) ** 2)
     noise = np.diag((sigma * (1.0 + data)) ** -2)

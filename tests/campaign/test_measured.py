@@ -110,7 +110,7 @@ def test_spectra_noise_and_drift_that_cannot_be_are_refused() -> None:
     with pytest.raises(BadInput, match="2 points; wanted at least 3"):
         Spectrum(F[:2], A[:2])
     with pytest.raises(BadInput, match=r"x\.csv: amplitudes: 3 of them, wanted 4"):
-        Spectrum(F[:4], A[:3], Path("x.csv"))
+        Spectrum(F[:4], A[:3], source=Path("x.csv"))
     for share in (-0.1, 1.0, np.nan):
         with pytest.raises(BadInput, match="wanted a share from 0 to below 1"):
             Noise(relative=share)

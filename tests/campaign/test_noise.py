@@ -56,7 +56,9 @@ def string_q1(fmu: Path, folder: Path, noise: str) -> BoundCampaign:
 def row_by_row(evaluator: Evaluator, x: np.ndarray, sigma: np.ndarray) -> Linearisation:
     """Rows over their noise at x, priors of precision 0.1 beside them."""
     rows, matrix = evaluator.point(x).residuals, evaluator.jacobian(x)
-    return Linearisation(rows / sigma, matrix / sigma[:, np.newaxis], np.full(3, 0.1**-0.5))
+    return Linearisation(
+        rows=rows / sigma, matrix=matrix / sigma[:, np.newaxis], prior=np.full(3, 0.1**-0.5)
+    )
 
 
 def test_declared_parts_add_in_quadrature_to_the_floor(
@@ -101,7 +103,9 @@ def test_noise_that_makes_no_sense_is_refused(
 def test_rms_noise_is_a_peak_noise_of_root_two() -> None:
     table = read_record(WrittenNoise, {"relative": 0.02}, Path("c.toml"), "noise")
     assert table.relative == 0.02
-    assert Noise(0.0, 3.0).beside(np.ones(2), np.full(2, 4.0)) == pytest.approx([5.0, 5.0])
+    assert Noise(relative=0.0, absolute_v=3.0).beside(np.ones(2), np.full(2, 4.0)) == pytest.approx(
+        [5.0, 5.0]
+    )
 
 
 def test_repeats_tell_the_scatter_beyond_the_floor() -> None:
@@ -134,7 +138,9 @@ def test_the_error_of_the_scale_moves_rows_as_it_should(tmp_path: Path) -> None:
         spread = np.full(amplitude_v.size, 0.02 * float(np.max(amplitude_v)))
         sweep = replace(swept(made), sigmas_v=spread)
         data = Dataset((tones, sweep))
-        objective = Objective(response, string_parameters(), data, np.full(3, 1e-3))
+        objective = Objective(
+            response=response, parameters=string_parameters(), data=data, steps=np.full(3, 1e-3)
+        )
         x = np.array([-0.1, 0.3, 0.1])
         [point] = evaluate_many(objective, [x])
         noise = noise_of(objective, point)
@@ -211,7 +217,9 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
     for seed in range(20):
         response = string_response(drift_hz=80.0)
         measured = measured_by(response, noise=0.01, seed=seed)
-        objective = Objective(response, string_parameters(), measured, np.full(3, 1e-3))
+        objective = Objective(
+            response=response, parameters=string_parameters(), data=measured, steps=np.full(3, 1e-3)
+        )
         x = (np.array([1.9498, 120.0, 90.0]) - [p.reference for p in string_parameters()]) / [
             p.scale for p in string_parameters()
         ]

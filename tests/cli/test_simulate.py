@@ -319,7 +319,7 @@ class Cubic:
 
 
 def test_mixtures_of_the_tones_belong_to_the_response() -> None:
-    drive = Drive({}, (310.0, 320.0), ("y",))
+    drive = Drive(start_values={}, tones_hz=(310.0, 320.0), outputs=("y",))
     plan = plan_drives((drive,), 1e-6, Cubic(own=0.0), Knowledge())
     assert plan.budget.kept
     response = respond(Cubic(own=0.0), plan, Shown(window_s=2.0))

@@ -96,7 +96,9 @@ def test_a_linear_fmu_has_one_curve_and_it_is_the_closed_form(
     assert main(["sweep", str(oscillator_fmu), *words]) == 0
     table = read(tmp_path / "sweep.csv")
     up, down = table["q1_hybrid up (m)"], table["q1_hybrid down (m)"]
-    modes = TwoModes(1.9498, 120.0, 90.0, 6940260.0, 7027600.0)
+    modes = TwoModes(
+        theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
+    )
     wanted = np.abs(steady_state(modes, table["frequency (Hz)"])[:, 0])
     assert np.abs(up - down).max() <= 1e-7 * up.max()  # rounding of phases after 2 s at 7 MHz
     assert up == pytest.approx(wanted, rel=1e-7)
@@ -170,9 +172,26 @@ VALUES = {"theta": 1.9498, "d1": 120.0, "u1": 6940250.0, "A2": 0.0}
 
 def test_segments_to_the_same_value_are_a_run_that_goes_on(oscillator_fmu: Path) -> None:
     with FmuWorkers(oscillator_fmu) as workers:
-        whole = Run(VALUES, 1e-3, 1e-4, 12, ("q1_hybrid",))
-        segments = (Segment(6940250.0, 1e-4, 1e-4, 3), Segment(6940250.0, 1e-4, 1e-4, 5))
-        parted = Run(VALUES, 1e-3, 1e-4, 4, ("q1_hybrid",), moved="u1", segments=segments)
+        whole = Run(
+            start_values=VALUES,
+            settle_s=1e-3,
+            sample_step_s=1e-4,
+            samples=12,
+            outputs=("q1_hybrid",),
+        )
+        segments = (
+            Segment(value=6940250.0, settle_s=1e-4, sample_step_s=1e-4, samples=3),
+            Segment(value=6940250.0, settle_s=1e-4, sample_step_s=1e-4, samples=5),
+        )
+        parted = Run(
+            start_values=VALUES,
+            settle_s=1e-3,
+            sample_step_s=1e-4,
+            samples=4,
+            outputs=("q1_hybrid",),
+            moved="u1",
+            segments=segments,
+        )
         one, other, again = workers.run([whole, parted, parted])
     assert parted.rows == 12
     assert row_times(parted) == pytest.approx(row_times(whole), rel=1e-12)
@@ -182,11 +201,24 @@ def test_segments_to_the_same_value_are_a_run_that_goes_on(oscillator_fmu: Path)
 
 def test_a_moved_tone_is_followed_without_a_leap(oscillator_fmu: Path) -> None:
     """Right after a move the displacement is what it was; long after it is the other tone's."""
-    modes = TwoModes(1.9498, 120.0, 90.0, 6940260.0, 7027600.0)
+    modes = TwoModes(
+        theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
+    )
     values = VALUES | {"d2": 90.0, "eta_plus": 6940260.0, "eta_minus": 7027600.0}
-    segments = (Segment(6940310.0, 1e-10, 1e-9, 1), Segment(6940310.0, 0.2, 1e-9, 1000))
+    segments = (
+        Segment(value=6940310.0, settle_s=1e-10, sample_step_s=1e-9, samples=1),
+        Segment(value=6940310.0, settle_s=0.2, sample_step_s=1e-9, samples=1000),
+    )
     with FmuWorkers(oscillator_fmu) as workers:
-        run = Run(values, 0.2, 1.0, 1, ("q1_hybrid",), moved="u1", segments=segments)
+        run = Run(
+            start_values=values,
+            settle_s=0.2,
+            sample_step_s=1.0,
+            samples=1,
+            outputs=("q1_hybrid",),
+            moved="u1",
+            segments=segments,
+        )
         rows = workers.run([run])[0][:, 0]
     amplitudes = np.abs(steady_state(modes, np.array([6940250.0, 6940310.0]))[:, 0])
     assert abs(rows[1] - rows[0]) < 2 * math.pi * 7e6 * 1.1e-10 * amplitudes[0]
@@ -194,20 +226,28 @@ def test_a_moved_tone_is_followed_without_a_leap(oscillator_fmu: Path) -> None:
 
 
 def test_segments_that_cannot_be_are_refused(oscillator_fmu: Path) -> None:
-    segments = (Segment(1.0, 0.0, 1.0, 1),)
+    segments = (Segment(value=1.0, settle_s=0.0, sample_step_s=1.0, samples=1),)
     with pytest.raises(BadInput, match="wanted a start value"):
-        Run({}, 0.0, 1.0, 1, ("q1_hybrid",), moved="u1", segments=segments)
+        Run(
+            start_values={},
+            settle_s=0.0,
+            sample_step_s=1.0,
+            samples=1,
+            outputs=("q1_hybrid",),
+            moved="u1",
+            segments=segments,
+        )
     with pytest.raises(BadInput, match="wanted finite numbers"):
-        Segment(math.nan, 0.0, 1.0, 1)
+        Segment(value=math.nan, settle_s=0.0, sample_step_s=1.0, samples=1)
     with FmuWorkers(oscillator_fmu) as workers, pytest.raises(BadInput, match="tunable Real"):
         workers.run(
             [
                 Run(
-                    {"reflection": True},
-                    0.0,
-                    1.0,
-                    1,
-                    ("q1_hybrid",),
+                    start_values={"reflection": True},
+                    settle_s=0.0,
+                    sample_step_s=1.0,
+                    samples=1,
+                    outputs=("q1_hybrid",),
                     moved="reflection",
                     segments=segments,
                 )

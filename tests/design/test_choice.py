@@ -105,14 +105,16 @@ def test_points_without_a_gradient_are_left_out() -> None:
     rows = np.array([[3.0, 0.0], [0.0, 3.0]])
     one = of_rows(rows, np.array([1.0, 0.0]))
     both = DesignProblem(
-        np.repeat(one.base, 2, axis=0),
-        np.repeat(one.gains, 2, axis=0),
-        np.array([[1.0, 0.0], [np.nan, np.nan]]),
-        2,
-        one.costs,
+        base=np.repeat(one.base, 2, axis=0),
+        gains=np.repeat(one.gains, 2, axis=0),
+        gradients=np.array([[1.0, 0.0], [np.nan, np.nan]]),
+        shown=2,
+        costs=one.costs,
     )
     assert choose(both, 1, "target") == choose(one, 1, "target") == [0]
     assert np.isnan(target_sigmas(both, both.base)[1])
-    nowhere = DesignProblem(one.base, one.gains, np.full((1, 2), np.nan), 2, one.costs)
+    nowhere = DesignProblem(
+        base=one.base, gains=one.gains, gradients=np.full((1, 2), np.nan), shown=2, costs=one.costs
+    )
     with pytest.raises(ValueError, match="no gradient at any point"):
         choose(nowhere, 1, "target")

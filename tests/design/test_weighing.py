@@ -82,13 +82,13 @@ def test_offsets_that_are_fitted_bring_their_prior(
 ) -> None:
     """What drifts is then off by what the campaign says, not by a share of the drift."""
     offset = Parameter(
-        "offset[pair1]",
-        "Hz",
-        -90.0,
-        90.0,
-        0.0,
-        0.0,
-        30.0,
+        name="offset[pair1]",
+        unit="Hz",
+        lower=-90.0,
+        upper=90.0,
+        start=0.0,
+        reference=0.0,
+        scale=30.0,
         experiment="pair1",
         adds_to=("eta_plus",),
         prior_sigma=30.0,

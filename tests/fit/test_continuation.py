@@ -197,7 +197,10 @@ def test_the_optimality_measure_is_zero_only_at_a_minimum() -> None:
             return [datasets.answer(np.array([p[0], p[0] + 2 * p[1] + 5.0])) for p in ps]
 
     data = datasets.dataset(np.array([1.0, 5.0]), np.ones(2))
-    box = (Parameter("x", "1", -9, 9, 3, 0, 1), Parameter("y", "1", -9, 9, 0, 0, 1))
+    box = (
+        Parameter(name="x", unit="1", lower=-9, upper=9, start=3, reference=0, scale=1),
+        Parameter(name="y", unit="1", lower=-9, upper=9, start=0, reference=0, scale=1),
+    )
     evaluator = Evaluator(make_objective(Lines(), box, data))
     # rows x - 1 and (x + 2 y)/5: at (3, 0) one unit of -x gives 1 + 1/5, one of -y 2/5
     there = promised_decrease(evaluator, np.array([3.0, 0.0]), 0.0, "slack")
@@ -355,7 +358,9 @@ def test_minima_apart_are_kept_apart() -> None:
             return [datasets.answer(np.array([p[0] ** 2])) for p in ps]
 
     data = datasets.dataset(np.array([4.0]), np.ones(1))
-    box = (Parameter("p", "1", -5.0, 5.0, 3.0, 0.0, 1.0),)
+    box = (
+        Parameter(name="p", unit="1", lower=-5.0, upper=5.0, start=3.0, reference=0.0, scale=1.0),
+    )
     objective = make_objective(Double(), box, data)
     outcome = run_alternative(objective, Schedule(starts=6, seed=2), SolveSettings())
     ends = sorted({round(c.steps[-1].parameters[0], 4) for c in outcome.chains if c.joined is None})

@@ -67,7 +67,7 @@ def shipped(oscillator_fmu: Path) -> Campaigns:
 def acting(problem: Problem, series: str) -> dict[str | None, list[int]]:
     """Positions of the parameters that act in a series: in its sweep (None), in an experiment."""
     bound = problem.campaigns[series]
-    model = DrivenModel(bound.setup, problem.parameters, drafted(bound))
+    model = DrivenModel(setup=bound.setup, parameters=problem.parameters, plan=drafted(bound))
     labels = {e.label.removeprefix(f"{series}/"): e.label for e in bound.experiments}
     return {None: model.columns(None), **{k: model.columns(v) for k, v in labels.items()}}
 
@@ -173,7 +173,13 @@ def joined(
     )
     data = replace(joint.data, measurements=exact)
     response = SideBySide((first, second))
-    return [one, two], joint, Objective(response, string_parameters(), data, np.full(3, 1e-3))
+    return (
+        [one, two],
+        joint,
+        Objective(
+            response=response, parameters=string_parameters(), data=data, steps=np.full(3, 1e-3)
+        ),
+    )
 
 
 def test_joint_rows_are_those_of_each_campaign(tmp_path: Path) -> None:
@@ -185,7 +191,10 @@ def test_joint_rows_are_those_of_each_campaign(tmp_path: Path) -> None:
     for k, (bound, response) in enumerate(zip(bounds, objective.response.members, strict=True)):
         data = problem_of([bound]).data
         [point] = evaluate_many(
-            Objective(response, string_parameters(), data, objective.steps), [x]
+            Objective(
+                response=response, parameters=string_parameters(), data=data, steps=objective.steps
+            ),
+            [x],
         )
         mine = objective.data.series_of_rows == k
         assert np.count_nonzero(mine) == 10
@@ -207,12 +216,16 @@ def test_fitted_sweeps_and_scales_of_a_joint_fit_stay_with_their_series(tmp_path
     members = tuple(replace(response, with_sweep=True) for _, response in made)
     joint = problem_of(bounds)
     steps, x = np.full(3, 1e-3), np.array([0.1, 0.2, -0.1])
-    whole = Objective(SideBySide(members), joint.parameters, joint.data, steps)
+    whole = Objective(
+        response=SideBySide(members), parameters=joint.parameters, data=joint.data, steps=steps
+    )
     [both] = evaluate_many(whole, [x])
     assert joint.data.series_of_rows.tolist() == [0] * 10 + [1] * 10 + [0] * 41 + [1] * 41
     for k, (bound, response) in enumerate(zip(bounds, members, strict=True)):
         data = problem_of([bound]).data
-        [alone] = evaluate_many(Objective(response, bound.parameters, data, steps), [x])
+        [alone] = evaluate_many(
+            Objective(response=response, parameters=bound.parameters, data=data, steps=steps), [x]
+        )
         mine = joint.data.series_of_rows == k
         assert both.residuals[mine] == pytest.approx(alone.residuals, rel=1e-12)
         assert joint.data.level[mine] == pytest.approx(data.level, rel=1e-12)

@@ -127,8 +127,10 @@ def test_leverage_of_a_straight_line() -> None:
 
 def test_the_minimum_of_two_measurements_of_one_number() -> None:
     """2 +- 1 and 5 +- 2 of one number: mean 2.6, chi square 9/5, variance 4/5; the other unseen."""
-    one = Linearisation(np.array([-2.0]), np.array([[1.0, 0.0]]), np.array([100.0, 7.0]))
-    other = Linearisation(np.array([-2.5]), np.array([[0.5, 0.0]]), one.prior)
+    one = Linearisation(
+        rows=np.array([-2.0]), matrix=np.array([[1.0, 0.0]]), prior=np.array([100.0, 7.0])
+    )
+    other = Linearisation(rows=np.array([-2.5]), matrix=np.array([[0.5, 0.0]]), prior=one.prior)
     both = joined([one, other]).minimum(3.0)
     assert both.rank == 1
     assert both.step == pytest.approx([2.6, 0.0])
@@ -153,8 +155,17 @@ def test_whitened_rows_have_unit_variance() -> None:
 
 def test_priors_are_boxes_and_gaussians() -> None:
     """(u - l)/sqrt(12) in units of the scale; a Gaussian in place of it; nu adds its precision."""
-    box = Parameter("a", "Hz", 0.0, 12.0, 1.0, 1.0, 2.0)
-    gaussian = Parameter("b", "Hz", 0.0, 12.0, 1.0, 1.0, 2.0, prior_sigma=3.0)
+    box = Parameter(name="a", unit="Hz", lower=0.0, upper=12.0, start=1.0, reference=1.0, scale=2.0)
+    gaussian = Parameter(
+        name="b",
+        unit="Hz",
+        lower=0.0,
+        upper=12.0,
+        start=1.0,
+        reference=1.0,
+        scale=2.0,
+        prior_sigma=3.0,
+    )
     assert prior_sigmas([box, gaussian]) == pytest.approx([6.0 / math.sqrt(12.0), 1.5])
     expected = 1.0 / math.sqrt(1.0 / 3.0 + 0.1)
     assert prior_sigmas([box], 0.1)[0] == pytest.approx(expected)

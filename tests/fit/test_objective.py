@@ -93,7 +93,9 @@ def test_the_truth_leaves_nothing_and_scale_and_units_do_not_matter(objective: O
     elsewhere = np.array([0.3, 0.4, -0.2])
     response = closed_form.string_response()
     data = louder(closed_form.measured_by(response), 3.7e6)
-    other = Objective(response, objective.parameters, data, objective.steps)
+    other = Objective(
+        response=response, parameters=objective.parameters, data=data, steps=objective.steps
+    )
     one, two = (evaluate_many(o, [elsewhere])[0] for o in (objective, other))
     assert two.residuals == pytest.approx(one.residuals, rel=1e-12)
     assert two.chi / one.chi == pytest.approx(3.7e6, rel=1e-12)
@@ -155,7 +157,12 @@ def test_the_jacobian_stays_inside_the_box(objective: Objective) -> None:
             seen.extend(ps)
             return response.evaluate_many(ps, whole=whole)
 
-    watched = Objective(Watched(), objective.parameters, objective.data, objective.steps)
+    watched = Objective(
+        response=Watched(),
+        parameters=objective.parameters,
+        data=objective.data,
+        steps=objective.steps,
+    )
     matrix = jacobian(watched, lower)
     box = to_model(objective.parameters, lower)
     assert all(np.all(p >= box - 1e-12) for p in seen)
@@ -176,7 +183,12 @@ def test_the_noise_of_a_response_is_measured(objective: Objective, noise: float)
                 peaks[:] *= 1.0 + noise * generator.standard_normal(peaks.size)
             return answers
 
-    noisy = Objective(Noisy(), objective.parameters, objective.data, objective.steps)
+    noisy = Objective(
+        response=Noisy(),
+        parameters=objective.parameters,
+        data=objective.data,
+        steps=objective.steps,
+    )
     found = noise_level(noisy, np.zeros(3), np.full(3, 0.3))
     assert noise / 3.0 < found < 3.0 * noise
 
@@ -220,7 +232,7 @@ def data_of(peaks_v: FloatArray, sigmas_v: FloatArray, sweep_v: FloatArray, scal
 
 def test_a_sweep_without_a_frequency_for_every_point_is_refused() -> None:
     with pytest.raises(ValueError, match="2 frequencies, but 3 amplitudes"):
-        Sweep(SETUP, np.ones(2), np.ones(3))
+        Sweep(setup=SETUP, frequency_hz=np.ones(2), amplitude_v=np.ones(3))
 
 
 def test_totals(objective: Objective) -> None:

@@ -53,7 +53,7 @@ def run(bound: BoundCampaign, hooks: Hooks | None = None, **schedule: object) ->
     options = options_of(bound.continuation)
     options = replace(options, schedule=replace(options.schedule, **schedule))  # type: ignore[arg-type]
     identity = Identity(units={"lambda": "Hz"})
-    asked = ReconstructionOptions(options, hooks or Hooks(), profiles=False)
+    asked = ReconstructionOptions(options, hooks=hooks or Hooks(), profiles=False)
     return reconstruct(problem_of([bound]), respond, identity, asked)
 
 
@@ -488,7 +488,25 @@ def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
 
 def test_resuming_another_job_is_refused(tmp_path: Path) -> None:
     checkpoint.Checkpoint(tmp_path, "another").record(
-        ContinuationStep(0, 0, 0, 0.1, (0.0,), (0.0,), 0, 0, 0, 0, "optimal", "", 0, 0, 0, 0, 0.0)
+        ContinuationStep(
+            alternative=0,
+            start=0,
+            level=0,
+            nu=0.1,
+            x=(0.0,),
+            parameters=(0.0,),
+            j_fit=0,
+            j_reg=0,
+            change=0,
+            optimality=0,
+            status="optimal",
+            message="",
+            iterations=0,
+            evaluations=0,
+            jacobians=0,
+            runs=0,
+            seconds=0.0,
+        )
     )
     args = arguments(str(STRING_Q1), "--out", str(tmp_path), "--resume", "--workers", "1")
     with pytest.raises(BadInput, match="other data, another FMU or other settings"):

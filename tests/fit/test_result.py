@@ -96,23 +96,23 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 
 STEP = ContinuationStep(
-    0,
-    1,
-    2,
-    1e-3,
-    (0.1, 0.2),
-    (1.0, 2.0),
-    0.5,
-    1e-4,
-    0.3,
-    1e-9,
-    "optimal",
-    "done",
-    7,
-    80,
-    9,
-    800,
-    1.5,
+    alternative=0,
+    start=1,
+    level=2,
+    nu=1e-3,
+    x=(0.1, 0.2),
+    parameters=(1.0, 2.0),
+    j_fit=0.5,
+    j_reg=1e-4,
+    change=0.3,
+    optimality=1e-9,
+    status="optimal",
+    message="done",
+    iterations=7,
+    evaluations=80,
+    jacobians=9,
+    runs=800,
+    seconds=1.5,
 )
 
 
@@ -143,17 +143,17 @@ def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:
 
 def test_a_derived_value_without_data_is_not_printed_as_one() -> None:
     held = DerivedResult(
-        647400.0,
-        "Hz",
-        (647399.0, 647401.0),
-        647400.0,
-        1.4,
-        2e2,
-        (647000.0, 647800.0),
-        6.5e5,
-        0.99,
-        "determined",
-        (6e4, 7.8e5),
+        value=647400.0,
+        unit="Hz",
+        values=(647399.0, 647401.0),
+        mean=647400.0,
+        spread=1.4,
+        std=2e2,
+        ci95=(647000.0, 647800.0),
+        reference=6.5e5,
+        shrinkage=0.99,
+        identifiable="determined",
+        box=(6e4, 7.8e5),
     )
     assert held.text() == "647400 ± 2e+02"
     free = replace(held, shrinkage=1e-4, identifiable="not determined")

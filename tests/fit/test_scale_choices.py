@@ -54,7 +54,11 @@ def model_of(one: Series) -> Evaluation:
     peaks = closed_form.amplitude(
         one.bench.pairs_hz[0], (state.eta_plus_hz, state.eta_minus_hz), d, 0
     )
-    return answer(peaks, swept, Maximum(float(np.max(fine)), eta[0], 0.0, bracketed=True))
+    return answer(
+        peaks,
+        swept,
+        Maximum(value=float(np.max(fine)), frequency_hz=eta[0], bias=0.0, bracketed=True),
+    )
 
 
 def shape_of(one: Series) -> FloatArray:
@@ -132,7 +136,12 @@ def test_a_fitted_scale_weighs_sweep_and_peaks_by_their_noise(swept: bool) -> No
         sigma = sweep_scale_sigma(sweep.amplitude_v, sweep.sigmas_v, "fit")
         parameter = scale_parameter(sigma, swept=swept)
         assert (parameter.prior_sigma is None) == swept
-        objective = Objective(Still(model_of(one)), (parameter,), data, np.array([1e-3]))
+        objective = Objective(
+            response=Still(model_of(one)),
+            parameters=(parameter,),
+            data=data,
+            steps=np.array([1e-3]),
+        )
         evaluator = Evaluator(objective)
         held = weights(objective, 1e-12, "squares")
         settings = SolveSettings(misfit="squares", absolute=1e-9, relative=1e-9)

@@ -126,7 +126,15 @@ def test_what_hangs_on_the_background_is_told(sensor: Result) -> None:
 
 def test_a_sweep_without_a_line_is_told_not_refused(tmp_path: Path) -> None:
     f = np.linspace(100.0, 200.0, 30)
-    flat = SweepData(f, 1.0 + 1e-3 * f, None, {}, "fit", "fit", tmp_path / "flat.csv")
+    flat = SweepData(
+        frequency_hz=f,
+        amplitude_v=1.0 + 1e-3 * f,
+        phase_rad=None,
+        settings={},
+        use="fit",
+        scale="fit",
+        source=tmp_path / "flat.csv",
+    )
     line = line_of_sweep(flat)
     assert math.isnan(line.frequency_hz)
     [said] = line_sentences(line)

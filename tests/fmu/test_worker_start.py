@@ -15,7 +15,13 @@ from tests.support.cfmu_build import build_c_fmu
 from tests.support.processes import is_gone, wait_until
 
 ROOT = Path(__file__).parents[2]
-PULLED = Run({"force": 1.0}, 0.0, 1e-3, 2, ("displacement",))
+PULLED = Run(
+    start_values={"force": 1.0},
+    settle_s=0.0,
+    sample_step_s=1e-3,
+    samples=2,
+    outputs=("displacement",),
+)
 
 #: Fifteen lines as one types them: no function, no guard, nothing closed.
 SCRIPT = """
@@ -26,7 +32,10 @@ from fitting.fmu import FmuWorkers, Run
 
 workers = FmuWorkers({fmu!r}, workers=2)
 for force in (1.0, 2.0, 4.0):
-    run = Run({{"force": force}}, 0.0, 1e-3, 2, ("displacement",))
+    run = Run(
+        start_values={{"force": force}}, settle_s=0.0, sample_step_s=1e-3, samples=2,
+        outputs=("displacement",),
+    )
     first, second = workers.run([run, run])
     assert (first == second).all()
     print(force, float(first[-1, 0]))
@@ -142,7 +151,10 @@ import gc, os, sys
 sys.path.insert(0, {str(ROOT)!r})
 from fitting.fmu import FmuWorkers, Run
 workers = FmuWorkers({str(good)!r})
-run = Run({{"force": 1.0}}, 0.0, 1e-3, 2, ("displacement",))
+run = Run(
+    start_values={{"force": 1.0}}, settle_s=0.0, sample_step_s=1e-3, samples=2,
+    outputs=("displacement",),
+)
 before = workers.run([run])[0].tobytes()
 if os.fork() == 0:
     del workers

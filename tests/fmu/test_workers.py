@@ -36,7 +36,13 @@ from tests.support.processes import is_gone, wait_until
 
 MASS, DAMPING, STIFFNESS = 1.25e-3, 2.5e-2, 4.1e3
 START: dict[str, Scalar] = {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
-PULLED = Run({**START, "force": 1.0}, 0.0, 1e-3, 6, ("displacement",))
+PULLED = Run(
+    start_values={**START, "force": 1.0},
+    settle_s=0.0,
+    sample_step_s=1e-3,
+    samples=6,
+    outputs=("displacement",),
+)
 # values of `misbehave`, in the order of the enum in model.h
 HANGS, CRASHES, NAN, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, PENDING, WARNS = range(1, 9)
 HANGS_AT_START, ABORTS = 9, 10
@@ -102,7 +108,14 @@ def test_generated_input_drives_to_the_closed_steady_state(good: Path) -> None:
     step_s = 1 / (frequency_hz * 200)
     signal_ = InputSignal("force", ((frequency_hz, amplitude, phase), (50.0, 0.0, 0.0)), step_s)
     periods, n = 420, 40  # exp(-10 π·420/280) = 3e-21 of the transient is left
-    run = Run(START, periods / frequency_hz, 5 * step_s, n, ("displacement",), input_signal=signal_)
+    run = Run(
+        start_values=START,
+        settle_s=periods / frequency_hz,
+        sample_step_s=5 * step_s,
+        samples=n,
+        outputs=("displacement",),
+        input_signal=signal_,
+    )
     with FmuWorkers(good) as workers:
         [result] = workers.run([run])
     omega = 2 * math.pi * frequency_hz
@@ -338,7 +351,17 @@ def test_folder_names_that_fmus_stumble_over(
     target = odd / "ein FMU (Kopie).fmu"
     target.write_bytes(oscillator_fmu.read_bytes())
     with FmuWorkers(target) as workers:
-        [result] = workers.run([Run({"theta": 1.95}, 0.0, 1.0, 1, ("lambda",))])
+        [result] = workers.run(
+            [
+                Run(
+                    start_values={"theta": 1.95},
+                    settle_s=0.0,
+                    sample_step_s=1.0,
+                    samples=1,
+                    outputs=("lambda",),
+                )
+            ]
+        )
     assert 0.6e6 < result[0, 0] < 0.7e6
 
 
@@ -348,11 +371,16 @@ def test_the_oscillator_is_reused(oscillator_fmu: Path) -> None:
     angles = [1.9498, 2.0406, 1.7, 1.8, 2.5]
     runs = [
         Run(
-            {"theta": a, "eta_plus": eta_plus, "eta_minus": eta_minus, "periodic_start": True},
-            0.0,
-            1e-6,
-            2,
-            ("lambda", "q1_hybrid"),
+            start_values={
+                "theta": a,
+                "eta_plus": eta_plus,
+                "eta_minus": eta_minus,
+                "periodic_start": True,
+            },
+            settle_s=0.0,
+            sample_step_s=1e-6,
+            samples=2,
+            outputs=("lambda", "q1_hybrid"),
         )
         for a in angles
     ]
@@ -366,7 +394,13 @@ def test_the_oscillator_is_reused(oscillator_fmu: Path) -> None:
 
 
 def test_two_fmus_at_once_do_not_disturb_each_other(good: Path, oscillator_fmu: Path) -> None:
-    run = Run({"theta": 1.9}, 0.0, 1e-6, 3, ("q1_hybrid",))
+    run = Run(
+        start_values={"theta": 1.9},
+        settle_s=0.0,
+        sample_step_s=1e-6,
+        samples=3,
+        outputs=("q1_hybrid",),
+    )
     with FmuWorkers(good) as a, FmuWorkers(oscillator_fmu) as b, FmuWorkers(oscillator_fmu) as c:
         b.run([run])
         [pulled] = a.run([PULLED])
@@ -420,12 +454,19 @@ import signal, sys
 from fitting.fmu import FmuWorkers, Run
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 workers = FmuWorkers(sys.argv[1])
-run = Run({"mass": 1.0}, 0.0, 1.0, 2, ("displacement",))
+run = Run(
+    start_values={"mass": 1.0}, settle_s=0.0, sample_step_s=1.0, samples=2,
+    outputs=("displacement",),
+)
 workers.run([run])
 [process] = workers._open.processes
 print(process.pid, workers._open.home, process._pulse.numbers[BEGUN], flush=True)
 if sys.argv[2] == "busy":
-    workers.run([Run({"misbehave": 1}, 0.0, 1.0, 2, ("displacement",))])
+    run = Run(
+        start_values={"misbehave": 1}, settle_s=0.0, sample_step_s=1.0, samples=2,
+        outputs=("displacement",),
+    )
+    workers.run([run])
 sys.stdin.read()
 """.replace("BEGUN", str(BEGUN))
 

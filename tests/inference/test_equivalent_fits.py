@@ -24,7 +24,23 @@ TURNED = np.array([1.9498 - np.pi / 2, 90.0, 120.0])
 
 def step(p: np.ndarray, j: float) -> ContinuationStep:
     return ContinuationStep(
-        0, 0, 0, 1e-9, tuple(p), tuple(p), j, 0.0, 0.0, 0.0, "optimal", "", 1, 1, 1, 1, 0.0
+        alternative=0,
+        start=0,
+        level=0,
+        nu=1e-9,
+        x=tuple(p),
+        parameters=tuple(p),
+        j_fit=j,
+        j_reg=0.0,
+        change=0.0,
+        optimality=0.0,
+        status="optimal",
+        message="",
+        iterations=1,
+        evaluations=1,
+        jacobians=1,
+        runs=1,
+        seconds=0.0,
     )
 
 
@@ -66,17 +82,19 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     assert closed_form.damping(there[0], 90.0, 120.0, True) == pytest.approx(same)
     outputs = both_modes(reflection=True).derived_many([there])[0]
     twin = Equivalent(
-        dict(zip(("theta", "d1", "d2"), map(float, there), strict=True)),
-        {name: float(np.mean(v)) for name, v in outputs.items()},
-        0.0,
-        "alternative",
-        "reflection = True fits as well",
-        "reflection = True",
+        parameters=dict(zip(("theta", "d1", "d2"), map(float, there), strict=True)),
+        derived={name: float(np.mean(v)) for name, v in outputs.items()},
+        delta=0.0,
+        origin="alternative",
+        sentence="reflection = True fits as well",
+        where="reflection = True",
     )
     sigma = measured.sigma
     x = to_search(objective.parameters, TRUTH)
     noise = RowNoise(sigma, np.zeros((sigma.size, 1)))
-    knowledge = know(objective, x, noise, InferenceOptions({"lambda": "Hz"}, alternatives=(twin,)))
+    knowledge = know(
+        objective, x, noise, InferenceOptions(units={"lambda": "Hz"}, alternatives=(twin,))
+    )
     for name in ("theta", "d1", "d2"):
         profile = knowledge.parameters[name]
         assert profile.verdict == "partly determined", name

@@ -57,7 +57,10 @@ def learn(
     sigma = measured.sigma
     x = to_search(objective.parameters, np.array(start))
     knowledge = know(
-        objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), InferenceOptions({"lambda": "Hz"})
+        objective,
+        x,
+        RowNoise(sigma, np.zeros((sigma.size, 1))),
+        InferenceOptions(units={"lambda": "Hz"}),
     )
     return objective, knowledge
 
@@ -163,7 +166,9 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
         def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
             return [{"k": np.array([p[0]]), "square": np.array([p[0] ** 2])} for p in ps]
 
-    parameter = Parameter("k", "", -3.0, 3.0, 1.0, 0.0, 1.0)
+    parameter = Parameter(
+        name="k", unit="", lower=-3.0, upper=3.0, start=1.0, reference=0.0, scale=1.0
+    )
     measured = dataset(np.full(6, 2.25), np.full(6, 0.02))
     objective = make_objective(Square(), (parameter,), measured)
     knowledge = know(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))

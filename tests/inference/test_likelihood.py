@@ -163,7 +163,9 @@ def test_points_at_which_the_model_fails_are_left_out() -> None:
     whole = string_objective()
     old = closed_form.string_response()
     bad = Failing(old.pairs_hz, old.eta_plus_hz, old.eta_minus_hz, old.sweep_hz)
-    objective = Objective(bad, whole.parameters, whole.data, whole.steps)
+    objective = Objective(
+        response=bad, parameters=whole.parameters, data=whole.data, steps=whole.steps
+    )
     evaluator = evaluator_of(objective)
     good, failed = np.zeros(3), np.array([0.0, 1.3, 0.0])
     answers = evaluator([Request((good, failed, good))])[0]

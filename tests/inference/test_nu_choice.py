@@ -21,7 +21,15 @@ NUS = [0.1 * 0.1**k for k in range(9)]
 def rows_of(misfit: list[float], distance: list[float]) -> list[NuRow]:
     bends = curvatures(misfit, distance)
     return [
-        NuRow(nu, a, b, math.nan, bend, {}, {})
+        NuRow(
+            nu=nu,
+            j_fit=a,
+            distance=b,
+            chi_square=math.nan,
+            curvature=bend,
+            parameters={},
+            derived={},
+        )
         for nu, a, b, bend in zip(NUS, misfit, distance, bends, strict=False)
     ]
 
@@ -54,23 +62,23 @@ def test_a_curve_that_goes_nowhere_has_no_corner() -> None:
 def steps_at(objective: Objective, xs: list[np.ndarray]) -> list[ContinuationStep]:
     return [
         ContinuationStep(
-            0,
-            0,
-            k,
-            NUS[k],
-            tuple(map(float, x)),
-            (0.0,) * 3,
-            1.0 / (k + 1),
-            0.0,
-            0.0,
-            0.0,
-            "optimal",
-            "",
-            0,
-            0,
-            0,
-            0,
-            0.0,
+            alternative=0,
+            start=0,
+            level=k,
+            nu=NUS[k],
+            x=tuple(map(float, x)),
+            parameters=(0.0,) * 3,
+            j_fit=1.0 / (k + 1),
+            j_reg=0.0,
+            change=0.0,
+            optimality=0.0,
+            status="optimal",
+            message="",
+            iterations=0,
+            evaluations=0,
+            jacobians=0,
+            runs=0,
+            seconds=0.0,
         )
         for k, x in enumerate(xs)
     ]

@@ -75,7 +75,9 @@ def test_a_crooked_likelihood_gives_its_own_interval() -> None:
     """z* = 1, relative sigma s: chi^2 = m (exp(k) - 1)^2/s^2, so k = ln(1 + c s/sqrt m)."""
     m, s = 4, 1.0
     response = Exponential(np.zeros(m))
-    parameter = Parameter("k", "", -6.0, 3.0, 0.5, 0.0, 1.0)
+    parameter = Parameter(
+        name="k", unit="", lower=-6.0, upper=3.0, start=0.5, reference=0.0, scale=1.0
+    )
     measured = dataset(np.ones(m), np.full(m, s))
     objective = make_objective(response, (parameter,), measured)
     with np.errstate(invalid="ignore"):
@@ -96,7 +98,9 @@ def test_an_interval_that_meets_the_bound_says_so() -> None:
     """The same with so much noise that exp(k) = 0 fits: nothing ends the interval below."""
     m, s = 4, 1.2
     response = Exponential(np.zeros(m))
-    parameter = Parameter("k", "", -6.0, 3.0, 0.5, 0.0, 1.0)
+    parameter = Parameter(
+        name="k", unit="", lower=-6.0, upper=3.0, start=0.5, reference=0.0, scale=1.0
+    )
     measured = dataset(np.ones(m), np.full(m, s))
     with np.errstate(invalid="ignore"):
         knowledge = known(make_objective(response, (parameter,), measured), [0.1])

@@ -73,7 +73,7 @@ def runs_at(x: FloatArray) -> list[Run]:
     outputs = tuple(f"q{m}_hybrid_{part}_u{t}" for m in (1, 2) for t in (1, 2) for part in "XY")
     return [
         Run(
-            {
+            start_values={
                 **fitted,
                 "eta_plus": e[0],
                 "eta_minus": e[1],
@@ -83,10 +83,10 @@ def runs_at(x: FloatArray) -> list[Run]:
                 "A2": 1.0,
                 "periodic_start": True,
             },
-            0.0,
-            1.0,
-            1,
-            outputs,
+            settle_s=0.0,
+            sample_step_s=1.0,
+            samples=1,
+            outputs=outputs,
         )
         for u, e in tones
     ]

@@ -29,7 +29,9 @@ def alpha_of(strength: float) -> float:
 
 def alone(width: float = WIDTH) -> TwoModes:
     """One mode of some width; the other one is far and its damping does not couple."""
-    return TwoModes(0.0, width, width, ETA, 300.0 * ETA)
+    return TwoModes(
+        theta_rad=0.0, d1_hz=width, d2_hz=width, eta_plus_hz=ETA, eta_minus_hz=300.0 * ETA
+    )
 
 
 def roots(alpha: float, u: float, force: float, width: float = WIDTH) -> list[float]:
@@ -42,7 +44,13 @@ def roots(alpha: float, u: float, force: float, width: float = WIDTH) -> list[fl
 
 def test_lines_are_those_of_the_full_equations() -> None:
     """Two modes, all cubic terms, two tones: settled motion by DOP853, line by line."""
-    modes = TwoModes(1.9498, WIDTH, 0.8 * WIDTH, ETA, ETA + 2.6 * WIDTH)
+    modes = TwoModes(
+        theta_rad=1.9498,
+        d1_hz=WIDTH,
+        d2_hz=0.8 * WIDTH,
+        eta_plus_hz=ETA,
+        eta_minus_hz=ETA + 2.6 * WIDTH,
+    )
     cubic = Cubic(alpha_of(0.6), -0.5 * alpha_of(0.6), 0.4 * alpha_of(0.6))
     u, level = (990.0, 1010.0), 0.7 * FORCE
     lines = steady_lines(modes, cubic, Drive.equal(u, level))

@@ -33,7 +33,14 @@ def exact(modes: TwoModes, u: float) -> list[mp.mpc]:
 @pytest.mark.parametrize("reflection", [False, True])
 @pytest.mark.parametrize("u", [6940160.0, 6940260.0, 7027610.0, 6.98e6, 1e3])
 def test_steady_state_agrees_with_fifty_digits(u: float, reflection: bool) -> None:
-    modes = TwoModes(1.9498, 120.0, 90.0, 6940260.0, 7027600.0, reflection)
+    modes = TwoModes(
+        theta_rad=1.9498,
+        d1_hz=120.0,
+        d2_hz=90.0,
+        eta_plus_hz=6940260.0,
+        eta_minus_hz=7027600.0,
+        reflection=reflection,
+    )
     found = steady_state(modes, np.array([u]))[0]
     for value, truth in zip(found, exact(modes, u), strict=True):
         assert abs(complex(truth) - value) < 1e-13 * abs(complex(truth))
@@ -41,7 +48,9 @@ def test_steady_state_agrees_with_fifty_digits(u: float, reflection: bool) -> No
 
 def test_widths_follow_the_papers_formula() -> None:
     c2 = np.cos(1.9498) ** 2
-    plus, minus = TwoModes(1.9498, 120.0, 90.0, 6940260.0, 7027600.0).widths_hz()
+    plus, minus = TwoModes(
+        theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
+    ).widths_hz()
     assert plus == pytest.approx(c2 * 120 + (1 - c2) * 90, rel=1e-14)
     assert minus == pytest.approx((1 - c2) * 120 + c2 * 90, rel=1e-14)
 

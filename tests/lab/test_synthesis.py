@@ -21,7 +21,9 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.toml import Tables
 
-MODES = TwoModes(1.9498, 120.0, 90.0, 6940260.0, 7027600.0)
+MODES = TwoModes(
+    theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
+)
 
 
 @pytest.mark.parametrize("name", ["q1", "duffing"])
@@ -75,7 +77,9 @@ def test_what_the_bench_does_not_have_is_refused(changes: dict[str, float], word
 
 def test_both_kinds_of_sample_answer_alike_without_cubic_terms() -> None:
     """Unequal tones, one mode driven more than the other, a line that is not there."""
-    drive = Drive((6940250.0, 6940290.0), (0.3, -0.7), (1.0, 0.2), ((0, 1), (1, 0), (2, -1)))
+    drive = Drive(
+        (6940250.0, 6940290.0), (0.3, -0.7), gains=(1.0, 0.2), lines=((0, 1), (1, 0), (2, -1))
+    )
     linear = MODES.shifted(7.0).amplitudes(drive)
     cubic = CubicModes(MODES, Cubic(0.0)).shifted(7.0).amplitudes(drive)
     assert np.abs(cubic - linear).max() < 1e-12 * np.abs(linear).max()

@@ -63,7 +63,9 @@ def test_amplitudes_are_those_of_another_solution(observed: int, reflect: bool) 
 
 def test_width_and_crest_of_modes_without_damping_between_them() -> None:
     """With d1 = d2 the modes are two plain oscillators: 1/((2 pi)^2 w sqrt(eta^2 - w^2/4))."""
-    modes = TwoModes(1.1, 600.0, 600.0, 30.3e3, 41.0e3)
+    modes = TwoModes(
+        theta_rad=1.1, d1_hz=600.0, d2_hz=600.0, eta_plus_hz=30.3e3, eta_minus_hz=41.0e3
+    )
     assert exact_modes.line_width_hz(modes, 0) == pytest.approx(600.0, rel=1e-15)
     top = 1.0 / ((2 * math.pi) ** 2 * 600.0 * math.sqrt(30.3e3**2 - 150.0 * 600.0))
     assert exact_modes.crest(modes, 0) == pytest.approx(top, rel=1e-14)

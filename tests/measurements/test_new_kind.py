@@ -66,7 +66,7 @@ class LockIn(MeasurementKind):
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
-        window = Window((), model.plan.settle_s, 1e-3, 1)
+        window = Window(tones_hz=(), settle_s=model.plan.settle_s, step_s=1e-3, samples=1)
         asked = [
             [
                 batch.ask(model.values(p, label, settings), window, None, quadrature, k)
@@ -103,7 +103,14 @@ def closed_form(u_hz: FloatArray) -> ComplexArray:
 def problem_of_a_lock_in(seed: int, noise: float) -> Problem:
     """One mode (theta = 0 leaves d1 to the first) seen by a lock-in with synthetic noise."""
     setup = Setup(
-        drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+        drive=Drive(
+            kind="tones",
+            frequencies=("u1", "u2"),
+            amplitudes=("A1", "A2"),
+            input=None,
+            level=1.0,
+            samples_per_period=0,
+        ),
         output="q1_hybrid",
         start_values={
             "periodic_start": True,
@@ -119,8 +126,18 @@ def problem_of_a_lock_in(seed: int, noise: float) -> Problem:
     scatter = np.random.default_rng(seed).standard_normal((2, SEEN_HZ.size))
     seen = exact + sigma * (scatter[0] + 1j * scatter[1])
     parameters = (
-        Parameter("d1", "Hz", 1.0, 100.0, 30.0, 30.0, 10.0),
-        Parameter("eta_plus", "Hz", 980.0, 1020.0, 1004.0, 1004.0, 5.0),
+        Parameter(
+            name="d1", unit="Hz", lower=1.0, upper=100.0, start=30.0, reference=30.0, scale=10.0
+        ),
+        Parameter(
+            name="eta_plus",
+            unit="Hz",
+            lower=980.0,
+            upper=1020.0,
+            start=1004.0,
+            reference=1004.0,
+            scale=5.0,
+        ),
     )
     data = Dataset((LockIn(setup, SEEN_HZ, seen, sigma),), weigh=True)
     return Problem(parameters, data, derived={"": ("width_plus", "Q_plus")})

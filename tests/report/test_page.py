@@ -53,7 +53,14 @@ def figures(tmp_path_factory: pytest.TempPathFactory) -> list[FigureFile]:
         (folder / f"{name}.svg").write_text(SVG.format(name))
         path = folder / f"{name}.svg"
         made.append(
-            FigureFile(name, f"Title of {name}", f"Caption of {name}.", f"Alt {name}", path, path)
+            FigureFile(
+                name=name,
+                title=f"Title of {name}",
+                caption=f"Caption of {name}.",
+                alt=f"Alt {name}",
+                svg=path,
+                png=path,
+            )
         )
     return made
 

@@ -22,7 +22,10 @@ DATA = records.campaign()
 RESULT = records.result_for(DATA)
 KNOWLEDGE = plot_records.knowledge()
 DRIVE, FRF, DESIGN = plot_records.drive_result(), plot_records.frf_result(), plot_records.design()
-SWEEP, RESONANCE = RESULT.sweep or SweepCurves((), (), (), ()), records.RESONANCE
+SWEEP, RESONANCE = (
+    RESULT.sweep or SweepCurves(frequency_hz=(), measured_v=(), initial_v=(), final_v=()),
+    records.RESONANCE,
+)
 NU = plot_records.nu_choice()
 
 Draw = Callable[[Axes | None], Axes]

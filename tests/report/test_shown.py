@@ -68,4 +68,15 @@ def test_campaigns_fitted_together_have_shares_of_their_own(tmp_path: Path) -> N
 
 
 def part(name: str, chi: float) -> SeriesPart:
-    return SeriesPart(name, f"{name}/campaign.toml", "maximum", chi, 10, 3, 9.0, 8.0, 1.0, {})
+    return SeriesPart(
+        name=name,
+        campaign=f"{name}/campaign.toml",
+        scale_kind="maximum",
+        chi=chi,
+        rows=10,
+        determined=3,
+        chi_square_joint=9.0,
+        chi_square_alone=8.0,
+        inflation=1.0,
+        alone={},
+    )

@@ -111,7 +111,7 @@ def test_columns_can_be_left_out() -> None:
 
 def test_rows_must_fill_their_columns() -> None:
     with pytest.raises(ValueError, match="Modes: 1 cells under 2 heads"):
-        Table("Modes", (Head("a"), Head("b")), ((Cell("only"),),))
+        Table(caption="Modes", heads=(Head("a"), Head("b")), rows=((Cell("only"),),))
 
 
 @given(st.floats(-1e300, 1e300), st.integers(1, 12))

@@ -141,7 +141,16 @@ def sweep(
 ) -> SweepData:
     rng = np.random.default_rng(seed)
     a = trace(background) + noise * rng.standard_normal(F.size)
-    return SweepData(F, a, None, {}, "scale", "fit", Path("sweep.csv"), background=chosen)
+    return SweepData(
+        frequency_hz=F,
+        amplitude_v=a,
+        phase_rad=None,
+        settings={},
+        use="scale",
+        scale="fit",
+        source=Path("sweep.csv"),
+        background=chosen,
+    )
 
 
 @pytest.mark.parametrize("chosen", ["none", "complex"])

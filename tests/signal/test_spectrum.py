@@ -65,13 +65,15 @@ def test_tones_never_fold_onto_each_other(whole: list[int], places: int, n: int 
 
 def test_band_refuses_edges_and_broken_periods() -> None:
     with pytest.raises(BadInput, match="whole number"):
-        Band((3.0,), Fraction(1, 2), 64, 0)
+        Band(tones_hz=(3.0,), window_s=Fraction(1, 2), samples=64, zone=0)
     with pytest.raises(BadInput, match="edge of the band"):
-        Band((32.0,), Fraction(1), 64, 0)  # half the sampling rate
+        Band(tones_hz=(32.0,), window_s=Fraction(1), samples=64, zone=0)  # half the sampling rate
     with pytest.raises(BadInput, match="edge of the band"):
-        Band((64.0,), Fraction(1), 64, 2)  # seen as 0 Hz
+        Band(tones_hz=(64.0,), window_s=Fraction(1), samples=64, zone=2)  # seen as 0 Hz
     with pytest.raises(BadInput, match="edge of the band"):
-        Band((10.0, 54.0), Fraction(1), 64, 0)  # seen on top of each other
+        Band(
+            tones_hz=(10.0, 54.0), window_s=Fraction(1), samples=64, zone=0
+        )  # seen on top of each other
 
 
 @pytest.mark.parametrize(

@@ -98,4 +98,4 @@ def test_what_cannot_be_told_apart_is_refused() -> None:
     with pytest.raises(ValueError, match="planned were 5"):
         tone_amplitudes(window, np.zeros(6))
     with pytest.raises(ValueError, match="cannot hold"):
-        Window((1.0, 2.0), 0.0, 0.1, 4)
+        Window(tones_hz=(1.0, 2.0), settle_s=0.0, step_s=0.1, samples=4)

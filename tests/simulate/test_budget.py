@@ -34,15 +34,26 @@ PERIODIC = Reduction("periodic start", {"periodic_start": True})
 def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
     budget = Budget(1e-4)
     seen = {"settle_s": 0.066}
-    budget = budget.with_decision(Decision(Kind.SETTLING, Basis.WATCHED, 3e-5, numbers=seen))
-    budget = budget.with_decision(Decision(Kind.MODEL, Basis.STATED, 0.2, "mode", taken=False))
+    budget = budget.with_decision(
+        Decision(kind=Kind.SETTLING, basis=Basis.WATCHED, bound=3e-5, numbers=seen)
+    )
+    budget = budget.with_decision(
+        Decision(kind=Kind.MODEL, basis=Basis.STATED, bound=0.2, subject="mode", taken=False)
+    )
     assert budget.promised == 3e-5
     assert budget.left == pytest.approx(7e-5)
     assert budget.kept
     assert warnings_in_words(budget) == ()
     coarse = {"safety": 2.0, "part": 0.5}
     over = budget.with_decision(
-        Decision(Kind.SOLVER, Basis.COMPARED, 2e-4, "substep", coarse, {"substep": 1e-6})
+        Decision(
+            kind=Kind.SOLVER,
+            basis=Basis.COMPARED,
+            bound=2e-4,
+            subject="substep",
+            numbers=coarse,
+            settings={"substep": 1e-6},
+        )
     )
     assert over.promised == pytest.approx(2.3e-4)
     assert over.left == 0.0
@@ -54,10 +65,10 @@ def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
 
 def test_what_is_no_decision_is_refused() -> None:
     with pytest.raises(ValueError, match="settling"):
-        Decision(Kind.SETTLING, Basis.WATCHED, -1e-3)
+        Decision(kind=Kind.SETTLING, basis=Basis.WATCHED, bound=-1e-3)
     with pytest.raises(ValueError, match="nan"):
-        Decision(Kind.SETTLING, Basis.WATCHED, math.nan)
-    Decision(Kind.MODEL, Basis.STATED, math.nan, taken=False)  # not known
+        Decision(kind=Kind.SETTLING, basis=Basis.WATCHED, bound=math.nan)
+    Decision(kind=Kind.MODEL, basis=Basis.STATED, bound=math.nan, taken=False)  # not known
     for accuracy in (0.0, 1.0, math.nan):
         with pytest.raises(BadInput, match="accuracy"):
             Budget(accuracy)
@@ -85,7 +96,7 @@ def planned(
     force: tuple[str, ...] = (),
     forbid: tuple[str, ...] = (),
 ) -> DrivePlan:
-    drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
+    drive = Drive(start_values={"theta": 1.9}, tones_hz=PAIR, outputs=("q1_hybrid",))
     annotation = AccuracyAnnotation(force=force, forbid=forbid)
     return plan_drives((drive,), accuracy, workers, knowledge_of(workers.description, annotation))
 
@@ -131,7 +142,14 @@ def test_a_foreign_fmu_is_settled_by_watching_it(accuracy: float, tmp_path: Path
     """m x'' + c x' + k x = F cos: |X| = F/sqrt((k - m w^2)^2 + (c w)^2), from rest."""
     fmu = build_c_fmu(tmp_path)
     tones = (318.0, 322.0)
-    drive = Drive({}, tones, ("displacement",), input="force", level=2.0, steps_per_period=20)
+    drive = Drive(
+        start_values={},
+        tones_hz=tones,
+        outputs=("displacement",),
+        input="force",
+        level=2.0,
+        steps_per_period=20,
+    )
     with FmuWorkers(fmu) as running:
         plan = plan_drives((drive,), accuracy, running, knowledge_of(running.description))
         found = plan.read(running.run(plan.runs)[0])[:, 0]

@@ -56,7 +56,7 @@ class Ringing:
         return found
 
 
-RINGING = Drive({}, (100.0,), ("y",))
+RINGING = Drive(start_values={}, tones_hz=(100.0,), outputs=("y",))
 STEPPED = Knowledge(
     AccuracyAnnotation(substep="substep", reductions=(Reduction("none", {"a": 1}),))
 )
@@ -73,7 +73,7 @@ def test_a_plan_is_the_same_on_a_machine_that_stalls() -> None:
 
 
 def test_no_clock_is_asked(workers: FmuWorkers, monkeypatch: pytest.MonkeyPatch) -> None:
-    drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
+    drive = Drive(start_values={"theta": 1.9}, tones_hz=PAIR, outputs=("q1_hybrid",))
     honest = plan_drive(workers, drive, 1e-4)
     ticks = itertools.count(1.0, 17.0)
     for clock in ("perf_counter", "process_time", "time"):
@@ -127,7 +127,7 @@ def truth(theta: float) -> np.ndarray:
 def test_a_prescribed_time_to_settle_is_a_part_of_the_promise(
     settle_s: float, kept: bool, workers: FmuWorkers
 ) -> None:
-    drive = Drive({"theta": 1.9}, PAIR, ("q1_hybrid",))
+    drive = Drive(start_values={"theta": 1.9}, tones_hz=PAIR, outputs=("q1_hybrid",))
     response = simulate(workers, drive, 1e-2, settle_s=settle_s, annotation=AT_REST)
     (settling,) = response.plan.budget.of(Kind.SETTLING)
     assert settling.forced
@@ -140,7 +140,9 @@ def test_a_prescribed_time_to_settle_is_a_part_of_the_promise(
 
 def test_what_the_user_sets_is_left_as_it_is(workers: FmuWorkers) -> None:
     values = {"theta": 1.9, "periodic_start": False, "other_mode": 1}
-    plan = plan_drive(workers, Drive(values, PAIR, ("q1_hybrid",)), 1e-2)
+    plan = plan_drive(
+        workers, Drive(start_values=values, tones_hz=PAIR, outputs=("q1_hybrid",)), 1e-2
+    )
     assert not set(plan.settings) & set(values)
     assert plan.settle_s > 0.0
     assert not plan.budget.of(Kind.MODEL, "far mode left out")
@@ -159,7 +161,9 @@ def test_a_prescribed_substep_is_measured(workers: FmuWorkers) -> None:
         "u1": 100.0,
         "A2": 0.0,
     }
-    plan = plan_drive(workers, Drive(values, (100.0,), ("q1_hybrid",)), 1e-4)
+    plan = plan_drive(
+        workers, Drive(start_values=values, tones_hz=(100.0,), outputs=("q1_hybrid",)), 1e-4
+    )
     (solver,) = plan.budget.of(Kind.SOLVER, "rk4_substep")
     assert solver.forced
     assert solver.basis == Basis.PRESCRIBED

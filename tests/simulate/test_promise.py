@@ -80,7 +80,11 @@ def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
 def test_linear_scenes_keep_the_promise(accuracy: float, workers: FmuWorkers) -> None:
     for k in range(SCENES):
         scene = linear_scene(k)
-        drive = Drive(scene.parameters, (scene.u1, scene.u2), ("q1_hybrid", "q2_hybrid"))
+        drive = Drive(
+            start_values=scene.parameters,
+            tones_hz=(scene.u1, scene.u2),
+            outputs=("q1_hybrid", "q2_hybrid"),
+        )
         # reductions take time to be tried; every tenth scene does
         annotation = AccuracyAnnotation() if k % 10 == 0 else AccuracyAnnotation(forbid=REDUCTIONS)
         plan = planned(drive, accuracy, workers, annotation)
@@ -197,7 +201,7 @@ def test_cubic_scenes_keep_what_is_promised(
     truth = collocated(scene, period_s, points)
     np.testing.assert_allclose(collocated(scene, period_s, points + 20), truth, rtol=1e-9)
     tones = (scene.u1, scene.u2) if scene.A2 else (scene.u1,)
-    drive = Drive(scene.parameters, tones, ("q1_hybrid",))
+    drive = Drive(start_values=scene.parameters, tones_hz=tones, outputs=("q1_hybrid",))
     kinds = set()
     for accuracy in (1e-2, 1e-4 if scene.A2 else 1e-5):
         plan = planned(drive, accuracy, cubic_workers)
@@ -217,7 +221,7 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
     scene = cubic_scene(50.0, 0.2, 100.0, 90.0, two=False)
     truth = collocated(scene, 0.01, 64)
     np.testing.assert_allclose(collocated(scene, 0.01, 84), truth, rtol=1e-9)
-    drive = Drive(scene.parameters, (scene.u1,), ("q1_hybrid",))
+    drive = Drive(start_values=scene.parameters, tones_hz=(scene.u1,), outputs=("q1_hybrid",))
     annotation = AccuracyAnnotation(forbid=("periodic start", "linear model"))
     plan = planned(drive, accuracy, cubic_workers, annotation)
     found = plan.read(cubic_workers.run(plan.runs)[0])
@@ -239,7 +243,7 @@ def test_a_reduction_is_measured_where_its_stated_bound_does_not_fit(
 
 def test_what_cannot_be_promised_is_said(cubic_workers: FmuWorkers) -> None:
     scene = CUBIC_SCENES[0][0]
-    drive = Drive(scene.parameters, (scene.u1,), ("q1_hybrid",))
+    drive = Drive(start_values=scene.parameters, tones_hz=(scene.u1,), outputs=("q1_hybrid",))
     annotation = AccuracyAnnotation(force=("averaged envelope",))
     plan = planned(drive, 1e-6, cubic_workers, annotation)
     assert plan.settings["solver"] == 1

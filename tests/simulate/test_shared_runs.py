@@ -44,13 +44,13 @@ def campaign(folder: Path, fmu: Path, rows: str = ROWS) -> BoundCampaign:
 
 def offset(label: str, *further: str) -> Parameter:
     return Parameter(
-        f"offset[{label}]",
-        "Hz",
-        -90.0,
-        90.0,
-        0.0,
-        0.0,
-        30.0,
+        name=f"offset[{label}]",
+        unit="Hz",
+        lower=-90.0,
+        upper=90.0,
+        start=0.0,
+        reference=0.0,
+        scale=30.0,
         experiment=label,
         further=further,
         adds_to=("eta_plus", "eta_minus"),

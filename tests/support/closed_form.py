@@ -116,7 +116,7 @@ class ClosedFormResponse:
             options={"xatol": 1e-5},
         )
         top = float(amplitude(centre + found.x, eta, d, self.mode))
-        return Maximum(top, centre + float(found.x), 0.0, bracketed=True)
+        return Maximum(value=top, frequency_hz=centre + float(found.x), bias=0.0, bracketed=True)
 
     def _evaluate(self, p: FloatArray, *, whole: bool) -> Evaluation:
         sweep = self.sweep(p) if whole or self.with_sweep else np.empty(0)
@@ -157,9 +157,22 @@ def string_parameters(
     """theta (lower, upper, start, reference) and two dampings around a measured 94 Hz width."""
     lower, upper, start, reference = theta
     return (
-        Parameter("theta", "rad", lower, upper, start, reference, 1.0, period=np.pi),
-        Parameter("d1", "Hz", 40.0, 160.0, 94.0, 94.0, 50.0),
-        Parameter("d2", "Hz", 40.0, 160.0, 94.0, 94.0, 50.0),
+        Parameter(
+            name="theta",
+            unit="rad",
+            lower=lower,
+            upper=upper,
+            start=start,
+            reference=reference,
+            scale=1.0,
+            period=np.pi,
+        ),
+        Parameter(
+            name="d1", unit="Hz", lower=40.0, upper=160.0, start=94.0, reference=94.0, scale=50.0
+        ),
+        Parameter(
+            name="d2", unit="Hz", lower=40.0, upper=160.0, start=94.0, reference=94.0, scale=50.0
+        ),
     )
 
 
@@ -221,7 +234,14 @@ def string_campaign(data: Dataset, response: ClosedFormResponse, folder: Path) -
         path=file,
         synthetic=True,
         setup=Setup(
-            drive=Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0),
+            drive=Drive(
+                kind="tones",
+                frequencies=("u1", "u2"),
+                amplitudes=("A1", "A2"),
+                input=None,
+                level=1.0,
+                samples_per_period=0,
+            ),
             output="q1_hybrid",
             steady_start=True,
             accuracy=1e-6,
@@ -229,7 +249,13 @@ def string_campaign(data: Dataset, response: ClosedFormResponse, folder: Path) -
         ),
         experiments=experiments,
         sweep=SweepData(
-            response.sweep_hz, sweep.amplitude_v, None, {}, "scale", sweep.scaled_by, file
+            frequency_hz=response.sweep_hz,
+            amplitude_v=sweep.amplitude_v,
+            phase_rad=None,
+            settings={},
+            use="scale",
+            scale=sweep.scaled_by,
+            source=file,
         ),
         parameters=string_parameters(),
         derived=("lambda", "D11"),

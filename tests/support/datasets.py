@@ -23,7 +23,17 @@ from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray, Scalar
 
 #: Of a drive that nothing in such a test applies.
-SETUP = Setup(Drive("tones", ("u1", "u2"), ("A1", "A2"), None, 1.0, 0), "q1_hybrid")
+SETUP = Setup(
+    Drive(
+        kind="tones",
+        frequencies=("u1", "u2"),
+        amplitudes=("A1", "A2"),
+        input=None,
+        level=1.0,
+        samples_per_period=0,
+    ),
+    "q1_hybrid",
+)
 
 
 def peaks_measurement(
@@ -33,8 +43,16 @@ def peaks_measurement(
     peaks_v = np.asarray(peaks_v, dtype=float)
     sigmas_v = np.zeros(peaks_v.size) if sigmas_v is None else np.asarray(sigmas_v, dtype=float)
     tones = tuple(float(k + 1) for k in range(peaks_v.size))
-    one = Experiment("all", {}, tones, peaks_v, sigmas_v, 0.0, None)
-    return Tones(SETUP, (one,), series)
+    one = Experiment(
+        label="all",
+        settings={},
+        tones_hz=tones,
+        peaks_v=peaks_v,
+        sigmas_v=sigmas_v,
+        floor_v=0.0,
+        spectrum=None,
+    )
+    return Tones(SETUP, (one,), series=series)
 
 
 def sweep_measurement(
@@ -75,7 +93,7 @@ def dataset(
         made.append(peaks_measurement(peaks_v, sigmas_v))
     if sweep is not None:
         made.append(sweep)
-    return Dataset(tuple(made), weigh, outliers)
+    return Dataset(tuple(made), weigh=weigh, outliers=outliers)
 
 
 def answer(
@@ -114,6 +132,10 @@ def through(
         workers=workers,
         parameters=bound.parameters,
         measurements=problem_of([bound]).measurements,
-        models={"": DrivenModel(bound.setup, bound.parameters, plan, alternative)},
+        models={
+            "": DrivenModel(
+                setup=bound.setup, parameters=bound.parameters, plan=plan, alternative=alternative
+            )
+        },
         derived={"": bound.derived},
     )

@@ -91,7 +91,14 @@ class Scene:
         """Amplitude of the first mode (n,) per unit of drive, from outside of the FMU."""
         plus, minus = self.eta_plus + shift_hz, self.eta_minus + shift_hz
         if plus < minus and self.d1 > 0.0:
-            modes = TwoModes(self.theta, self.d1, self.d2, plus, minus, self.reflection)
+            modes = TwoModes(
+                theta_rad=self.theta,
+                d1_hz=self.d1,
+                d2_hz=self.d2,
+                eta_plus_hz=plus,
+                eta_minus_hz=minus,
+                reflection=self.reflection,
+            )
             return np.asarray(np.abs(steady_state(modes, frequency_hz)[:, 0]))
         p = SimpleNamespace(
             theta=self.theta,

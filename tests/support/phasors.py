@@ -93,7 +93,7 @@ class PhasorResponse:
         y = self._swept(p, eta + x) ** -2.0
         a, b = 0.5 * (y[0] + y[2]) - y[1], 0.5 * (y[2] - y[0])
         top = y[1] - b * b / (4.0 * a)
-        return Maximum(float(top**-0.5), eta, 0.0, bracketed=True)
+        return Maximum(value=float(top**-0.5), frequency_hz=eta, bias=0.0, bracketed=True)
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         return [self._derived(p) for p in ps]

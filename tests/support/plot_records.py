@@ -76,13 +76,22 @@ def nu_choice() -> NuChoice:
         )
         for k in (1, 2, 3)
     )
-    return NuChoice(rows, 1e-2, 1e-2, 12.0, 1e-3, (), {"d1": 94.0}, {"d1": 1000.0})
+    return NuChoice(
+        rows=rows,
+        corner=1e-2,
+        discrepancy=1e-2,
+        allowed=12.0,
+        last=1e-3,
+        sentences=(),
+        prior={"d1": 94.0},
+        widths={"d1": 1000.0},
+    )
 
 
 def drive_plan(drive: Drive) -> DrivePlan:
     """A plan with one decision: 0.1 s to settle."""
     numbers = {"settle_s": 0.1}
-    settling = Decision(Decided.SETTLING, Basis.WATCHED, 1e-7, numbers=numbers)
+    settling = Decision(kind=Decided.SETTLING, basis=Basis.WATCHED, bound=1e-7, numbers=numbers)
     return DrivePlan(
         drives=(drive,),
         settings={},
@@ -102,7 +111,7 @@ def drive_result() -> DriveResponse:
     f = np.arange(6940100.0, 6940420.0, 20.0)
     amplitudes = np.full((len(f), 1), 1e-12)
     amplitudes[[3, 13], 0] = 3e-6, 2e-6
-    drive = Drive({}, TONES_HZ, ("q1",))
+    drive = Drive(start_values={}, tones_hz=TONES_HZ, outputs=("q1",))
     return DriveResponse(
         drive=drive,
         plan=drive_plan(drive),
@@ -128,7 +137,14 @@ def frf_result() -> SweepResponse:
     """Up and down over five frequencies with a jump upward."""
     f = (6940100.0, 6940200.0, 6940300.0, 6940400.0, 6940500.0)
     up, down = np.array([1.0, 2.0, 4.0, 1.0, 0.5]), np.array([1.0, 1.5, 1.5, 1.0, 0.5])
-    sweep = Sweep({}, "u1", "Hz", f, "q1", ("up", "down"))
+    sweep = Sweep(
+        start_values={},
+        tone="u1",
+        tone_unit="Hz",
+        frequencies_hz=f,
+        output="q1",
+        directions=("up", "down"),
+    )
     return SweepResponse(
         sweep=sweep,
         plan=drive_plan(sweep.drive(f[2], f[0])),
@@ -153,10 +169,35 @@ def design() -> Design:
         spread=5000.0,
         span=(6e5, 7e5),
         proposals=(
-            Proposal(1, TONES_HZ, 6940260.0, "q1", 1.0, {}, 4, (3e-6, 2e-6), (1e-8, 1e-8), after),
+            Proposal(
+                rank=1,
+                tones_hz=TONES_HZ,
+                centre_hz=6940260.0,
+                output="q1",
+                level=1.0,
+                settings={},
+                repeats=4,
+                peaks_v=(3e-6, 2e-6),
+                sigmas_v=(1e-8, 1e-8),
+                expected=after,
+            ),
         ),
-        kinds=(Kind("q1", 6940260.0, 1.0, 120.0, 900.0, 110.0, 12),),
-        places=(PlacePoint({}, {"d1": 94.0}, 6.5e5, (1000.0, 100.0)),),
+        kinds=(
+            Kind(
+                output="q1",
+                centre_hz=6940260.0,
+                level=1.0,
+                best=120.0,
+                worst=900.0,
+                beside=110.0,
+                count=12,
+            ),
+        ),
+        places=(
+            PlacePoint(
+                alternative={}, parameters={"d1": 94.0}, target=6.5e5, sigmas=(1000.0, 100.0)
+            ),
+        ),
         equal_fits=1,
         valueless=0,
         setups=1,

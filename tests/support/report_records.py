@@ -127,7 +127,14 @@ def result_for(
     first = [0.3 + 0.01 * k for k in range(count)] if initial is None else list(initial)
     last = [0.01 * (-1) ** k for k in range(count)] if final is None else list(final)
     rows = tuple(
-        Peak(label, f, v, s, v * (1.0 + a), v * (1.0 + b))
+        Peak(
+            experiment=label,
+            frequency_hz=f,
+            measured_v=v,
+            sigma_v=s,
+            initial_v=v * (1.0 + a),
+            final_v=v * (1.0 + b),
+        )
         for (label, f, v, s), a, b in zip(peaks, first, last, strict=False)
     )
     before = deviation_set(data, [abs(a) for a in first])
@@ -146,9 +153,22 @@ def result_for(
         j_fit=float(sum(after.per_peak)),
         j_reg=1.5e-9,
         optimality=1e-9,
-        scale=Scale("maximum", 1.03e6, 1.04e6, 2e-8, TOP_V, 1e-3, 5e-4),
+        scale=Scale(
+            kind="maximum",
+            initial=1.03e6,
+            final=1.04e6,
+            grid_bias=2e-8,
+            maximum_v=TOP_V,
+            maximum_bias=1e-3,
+            maximum_bias_std=5e-4,
+        ),
         peaks=rows,
-        sweep=SweepCurves(tuple(map(float, SWEEP_HZ)), swept, tuple(0.9 * v for v in swept), swept)
+        sweep=SweepCurves(
+            frequency_hz=tuple(map(float, SWEEP_HZ)),
+            measured_v=swept,
+            initial_v=tuple(0.9 * v for v in swept),
+            final_v=swept,
+        )
         if data.sweep is not None
         else None,
         history=history(),
@@ -159,20 +179,20 @@ def result_for(
         warnings=("theta is not determined.", "A second warning with < and & in it."),
         provenance=provenance(),
         line=SweepLine(
-            ETA_HZ,
-            0.11,
-            WIDTH_HZ,
-            0.24,
-            73832.6,
-            190.0,
-            TOP_V,
-            5e-8,
-            "V",
-            4.3e-3,
-            "none",
-            "done",
-            {"frequency_hz": 6940261.5, "q": 70000.0},
-            {},
+            frequency_hz=ETA_HZ,
+            frequency_std_hz=0.11,
+            width_hz=WIDTH_HZ,
+            width_std_hz=0.24,
+            q=73832.6,
+            q_std=190.0,
+            amplitude=TOP_V,
+            amplitude_std=5e-8,
+            unit="V",
+            residual=4.3e-3,
+            background="none",
+            message="done",
+            instrument={"frequency_hz": 6940261.5, "q": 70000.0},
+            notes={},
         ),
     )
 
@@ -181,28 +201,28 @@ def parameters() -> dict[str, ParameterResult]:
     """One parameter that the data do not determine, one that they do."""
     return {
         "theta": ParameterResult(
-            1.964226760285730,
-            "rad",
-            3.6,
-            (0.0, 3.14159),
-            1.9635,
-            0.0,
-            -6.3,
-            6.3,
-            8e-8,
-            "not determined",
+            value=1.964226760285730,
+            unit="rad",
+            std=3.6,
+            ci95=(0.0, 3.14159),
+            reference=1.9635,
+            start=0.0,
+            lower=-6.3,
+            upper=6.3,
+            shrinkage=8e-8,
+            identifiable="not determined",
         ),
         "d1": ParameterResult(
-            93.42457642728192,
-            "Hz",
-            0.24,
-            (92.95, 93.89),
-            94.0,
-            94.0,
-            1.0,
-            1000.0,
-            0.98,
-            "determined",
+            value=93.42457642728192,
+            unit="Hz",
+            std=0.24,
+            ci95=(92.95, 93.89),
+            reference=94.0,
+            start=94.0,
+            lower=1.0,
+            upper=1000.0,
+            shrinkage=0.98,
+            identifiable="determined",
         ),
     }
 
@@ -213,30 +233,30 @@ def derived(experiments: int) -> dict[str, DerivedResult]:
     mean = float(np.mean(drift))
     return {
         "lambda": DerivedResult(
-            mean,
-            "Hz",
-            drift,
-            mean,
-            1.74,
-            2.5,
-            (mean - 5.0, mean + 5.0),
-            656749.9,
-            8e-8,
-            "not determined",
-            (63313.9, 780999.0),
+            value=mean,
+            unit="Hz",
+            values=drift,
+            mean=mean,
+            spread=1.74,
+            std=2.5,
+            ci95=(mean - 5.0, mean + 5.0),
+            reference=656749.9,
+            shrinkage=8e-8,
+            identifiable="not determined",
+            box=(63313.9, 780999.0),
         ),
         "D11": DerivedResult(
-            599.134,
-            "1/s",
-            (599.134,) * experiments,
-            599.134,
-            0.0,
-            1.9,
-            (595.4, 602.8),
-            622.96,
-            1.0,
-            "determined",
-            (131.6, 6076.9),
+            value=599.134,
+            unit="1/s",
+            values=(599.134,) * experiments,
+            mean=599.134,
+            spread=0.0,
+            std=1.9,
+            ci95=(595.4, 602.8),
+            reference=622.96,
+            shrinkage=1.0,
+            identifiable="determined",
+            box=(131.6, 6076.9),
         ),
     }
 
@@ -251,19 +271,19 @@ def history() -> tuple[HistoryRow, ...]:
     ]
     return tuple(
         HistoryRow(
-            level,
-            nu,
-            {"theta": t, "d1": d},
-            {"lambda": lam, "D11": d11},
-            fit,
-            reg,
-            1.2,
-            1e-6,
-            status,
-            "as good as it gets",
-            5,
-            40,
-            0.8,
+            level=level,
+            nu=nu,
+            parameters={"theta": t, "d1": d},
+            derived={"lambda": lam, "D11": d11},
+            j_fit=fit,
+            j_reg=reg,
+            change=1.2,
+            optimality=1e-6,
+            status=status,
+            message="as good as it gets",
+            iterations=5,
+            evaluations=40,
+            seconds=0.8,
         )
         for level, nu, t, d, lam, d11, fit, reg, status in rows
     )
@@ -272,17 +292,26 @@ def history() -> tuple[HistoryRow, ...]:
 def alternatives() -> tuple[AlternativeResult, ...]:
     """Two that the data do not tell apart."""
     at = {"theta": 1.9642, "d1": 93.42}
-    start = StartResult({"theta": 0.0, "d1": 94.0}, at, 0.2637, 1e-9, 3, None, "levels done", True)
+    start = StartResult(
+        begun={"theta": 0.0, "d1": 94.0},
+        parameters=at,
+        j_fit=0.2637,
+        j_reg=1e-9,
+        levels=3,
+        joined=None,
+        ended="levels done",
+        equivalent=True,
+    )
     out = {"lambda": 657229.7, "D11": 599.1}
     return tuple(
         AlternativeResult(
-            {"reflection": form},
-            at,
-            out,
-            0.2637,
-            1e-9,
-            "optimal",
-            "done",
+            settings={"reflection": form},
+            parameters=at,
+            derived=out,
+            j_fit=0.2637,
+            j_reg=1e-9,
+            status="optimal",
+            message="done",
             reported=not form,
             equal_to_best=True,
             starts=(start,),

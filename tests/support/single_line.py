@@ -46,11 +46,20 @@ class LineResponse:
 def line_parameters(*, prior_hz: float | None = None) -> tuple[Parameter, ...]:
     """eta, w and A in wide boxes; if wanted, eta with a Gaussian prior one sigma off the truth."""
     centre = ETA_HZ if prior_hz is None else ETA_HZ + prior_hz
-    eta = Parameter("eta", "Hz", 900.0, 1100.0, 1000.5, centre, 10.0, prior_sigma=prior_hz)
+    eta = Parameter(
+        name="eta",
+        unit="Hz",
+        lower=900.0,
+        upper=1100.0,
+        start=1000.5,
+        reference=centre,
+        scale=10.0,
+        prior_sigma=prior_hz,
+    )
     return (
         eta,
-        Parameter("w", "Hz", 1.0, 40.0, 9.0, 9.0, 5.0),
-        Parameter("A", "V", 0.1, 10.0, 1.0, 1.0, 1.0),
+        Parameter(name="w", unit="Hz", lower=1.0, upper=40.0, start=9.0, reference=9.0, scale=5.0),
+        Parameter(name="A", unit="V", lower=0.1, upper=10.0, start=1.0, reference=1.0, scale=1.0),
     )
 
 

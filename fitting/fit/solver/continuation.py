@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 
@@ -27,7 +27,7 @@ SAME_POINT = 1e-2
 SAME_SHARE, SAME_AMOUNT = 1e-3, 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Schedule:
     """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search."""
 
@@ -43,7 +43,7 @@ class Schedule:
         return self.nu_start * self.beta**level
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ContinuationStep:
     """One solved level of one start: where it ended, at what misfit, and how well.
 
@@ -89,12 +89,13 @@ class Chain:
 
     start: int
     begun: tuple[float, ...]
+    _: KW_ONLY
     steps: tuple[ContinuationStep, ...] = ()
     joined: int | None = None
     ended: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Journal:
     """How a run is watched and resumed: every hook may be left out.
 
@@ -128,7 +129,7 @@ class Outcome:
         return next((chain for chain in done if equal_j(chain.steps[-1].j, least)), None)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Run:
     """What one call of `run_alternative` holds together."""
 
@@ -173,7 +174,13 @@ def run_alternative(
     Source: the paper's Algorithm 2.
     """
     vectors = start_vectors(objective.parameters, schedule)
-    run = _Run(objective, schedule, settings, alternative, journal or Journal())
+    run = _Run(
+        objective=objective,
+        schedule=schedule,
+        settings=settings,
+        alternative=alternative,
+        journal=journal or Journal(),
+    )
     run.chains = [Chain(k, tuple(map(float, x))) for k, x in enumerate(vectors)]
     try:
         for level in range(schedule.levels):

@@ -21,7 +21,7 @@ LONGEST = 0.5
 GENTLE, STIFFEST = 1e-9, 1e6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Finish:
     """End of a sequence of linearised steps: x, what a further step promises, steps taken."""
 
@@ -106,13 +106,25 @@ def finish_squares(
     promise = newton_decrement(evaluator, x, nu)
     for taken in range(steps):
         if promise <= tolerance:
-            return Finish(x, promise, taken, "no linearised step promises a decrease")
+            return Finish(
+                x=x,
+                optimality=promise,
+                steps=taken,
+                message="no linearised step promises a decrease",
+            )
         moved, damping = _one_step(evaluator, x, nu, damping)
         if moved is None:
-            return Finish(x, promise, taken, "the steps became too short to lower J")
+            return Finish(
+                x=x,
+                optimality=promise,
+                steps=taken,
+                message="the steps became too short to lower J",
+            )
         x = moved
         promise = newton_decrement(evaluator, x, nu)
-    return Finish(x, promise, steps, f"{steps} linearised steps were not enough")
+    return Finish(
+        x=x, optimality=promise, steps=steps, message=f"{steps} linearised steps were not enough"
+    )
 
 
 def _one_step(

@@ -35,7 +35,7 @@ INSIDE_SHARE = 1e-3
 PATIENCE = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SolveSettings:
     """How one regularised problem is solved.
 
@@ -55,7 +55,7 @@ class SolveSettings:
     restarts: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Solve:
     """Outcome of one regularised problem.
 
@@ -140,7 +140,14 @@ def _attempt(evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSet
         value = partial(_value, evaluator, nu=nu, settings=settings)
         lower_point = off_symmetry(evaluator, start, value, least)
         if lower_point is None:
-            return Solve(start, promise, "optimal", "the start is optimal already", 0, 0)
+            return Solve(
+                x=start,
+                optimality=promise,
+                status="optimal",
+                message="the start is optimal already",
+                iterations=0,
+                steps=0,
+            )
         start, begun = lower_point, value(lower_point)
         promise = _promise(evaluator, start, nu, settings)
     # a barrier of 2m + 2n terms costs (2m + 2n) mu at its minimum: no more than there is to gain
@@ -161,7 +168,9 @@ def _attempt(evaluator: Evaluator, start: FloatArray, nu: Nu, settings: SolveSet
         promise = _promise(evaluator, x, nu, settings)
     reached = promise <= _tolerance(_value(evaluator, x, nu, settings), settings)
     status = "optimal" if reached else "stalled"
-    return Solve(x, promise, status, said, iterations, steps)
+    return Solve(
+        x=x, optimality=promise, status=status, message=said, iterations=iterations, steps=steps
+    )
 
 
 def _promise(evaluator: Evaluator, x: FloatArray, nu: Nu, settings: SolveSettings) -> float:

@@ -153,16 +153,28 @@ def follow(
         while taken <= steps:
             promise = promised_decrease(evaluator, x, nu, "slack")
             if promise <= tolerance:
-                return Finish(x, promise, taken, "no linearised step promises a decrease")
+                return Finish(
+                    x=x,
+                    optimality=promise,
+                    steps=taken,
+                    message="no linearised step promises a decrease",
+                )
             if taken == steps:
                 break
             moved, radius = _one_step(evaluator, x, nu, radius)
             if moved is None:
-                return Finish(x, promise, taken, "the steps became too short to lower J")
+                return Finish(
+                    x=x,
+                    optimality=promise,
+                    steps=taken,
+                    message="the steps became too short to lower J",
+                )
             x, taken = moved, taken + 1
     except ArithmeticError as error:
-        return Finish(x, promise, taken, str(error))
-    return Finish(x, promise, taken, f"{steps} linearised steps were not enough")
+        return Finish(x=x, optimality=promise, steps=taken, message=str(error))
+    return Finish(
+        x=x, optimality=promise, steps=taken, message=f"{steps} linearised steps were not enough"
+    )
 
 
 def _one_step(

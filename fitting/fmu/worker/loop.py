@@ -59,7 +59,9 @@ class _Holder:
         return run_with_reuse(self.verdict, layouts, request, self._fresh, self._again)
 
     def take_counts(self) -> Counts:
-        counts = Counts(self._runs, self._steps, self._seconds, self._new_instances)
+        counts = Counts(
+            runs=self._runs, steps=self._steps, seconds=self._seconds, instances=self._new_instances
+        )
         self._runs = self._steps = self._new_instances = 0
         self._seconds = 0.0
         return counts

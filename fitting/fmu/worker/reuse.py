@@ -9,7 +9,7 @@ this value may vary between resets. Else every run gets a new instance, for good
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class Trial:
 
     request: RunRequest
     result: FloatArray
+    _: KW_ONLY
     varied: set[Place] = field(default_factory=set)
     pending: tuple[RunRequest, FloatArray] | None = None
 

@@ -69,7 +69,9 @@ def bootstrap(
         f"of the rows{wide}, {len(done)} of them fitted anew (seed {seed}). Values that the data "
         "do not determine have none."
     )
-    return Bootstrap(samples, samples - len(done), seed, values, sentence)
+    return Bootstrap(
+        samples=samples, failed=samples - len(done), seed=seed, values=values, sentence=sentence
+    )
 
 
 def _refits(

@@ -11,7 +11,7 @@ Source: J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathemati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 from scipy.special import gammaincc
@@ -71,6 +71,7 @@ class Constraint:
     """
 
     target: float
+    _: KW_ONLY
     index: int = -1
     output: int = -1
     weight: float = 0.0
@@ -191,7 +192,7 @@ def _proposed(
     return step, float(wanted @ wanted - left @ left), float(left @ left)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Optimum:
     """The most likely point: its likelihood (inflation in it) and the point with its slopes.
 
@@ -234,7 +235,7 @@ def most_likely(
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
     prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
-    free = Linearisation(data, best.matrix[:m], prior).degrees_of_freedom
+    free = Linearisation(rows=data, matrix=best.matrix[:m], prior=prior).degrees_of_freedom
     inflation = max(widening, inflation_of(chi_square, free))
     if inflation > 1.0:
         wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)
@@ -242,7 +243,13 @@ def most_likely(
         best, converged = _best_of(evaluator, [best.x])
     [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, best.x)], evaluator)
     best = whole if whole is not None else best
-    return Optimum(evaluator.likelihood, best, chi_square, free, converged)
+    return Optimum(
+        likelihood=evaluator.likelihood,
+        expansion=best,
+        chi_square=chi_square,
+        degrees_of_freedom=free,
+        converged=converged,
+    )
 
 
 def _best_of(

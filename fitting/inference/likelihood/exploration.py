@@ -33,7 +33,7 @@ WORTH_REACHING = 0.05
 OPEN_STEPS = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Exploration:
     """What was found around one optimum.
 
@@ -83,13 +83,21 @@ def explore(
         open_ = all(point is not None for point in range_ends[quantity.name])
         steps = OPEN_STEPS if open_ else STEPS
         traces += [trace_branch(optimum, quantity, direction, steps) for direction in (-1.0, 1.0)]
-    none = ProfileBranch((), "cost", math.nan, math.nan)
+    none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
     branches = [
         branch if branch is not None else none for branch in run_in_lockstep(traces, evaluator)
     ]
     pairs = {q.name: (branches[2 * k], branches[2 * k + 1]) for k, q in enumerate(chosen)}
     return _with_outputs(
-        evaluator, Exploration(optimum, chosen, pairs, range_ends, tuple(minima), ranges)
+        evaluator,
+        Exploration(
+            optimum=optimum,
+            quantities=chosen,
+            branches=pairs,
+            range_ends=range_ends,
+            minima=tuple(minima),
+            ranges=ranges,
+        ),
     )
 
 
@@ -193,7 +201,18 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
             half = 0.5 * float(likelihood.periods[i])
             low, high = best - half, best + half
         sigma = math.sqrt(covariance[i, i])
-        made.append(Quantity(parameter.name, i, -1, best, sigma, low, high, goes_round))
+        made.append(
+            Quantity(
+                name=parameter.name,
+                index=i,
+                output=-1,
+                best=best,
+                sigma=sigma,
+                low=low,
+                high=high,
+                round=goes_round,
+            )
+        )
     for k, name in enumerate(likelihood.names):
         best, slope = float(expansion.sample.outputs[k]), expansion.outward[k]
         known = math.isfinite(best) and bool(np.all(np.isfinite(slope)))
@@ -201,7 +220,17 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
             continue
         sigma = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
         low, high = min(ranges[name].low, best), max(ranges[name].high, best)
-        made.append(Quantity(name, -1, k, best, max(sigma, 1e-12 * (high - low)), low, high))
+        made.append(
+            Quantity(
+                name=name,
+                index=-1,
+                output=k,
+                best=best,
+                sigma=max(sigma, 1e-12 * (high - low)),
+                low=low,
+                high=high,
+            )
+        )
     return tuple(made)
 
 
@@ -212,7 +241,7 @@ def data_covariance(optimum: Optimum) -> FloatArray:
         optimum: where it is linearised.
     """
     at, prior = optimum.expansion, optimum.likelihood.widths / UNIFORM_WIDTH
-    return Linearisation(at.sample.rows, at.matrix, prior).covariance
+    return Linearisation(rows=at.sample.rows, matrix=at.matrix, prior=prior).covariance
 
 
 def other_minima(
@@ -251,7 +280,11 @@ def other_minima(
         if expansion is not None:
             delta = expansion.chi_square - optimum.least
             if delta <= ROOT_95**2:
-                points.append(ProfilePoint(math.nan, delta, expansion.x, expansion.sample.outputs))
+                points.append(
+                    ProfilePoint(
+                        value=math.nan, delta=delta, x=expansion.x, outputs=expansion.sample.outputs
+                    )
+                )
     return tuple(points)
 
 

@@ -55,7 +55,16 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
         share = value / float(np.max(np.abs(row) / likelihood.widths))
         vector = dict(zip(names, map(float, row), strict=True))
         change, largest, sentence = _unseen(evaluator, optimum, row, share)
-        found.append(Direction(float(value), float(share), vector, change, largest, sentence))
+        found.append(
+            Direction(
+                singular=float(value),
+                share=float(share),
+                vector=vector,
+                change=change,
+                largest=largest,
+                sentence=sentence,
+            )
+        )
     return tuple(found)
 
 
@@ -216,11 +225,11 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
         derived = dict(zip(likelihood.names, map(float, point.outputs), strict=True))
         kept.append(
             Equivalent(
-                named,
-                derived,
-                max(0.0, point.delta),
-                "start",
-                _equivalent_words(named, derived, likelihood),
+                parameters=named,
+                derived=derived,
+                delta=max(0.0, point.delta),
+                origin="start",
+                sentence=_equivalent_words(named, derived, likelihood),
             )
         )
     return tuple(kept)

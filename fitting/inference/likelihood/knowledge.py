@@ -15,7 +15,7 @@ Interval = tuple[float, float]
 ENDS = ("crossed", "bound", "round", "lost", "cost")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Profile:
     """Profile likelihood of one parameter or derived output.
 
@@ -44,7 +44,7 @@ class Profile:
     path: Mapping[str, Floats]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Direction:
     """A right singular vector of the whitened sensitivities.
 
@@ -61,7 +61,7 @@ class Direction:
     sentence: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Equivalent:
     """Another point that fits as well: where it is, how it was found, Dchi^2, what it means.
 
@@ -76,7 +76,7 @@ class Equivalent:
     where: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NuRow:
     """One nu of the schedule: misfit, distance from the prior, chi square, where it led."""
 
@@ -89,7 +89,7 @@ class NuRow:
     derived: Mapping[str, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class NuChoice:
     """nu as the data would choose it, beside the schedule; NaN where a criterion chooses none.
 
@@ -117,7 +117,7 @@ class Percentiles:
     interval95: Interval
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bootstrap:
     """Parametric bootstrap: refits of synthetic data drawn at the most likely point.
 
@@ -140,7 +140,7 @@ class Effort:
     fmu_runs: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Knowledge:
     """What the data say about every parameter and derived output.
 
@@ -169,7 +169,7 @@ class Knowledge:
         return {**self.parameters, **self.derived}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identification:
     """What `fmu-fit identify` writes: where it set out from (`at`), and what it found."""
 

@@ -26,7 +26,7 @@ from fitting.text.errors import FmuFailure
 MOST_FAILURES = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Likelihood:
     """Whitened rows of an objective, with the box in which they are looked at.
 
@@ -111,14 +111,14 @@ def likelihood_of(
             inverse_prior_sigma[i] = parameter.scale / prior
     bound = np.isinf(periods)
     return Likelihood(
-        objective,
-        np.linalg.inv(np.linalg.cholesky(variance)),
-        inverse_prior_sigma,
-        np.zeros(sigma.size),
-        np.where(bound, lower, -np.inf),
-        np.where(bound, upper, np.inf),
-        periods,
-        tuple(names),
+        objective=objective,
+        whitening=np.linalg.inv(np.linalg.cholesky(variance)),
+        inverse_prior_sigma=inverse_prior_sigma,
+        shift=np.zeros(sigma.size),
+        lower=np.where(bound, lower, -np.inf),
+        upper=np.where(bound, upper, np.inf),
+        periods=periods,
+        names=tuple(names),
     )
 
 

@@ -41,7 +41,16 @@ def choose_nu(
         FmuFailure: the model failed at one of the levels.
     """
     if not steps:
-        return NuChoice((), math.nan, math.nan, math.nan, math.nan, (), {}, {})
+        return NuChoice(
+            rows=(),
+            corner=math.nan,
+            discrepancy=math.nan,
+            allowed=math.nan,
+            last=math.nan,
+            sentences=(),
+            prior={},
+            widths={},
+        )
     evaluator = LikelihoodEvaluator(likelihood)
     xs = [np.array(step.x) for step in steps]
     samples = evaluator([Request(tuple(xs), outputs=False)])[0]
@@ -53,13 +62,13 @@ def choose_nu(
     rows_at = {row.level: row for row in history}
     rows = tuple(
         NuRow(
-            step.nu,
-            step.j_fit,
-            distance,
-            square,
-            bend,
-            dict(rows_at[step.level].parameters) if step.level in rows_at else {},
-            dict(rows_at[step.level].derived) if step.level in rows_at else {},
+            nu=step.nu,
+            j_fit=step.j_fit,
+            distance=distance,
+            chi_square=square,
+            curvature=bend,
+            parameters=dict(rows_at[step.level].parameters) if step.level in rows_at else {},
+            derived=dict(rows_at[step.level].derived) if step.level in rows_at else {},
         )
         for step, distance, square, bend in zip(steps, distances, squares, bends, strict=True)
     )
@@ -69,14 +78,14 @@ def choose_nu(
     prior = {p.name: p.reference for p in likelihood.parameters}
     widths = {p.name: p.upper - p.lower for p in likelihood.parameters}
     return NuChoice(
-        rows,
-        corner,
-        discrepancy,
-        allowed,
-        rows[-1].nu,
-        _sentences(rows, corner, discrepancy, allowed),
-        prior,
-        widths,
+        rows=rows,
+        corner=corner,
+        discrepancy=discrepancy,
+        allowed=allowed,
+        last=rows[-1].nu,
+        sentences=_sentences(rows, corner, discrepancy, allowed),
+        prior=prior,
+        widths=widths,
     )
 
 

@@ -44,7 +44,7 @@ EXCLUDED = 9.0
 HOLD = 30.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Quantity:
     """What is profiled, a parameter (x_index) or an output, in x or in the output's unit.
 
@@ -90,7 +90,7 @@ class Quantity:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfilePoint:
     """A point of a profile: value, Dchi^2, search vector and outputs there."""
 
@@ -100,7 +100,7 @@ class ProfilePoint:
     outputs: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProfileBranch:
     """One side of a profile: its points outward, how it ended (`knowledge.ENDS`), its crossings.
 
@@ -134,10 +134,10 @@ def trace_branch(
     except Exhausted:
         end = "cost"
     return ProfileBranch(
-        tuple(tracer.points),
-        end,
-        _crossing(tracer.points, quantity.best, ROOT_68),
-        _crossing(tracer.points, quantity.best, ROOT_95),
+        points=tuple(tracer.points),
+        end=end,
+        at_68=_crossing(tracer.points, quantity.best, ROOT_68),
+        at_95=_crossing(tracer.points, quantity.best, ROOT_95),
     )
 
 
@@ -192,7 +192,9 @@ class _BranchTracer:
 
     def _keep(self, found: Expansion) -> None:
         delta = found.chi_square - self.optimum.least
-        point = ProfilePoint(self.quantity.at(found), delta, found.x, found.sample.outputs)
+        point = ProfilePoint(
+            value=self.quantity.at(found), delta=delta, x=found.x, outputs=found.sample.outputs
+        )
         self.points.append(point)
         self.points.sort(key=lambda point: self.direction * point.value)
 
@@ -287,7 +289,12 @@ def fit_at_end(
     delta = found.chi_square - optimum.least
     if not (abs(value - end) <= 0.01 * quantity.width and delta <= EXCLUDED):
         return None
-    return ProfilePoint(value, delta, found.x, outputs if quantity.output >= 0 else np.empty(0))
+    return ProfilePoint(
+        value=value,
+        delta=delta,
+        x=found.x,
+        outputs=outputs if quantity.output >= 0 else np.empty(0),
+    )
 
 
 def interval(

@@ -24,7 +24,7 @@ BOX_SAMPLES, BOX_GRID = 64, 256
 LAST_STEP, ROUNDS = 2e-4, 60
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OutputRange:
     """Least and greatest mean of an output over the box, and where, (n,) each; NaN if it has none.
 
@@ -38,7 +38,7 @@ class OutputRange:
     depends: BoolArray
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Climb:
     """One search: the output, its sign (up or down), where it stands, its step."""
 
@@ -101,7 +101,16 @@ def output_ranges(
             best = int(np.argmax(ranked))
             if np.isfinite(ranked[best]):
                 axes = [int(i) for i in np.flatnonzero(depends[name] & own)]
-                climbs.append(_Climb(name, sign, points[best], float(values[best]), 0.1, axes))
+                climbs.append(
+                    _Climb(
+                        name=name,
+                        sign=sign,
+                        x=points[best],
+                        value=float(values[best]),
+                        step=0.1,
+                        axes=axes,
+                    )
+                )
     for _ in range(ROUNDS):
         going = [c for c in climbs if c.step > LAST_STEP and c.axes]
         if not going:
@@ -117,9 +126,13 @@ def output_ranges(
     for name in table:
         low, high = found.get((name, -1.0)), found.get((name, 1.0))
         if low is None or high is None:
-            ranges[name] = OutputRange(np.nan, np.nan, nothing, nothing, depends[name])
+            ranges[name] = OutputRange(
+                low=np.nan, high=np.nan, x_low=nothing, x_high=nothing, depends=depends[name]
+            )
         else:
-            ranges[name] = OutputRange(low.value, high.value, low.x, high.x, depends[name])
+            ranges[name] = OutputRange(
+                low=low.value, high=high.value, x_low=low.x, x_high=high.x, depends=depends[name]
+            )
     return ranges
 
 

@@ -53,7 +53,13 @@ class Bench:
     def idle(self, values: dict[str, Scalar], length_s: float) -> float:
         """One run of that length with a single sample, which is handed back."""
         drive = self.scene.drives[0]
-        run = Run({**drive.start_values, **values}, length_s, 1.0, 1, drive.outputs)
+        run = Run(
+            start_values={**drive.start_values, **values},
+            settle_s=length_s,
+            sample_step_s=1.0,
+            samples=1,
+            outputs=drive.outputs,
+        )
         return float(self.workers.run([run])[0][0, 0])
 
     def amplitudes(
@@ -155,7 +161,14 @@ def window_of(
         count = max(1, round(step * max(tones_hz) * held))
         step = count / (max(tones_hz) * held)
         settle_s = whole_steps(settle_s, step / count)
-    return Window(tones_hz, settle_s, step, samples, coherent=False, held_steps=count)
+    return Window(
+        tones_hz=tones_hz,
+        settle_s=settle_s,
+        step_s=step,
+        samples=samples,
+        coherent=False,
+        held_steps=count,
+    )
 
 
 def read(reader: str, window: Window, samples: FloatArray) -> FloatArray:

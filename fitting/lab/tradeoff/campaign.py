@@ -50,9 +50,9 @@ def scene_of_campaign(
         **fitted,
     }
     blank = Drive(
-        values,
-        (0.0,),
-        (bound.setup.output,),
+        start_values=values,
+        tones_hz=(0.0,),
+        outputs=(bound.setup.output,),
         input=drive.input,
         level=drive.level,
         steps_per_period=drive.samples_per_period if drive.kind == "input" else USUAL_STEPS,
@@ -116,11 +116,11 @@ def solvers_of(
     found = []
     for name, chosen in kinds:
         turned = [
-            Solver(name, chosen, kind, variable, fine, quick)
+            Solver(name, values=chosen, kind=kind, variable=variable, resolutions=fine, quick=quick)
             for kind, variable, fine, quick in knobs
             if variable is not None
         ]
-        found += turned or [Solver(name, chosen)]
+        found += turned or [Solver(name, values=chosen)]
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fitting.lab.tradeoff.records import QUANTITIES, Measurement, Study
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Choice:
     """For one accuracy: the cheapest setting found, the plan's, and the ratio of their costs.
 
@@ -70,7 +70,12 @@ def choices(study: Study) -> list[Choice]:
         marks = {m.planned_for: m for m in planned}
         found += [
             # the plan's own settings are settings, too
-            Choice(quantity, wanted, cheapest([*grid, *planned], wanted), marks.get(wanted))
+            Choice(
+                quantity=quantity,
+                accuracy=wanted,
+                cheapest=cheapest([*grid, *planned], wanted),
+                planned=marks.get(wanted),
+            )
             for wanted in study.accuracies
         ]
     return found

@@ -22,7 +22,7 @@ from fitting.lab.tradeoff.scenes import Scene, Solver
 Start = tuple[bool, float]  # periodic start, settling in s
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fineness:
     """How far the grid goes: what is left of a transient, samples, beats, points, steps."""
 
@@ -37,7 +37,14 @@ class Fineness:
 
 
 QUICK = Fineness(
-    (1e-2, 1e-4, 1e-8), (7, 64), (12.37,), (5.37, 20.37), (9, 41), (3, 7), (1e-2, 1e-6), (1, 2, 4)
+    left=(1e-2, 1e-4, 1e-8),
+    samples=(7, 64),
+    flat_beats=(12.37,),
+    plain_beats=(5.37, 20.37),
+    sweep_points=(9, 41),
+    nodes=(3, 7),
+    jacobian_steps=(1e-2, 1e-6),
+    iterations=(1, 2, 4),
 )
 #: What is left of a transient where every settling is a long run.
 STEPPED_LEFT, ORBIT_LEFT = (1e-2, 1e-4, 1e-6, 1e-10), (1e-2, 1e-4, 1e-7)

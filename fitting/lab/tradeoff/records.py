@@ -116,7 +116,7 @@ class Measurement:
         return self.cost.cpu_s if math.isfinite(self.cost.cpu_s) else self.cost.seconds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reference:
     """What errors are measured from: `values` of a quantity, their relative `error`, `source`."""
 

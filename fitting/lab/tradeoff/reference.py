@@ -64,7 +64,10 @@ def exact_references(modes: TwoModes, tones_hz: list[float]) -> list[Reference]:
     }
     rounding = float(np.finfo(float).eps)
     source = f"closed form with {exact.DIGITS} digits"
-    return [Reference(name, tuple(values), rounding, source) for name, values in found.items()]
+    return [
+        Reference(quantity=name, values=tuple(values), error=rounding, source=source)
+        for name, values in found.items()
+    ]
 
 
 def balanced_references(sample: CubicModes, scene: Scene) -> list[Reference]:
@@ -83,8 +86,8 @@ def balanced_references(sample: CubicModes, scene: Scene) -> list[Reference]:
     shift = error * float(np.sum(slope) / np.sum(slope**2))
     behind = f"the width behind the data; {source}"
     return [
-        Reference(AMPLITUDES, tuple(value.tolist()), error, source),
-        Reference(WIDTH_PEAKS, (scene.width_hz,), shift, behind),
+        Reference(quantity=AMPLITUDES, values=tuple(value.tolist()), error=error, source=source),
+        Reference(quantity=WIDTH_PEAKS, values=(scene.width_hz,), error=shift, source=behind),
     ]
 
 
@@ -124,7 +127,7 @@ def _finest(bench: Bench, solver: Solver, quantity: str) -> Reference:
     value, before = (values_of(bench, setting, None) for setting in settings)
     error = max(largest_change(before, value), float(np.finfo(float).eps))
     source = f"the finest setting ({solver.name}) against the next finest"
-    return Reference(quantity, tuple(value.tolist()), error, source)
+    return Reference(quantity=quantity, values=tuple(value.tolist()), error=error, source=source)
 
 
 def _finest_setting(scene: Scene, solver: Solver, place: int, quantity: str) -> Setting:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from itertools import pairwise
 
 from fitting.campaign import WrittenFmu
@@ -40,6 +40,7 @@ class Solver:
     """
 
     name: str
+    _: KW_ONLY
     values: Mapping[str, Scalar] = field(default_factory=dict)
     kind: str = ""
     variable: str = ""
@@ -171,20 +172,47 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 QUICK_TOLERANCES = (1e-1, 1e-3, 1e-6)
 
 LINEAR_SOLVERS = (
-    Solver("exact", {"solver": 0}),
-    Solver("envelope", {"solver": 1}),
-    Solver("rk4", {"solver": 2}, SUBSTEPS, "rk4_substep", FEW_SUBSTEPS, (14.0, 28.0, 57.0)),
+    Solver("exact", values={"solver": 0}),
+    Solver("envelope", values={"solver": 1}),
+    Solver(
+        "rk4",
+        values={"solver": 2},
+        kind=SUBSTEPS,
+        variable="rk4_substep",
+        resolutions=FEW_SUBSTEPS,
+        quick=(14.0, 28.0, 57.0),
+    ),
 )
 AVERAGED, STEPPED = {"solver": 1, "rk4_substep": 0.0}, {"solver": 2, "tolerance": 1e-3}
 CUBIC_SOLVERS = (
-    Solver("envelope", AVERAGED, TOLERANCE, "tolerance", TOLERANCES, QUICK_TOLERANCES),
-    Solver("rk4", STEPPED, SUBSTEPS, "rk4_substep", CUBIC_SUBSTEPS, (14.0, 40.0)),
+    Solver(
+        "envelope",
+        values=AVERAGED,
+        kind=TOLERANCE,
+        variable="tolerance",
+        resolutions=TOLERANCES,
+        quick=QUICK_TOLERANCES,
+    ),
+    Solver(
+        "rk4",
+        values=STEPPED,
+        kind=SUBSTEPS,
+        variable="rk4_substep",
+        resolutions=CUBIC_SUBSTEPS,
+        quick=(14.0, 40.0),
+    ),
 )
 
 STRING_TONES = (6.94016e6, 6.94036e6)
-STRING = TwoModes(1.9498, 120.0, 90.0, 6.94026e6, 7.02760e6)
-SENSOR = TwoModes(1.9498, 650.0, 550.0, 30.3e3, 41.0e3)
-DUFFING = TwoModes(1.9498, 520.0, 480.0, 100.0e3, 113.0e3)
+STRING = TwoModes(
+    theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6.94026e6, eta_minus_hz=7.02760e6
+)
+SENSOR = TwoModes(
+    theta_rad=1.9498, d1_hz=650.0, d2_hz=550.0, eta_plus_hz=30.3e3, eta_minus_hz=41.0e3
+)
+DUFFING = TwoModes(
+    theta_rad=1.9498, d1_hz=520.0, d2_hz=480.0, eta_plus_hz=100.0e3, eta_minus_hz=113.0e3
+)
 
 #: Title, modes, tones and cubic terms of the built-in scenes.
 _SCENES: dict[str, tuple[str, TwoModes, tuple[float, float], dict[str, float]]] = {
@@ -231,7 +259,7 @@ def scene_named(name: str) -> Scene:
         "rk4_substep": 0.0,
         **cubic,
     }
-    drive = Drive(values, tones_hz, ("q1_hybrid",))
+    drive = Drive(start_values=values, tones_hz=tones_hz, outputs=("q1_hybrid",))
     return Scene(
         name=name,
         title=title,

@@ -36,7 +36,7 @@ def draw_steps(design: Design) -> Drawing:
         "each proposed measurement: at the given point, and at points that fit the data as well. "
         "×: drive level; n: spectra averaged."
     )
-    return Drawing("1_design_steps", title, caption, caption, figure)
+    return Drawing(name="1_design_steps", title=title, caption=caption, alt=caption, figure=figure)
 
 
 def draw_kinds(design: Design) -> Drawing:
@@ -51,4 +51,6 @@ def draw_kinds(design: Design) -> Drawing:
         "be worth much only together: the diamonds show what the best of each kind adds as the "
         "last measurement."
     )
-    return Drawing("2_design_candidates", title, caption, caption, figure)
+    return Drawing(
+        name="2_design_candidates", title=title, caption=caption, alt=caption, figure=figure
+    )

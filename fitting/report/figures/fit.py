@@ -58,7 +58,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         f"at the reference parameters; a start far outside is told in words.{warning}"
     )
     alt = f"Values over {len(result.history) - 1} levels of ν, ending at {listed(values)}."
-    return Drawing("5_convergence", title, caption, alt, figure)
+    return Drawing(name="5_convergence", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _groups(result: Result) -> list[list[str]]:
@@ -101,7 +101,9 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
         + ". ".join(f"{plain(name)}: {_in_words(d)}" for name, d in result.derived.items())
         + "."
     )
-    return Drawing("6_derived_per_experiment", title, caption, alt, figure)
+    return Drawing(
+        name="6_derived_per_experiment", title=title, caption=caption, alt=alt, figure=figure
+    )
 
 
 def _in_words(derived: DerivedResult) -> str:

@@ -59,7 +59,13 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         "that the data do not determine the value. The band is the 95 % interval, drawn over the "
         "range that the box leaves where the data end it nowhere."
     )
-    return Drawing("9_profiles", title, caption, f"Verdicts: {listed(words)}.", figure)
+    return Drawing(
+        name="9_profiles",
+        title=title,
+        caption=caption,
+        alt=f"Verdicts: {listed(words)}.",
+        figure=figure,
+    )
 
 
 def _together(knowledge: Knowledge) -> list[str]:
@@ -87,7 +93,7 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         "knowledge at all."
     )
     alt = f"Fits in the planes of {listed(names)}."
-    return Drawing("10_together", title, caption, alt, figure)
+    return Drawing(name="10_together", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
@@ -127,7 +133,9 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
         "edge are the range without data (grey) and the 95 % interval with them (blue): where both "
         "are alike, the data say nothing of that output."
     )
-    return Drawing("11_outputs", title, caption, f"{listed(words)}.", figure)
+    return Drawing(
+        name="11_outputs", title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
+    )
 
 
 def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
@@ -145,4 +153,6 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
         "one. Middle: χ² of the solution at every ν. Right: how far the data moved the "
         "solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
     )
-    return Drawing("12_nu", title, caption, " ".join(nu.sentences), figure)
+    return Drawing(
+        name="12_nu", title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure
+    )

@@ -57,7 +57,7 @@ def draw_trace(result: DriveResponse, model: str, units: Sequence[str]) -> Drawi
         + "some periods of the oscillation itself. "
         + f"{settling_in_words(result.plan)}. {remainder_in_words(result.remainder)}."
     )
-    return Drawing("trace", title, caption, caption, figure)
+    return Drawing(name="trace", title=title, caption=caption, alt=caption, figure=figure)
 
 
 def draw_spectrum(
@@ -85,7 +85,7 @@ def draw_spectrum(
     caption = f"{title} of {model} ({', '.join(outputs)}); {spectrum_in_words(result.spectrum)}."
     if result.constants:
         caption += f" Constant and not drawn: {', '.join(result.constants)}."
-    return Drawing("spectrum", title, caption, caption, figure)
+    return Drawing(name="spectrum", title=title, caption=caption, alt=caption, figure=figure)
 
 
 def _oscillating(result: DriveResponse) -> list[str]:
@@ -124,4 +124,4 @@ def draw_frf(result: SweepResponse, model: str, unit: str) -> Drawing:
         f"{number(jump.high_hz, 10)} Hz."
         for jump in result.jumps
     )
-    return Drawing("sweep", title, caption, caption, figure)
+    return Drawing(name="sweep", title=title, caption=caption, alt=caption, figure=figure)

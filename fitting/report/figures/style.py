@@ -58,7 +58,7 @@ _STYLE: Any = {  # matplotlib's stubs want every key as a literal
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drawing:
     """A figure with what is said about it: file name stem, title, caption, text for the blind."""
 
@@ -69,7 +69,7 @@ class Drawing:
     figure: Figure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FigureFile:
     """A saved figure: what a :class:`Drawing` says, and its two files."""
 
@@ -132,7 +132,14 @@ def save(drawing: Drawing, folder: Path) -> FigureFile:
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
     write_whole(svg, vector.getvalue())
-    return FigureFile(drawing.name, drawing.title, drawing.caption, drawing.alt, svg, png)
+    return FigureFile(
+        name=drawing.name,
+        title=drawing.title,
+        caption=drawing.caption,
+        alt=drawing.alt,
+        svg=svg,
+        png=png,
+    )
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:

@@ -24,7 +24,9 @@ def draw_response(result: Result, data: ShownCampaign) -> Drawing:
     upper.set_xlabel("")
     upper.legend(loc="upper left")
     caption, alt = _response_words(result, sweep, curves)
-    return Drawing("8_frequency_response", title, caption, alt, figure)
+    return Drawing(
+        name="8_frequency_response", title=title, caption=caption, alt=alt, figure=figure
+    )
 
 
 def _response_words(result: Result, sweep: ShownSweep, curves: SweepCurves) -> tuple[str, str]:

@@ -70,7 +70,7 @@ def draw_drive(result: Result, data: ShownCampaign) -> Drawing:
     alt = (
         "Envelopes of the drive: " + "; ".join(f"{e.label}: {_beat_words(e)}" for e in shown) + "."
     )
-    return Drawing("1_drive", title, caption, alt, figure)
+    return Drawing(name="1_drive", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _beat_words(experiment: ShownTones) -> str:
@@ -104,7 +104,13 @@ def draw_spectra(result: Result, data: ShownCampaign) -> Drawing:
         "parameters, below with the fitted ones: measured spectrum, simulated line at every drive "
         f"frequency. The mean deviation goes from {number(first, 3)} to {number(last, 3)}."
     )
-    return Drawing("2_spectra", title, _spectra_caption(data, len(shown)), alt, figure)
+    return Drawing(
+        name="2_spectra",
+        title=title,
+        caption=_spectra_caption(data, len(shown)),
+        alt=alt,
+        figure=figure,
+    )
 
 
 def _spectrum_panels(
@@ -185,7 +191,9 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
         f"Relative deviations at {len(result.peaks)} drive frequencies before and after the fit; "
         f"means {_from_to(result)}."
     )
-    return Drawing("3_deviation_over_frequency", title, caption, alt, figure)
+    return Drawing(
+        name="3_deviation_over_frequency", title=title, caption=caption, alt=alt, figure=figure
+    )
 
 
 def draw_improvement(result: Result, data: ShownCampaign) -> Drawing:
@@ -206,7 +214,7 @@ def draw_improvement(result: Result, data: ShownCampaign) -> Drawing:
         f"Ratio of final to initial deviation for {len(shares)} peaks; ratio of the means "
         f"{number(overall, 3)} percent; {worse} above 100 percent."
     )
-    return Drawing("4_improvement", title, caption, alt, figure)
+    return Drawing(name="4_improvement", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
@@ -234,7 +242,9 @@ def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
         f"Deviations by experiment, means {_from_to(result)}; {len(beyond)} of {len(residuals)} "
         f"residuals beyond {NOTABLE_SIGMA:g} standard deviations. {worst}"
     )
-    return Drawing("7_deviation_per_experiment", title, caption, alt, figure)
+    return Drawing(
+        name="7_deviation_per_experiment", title=title, caption=caption, alt=alt, figure=figure
+    )
 
 
 def _worst_words(result: Result, residuals: list[float]) -> str:

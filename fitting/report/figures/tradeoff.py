@@ -87,7 +87,9 @@ def draw(study: Study) -> Drawing:
     )
     if any(m.extrapolated for m in study.measurements):
         caption += " Pale markers: not run, cost extrapolated from a shorter run."
-    return Drawing(f"tradeoff_{study.scene}", title, caption, caption, figure)
+    return Drawing(
+        name=f"tradeoff_{study.scene}", title=title, caption=caption, alt=caption, figure=figure
+    )
 
 
 def _sorted(found: Sequence[Measurement]) -> list[Measurement]:

@@ -95,7 +95,7 @@ def spectrum_scales(
     """Scales of frequency and amplitude that suit several spectra."""
     along = scaling_for([tone for e in experiments for tone in e.read_hz], "Hz")
     factor, unit = prefixed(_highest(experiments, peaks), experiments[0].unit)
-    return along, Scaling(0.0, factor, unit)
+    return along, Scaling(offset=0.0, factor=factor, unit=unit)
 
 
 def _highest(experiments: Sequence[ShownTones], peaks: Sequence[Peak]) -> float:

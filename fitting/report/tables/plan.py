@@ -29,7 +29,7 @@ def plan_table(plan: PlanRecord) -> Table:
     total = (
         Cell("sum", head=True),
         Cell("kept" if kept else "more than was wanted"),
-        Cell(number(plan.promised, 2), plan.promised),
+        Cell(number(plan.promised, 2), value=plan.promised),
         Cell(f"wanted were {number(plan.wanted, 3)}", mark="words"),
     )
-    return Table(made.caption, made.heads, (*made.rows, total), made.note)
+    return Table(caption=made.caption, heads=made.heads, rows=(*made.rows, total), note=made.note)

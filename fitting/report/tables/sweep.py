@@ -10,7 +10,7 @@ from fitting.report.table import Cell, Column, Table, tabulate
 from fitting.text.notation import percent, prefixed, with_error
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Quantity:
     """One number of a line with its error, and what the instrument gave (NaN: nothing)."""
 
@@ -29,7 +29,7 @@ class Quantity:
 
 LINE: tuple[Column[Quantity], ...] = (
     Column("of the sweep by itself", lambda q: q.name, role="name"),
-    Column("this fit", lambda q: Cell(with_error(q.value, q.std, q.unit), q.value)),
+    Column("this fit", lambda q: Cell(with_error(q.value, q.std, q.unit), value=q.value)),
     Column("instrument", lambda q: q.instrument, digits=9),
     Column("difference", lambda q: q.instrument - q.value, digits=3),
     Column("relative", lambda q: q.relative),
@@ -44,11 +44,26 @@ def line_table(line: SweepLine) -> Table | None:
     own = {key: line.instrument.get(key, math.nan) for key in ("frequency_hz", "width_hz", "q")}
     quantities = (
         Quantity(
-            "eigenfrequency", line.frequency_hz, line.frequency_std_hz, "Hz", own["frequency_hz"]
+            name="eigenfrequency",
+            value=line.frequency_hz,
+            std=line.frequency_std_hz,
+            unit="Hz",
+            instrument=own["frequency_hz"],
         ),
-        Quantity("full width", line.width_hz, line.width_std_hz, "Hz", own["width_hz"]),
-        Quantity("Q", line.q, line.q_std, "", own["q"]),
-        Quantity("amplitude", line.amplitude / factor, line.amplitude_std / factor, unit),
+        Quantity(
+            name="full width",
+            value=line.width_hz,
+            std=line.width_std_hz,
+            unit="Hz",
+            instrument=own["width_hz"],
+        ),
+        Quantity(name="Q", value=line.q, std=line.q_std, unit="", instrument=own["q"]),
+        Quantity(
+            name="amplitude",
+            value=line.amplitude / factor,
+            std=line.amplitude_std / factor,
+            unit=unit,
+        ),
     )
     return tabulate(
         "Resonance fitted to the sweep alone, without the FMU",

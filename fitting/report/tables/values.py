@@ -18,7 +18,7 @@ Parameter = tuple[str, ParameterResult]
 Output = tuple[str, DerivedResult]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Value:
     """Any value of a result in a row: `low` to `high` is what it could be without data."""
 
@@ -44,7 +44,7 @@ class Value:
         """The value as shown; none where the data leave it open."""
         if self.open or not math.isfinite(self.found.value):
             return Cell("–")
-        return Cell(number(self.found.value, self.digits), self.found.value)
+        return Cell(number(self.found.value, self.digits), value=self.found.value)
 
 
 def verdict(identifiable: str) -> Cell:
@@ -61,17 +61,21 @@ def interval(bounds: tuple[float, float]) -> Cell:
 def values_of(result: Result) -> list[Value]:
     """Every value of a result: parameters, derived outputs, values of single experiments."""
     found = [
-        Value(name, 8, p.lower, p.upper, p.reference, p) for name, p in result.parameters.items()
+        Value(name=name, digits=8, low=p.lower, high=p.upper, reference=p.reference, found=p)
+        for name, p in result.parameters.items()
     ]
-    found += [Value(name, 9, *d.box, d.reference, d) for name, d in result.derived.items()]
+    found += [
+        Value(name=name, digits=9, low=d.box[0], high=d.box[1], reference=d.reference, found=d)
+        for name, d in result.derived.items()
+    ]
     found += [
         Value(
-            f"{'+'.join(o.variables)} in {', '.join(o.experiments)}",
-            5,
-            math.nan,
-            math.nan,
-            0.0,
-            o,
+            name=f"{'+'.join(o.variables)} in {', '.join(o.experiments)}",
+            digits=5,
+            low=math.nan,
+            high=math.nan,
+            reference=0.0,
+            found=o,
         )
         for o in result.offsets
     ]
@@ -194,7 +198,7 @@ def _rounded(name: str) -> Callable[[tuple[str, int, dict[str, float]]], Cell]:
 
     def cell(record: tuple[str, int, dict[str, float]]) -> Cell:
         value = record[2][name]
-        return Cell(number(value, record[1]), value if math.isfinite(value) else None)
+        return Cell(number(value, record[1]), value=value if math.isfinite(value) else None)
 
     return cell
 
