@@ -13,7 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.lab.sample import Drive, Sample
+from fitting.lab.drive import Drive
+from fitting.lab.sample import Sample
 from fitting.lab.string import TwoModes
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.toml import Tables

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitting.lab.sample import Drive
+from fitting.lab.drive import Drive
 from fitting.lab.string import TWO_PI, TwoModes
 from fitting.text.arrays import ComplexArray, FloatArray
 

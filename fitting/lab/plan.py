@@ -7,8 +7,8 @@ from pathlib import Path
 
 from fitting.campaign.file import read_campaign_file
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
+from fitting.lab.drive import Drive
 from fitting.lab.instruments.averaged import Averaged
-from fitting.lab.sample import Drive
 from fitting.lab.truth import TRUTH_NAME, truth_toml
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_of, written_mhz
 from fitting.text.errors import BadInput

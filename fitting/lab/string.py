@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lab.sample import Drive
+from fitting.lab.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray
 
 TWO_PI = 2.0 * math.pi

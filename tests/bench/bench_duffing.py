@@ -22,9 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import build_fmu
 from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
+from fitting.lab.drive import Drive
 from fitting.lab.duffing import Cubic, steady_lines
 from fitting.lab.instruments.markers import READ
-from fitting.lab.sample import Drive
 from fitting.lab.string import TwoModes
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.window import Window, plan_window, tone_amplitudes

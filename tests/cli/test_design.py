@@ -15,8 +15,8 @@ from fitting.cli.main import main
 from fitting.design.result import Design, read_design
 from fitting.fmu.description import read_description
 from fitting.lab.bench import Row, measure_rows
+from fitting.lab.drive import Drive
 from fitting.lab.instruments.averaged import Averaged
-from fitting.lab.sample import Drive
 from fitting.lab.string import steady_state
 from fitting.lab.truth import read_bench
 from fitting.report.shown import shown_campaign

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from fitting.lab import exact as exact_modes
-from fitting.lab.sample import Drive
+from fitting.lab.drive import Drive
 from fitting.lab.string import TwoModes
 from fitting.lab.tradeoff.bench import Bench
 from fitting.lab.tradeoff.grid import setting_of

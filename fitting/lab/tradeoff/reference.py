@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.lab import exact
+from fitting.lab.drive import Drive
 from fitting.lab.duffing import CLOSED, CubicModes, lines_to_order
-from fitting.lab.sample import Drive
 from fitting.lab.string import TwoModes
 from fitting.lab.tradeoff.bench import Bench
 from fitting.lab.tradeoff.grid import setting_of
