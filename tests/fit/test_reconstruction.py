@@ -361,23 +361,23 @@ def test_a_maximum_outside_the_first_points_is_found(
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "start", "warned", "noted"),
+    ("box", "start", "warned", "noted"),
     [
-        (0.2, 0.5, 0.3, True, False),  # sin 2 theta > 0: lambda is nowhere a real number
-        (1.2, 2.5, 1.3, False, True),  # it is not at the start, but it is at the end
-        (1.7, 2.5, 1.8, False, False),
+        ((0.2, 0.5), 0.3, True, False),  # sin 2 theta > 0: lambda is nowhere a real number
+        ((1.2, 2.5), 1.3, False, True),  # it is not at the start, but it is at the end
+        ((1.7, 2.5), 1.8, False, False),
     ],
 )
 def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
     oscillator_fmu: Path,
     string_q1: BoundCampaign,
-    lower: float,
-    upper: float,
+    box: tuple[float, float],
     start: float,
     warned: bool,
     noted: bool,
 ) -> None:
-    theta = replace(string_q1.parameters[0], lower=lower, upper=upper, start=start, period=None)
+    whole = string_q1.parameters[0]
+    theta = replace(whole, lower=box[0], upper=box[1], start=start, period=None)
     if warned:
         theta = replace(theta, reference=start)
     bound = replace(
