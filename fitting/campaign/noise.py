@@ -61,7 +61,7 @@ class Noise:
         """Whether a standard deviation is declared."""
         return self.relative > 0.0 or self.absolute_v > 0.0
 
-    def beside(self, amplitude_v: FloatArray, floor_v: FloatArray) -> FloatArray:
+    def with_floor(self, amplitude_v: FloatArray, floor_v: FloatArray) -> FloatArray:
         """Standard deviations (n,) of amplitudes (n,) whose floor's are (n,), NaN for unknown."""
         if not self.declared:
             return floor_v
@@ -121,7 +121,7 @@ def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise
     The scatter is taken for absolute: equal at all points, as the noise of a detector is.
     """
     if noise.declared:
-        return noise.beside(amplitude_v, np.zeros(amplitude_v.size))
+        return noise.with_floor(amplitude_v, np.zeros(amplitude_v.size))
     top = laboratory_maximum(frequency_hz, amplitude_v)
     scatter = top.scatter if math.isfinite(top.scatter) else 0.0
     return np.full(amplitude_v.size, scatter * top.value_v)
@@ -132,7 +132,7 @@ def maximum_sigma(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Nois
     top = laboratory_maximum(frequency_hz, amplitude_v)
     if not noise.declared or math.isnan(top.bias):
         return top.sigma
-    own = float(noise.beside(np.array([top.value_v]), np.zeros(1))[0]) / top.value_v
+    own = float(noise.with_floor(np.array([top.value_v]), np.zeros(1))[0]) / top.value_v
     return math.hypot(own, top.bias if top.is_biased else 0.0)
 
 

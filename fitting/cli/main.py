@@ -63,11 +63,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _complain(error: object, code: int) -> int:
     """A line on stderr for each complaint."""
-    told = error.args if isinstance(error, BadInput) else (error,)
-    for complaint in told[:MOST_COMPLAINTS]:
+    complaints = error.args if isinstance(error, BadInput) else (error,)
+    for complaint in complaints[:MOST_COMPLAINTS]:
         print(f"fmu-fit: {' '.join(str(complaint).split())}", file=sys.stderr)
-    if len(told) > MOST_COMPLAINTS:
-        print(f"fmu-fit: and {len(told) - MOST_COMPLAINTS} more complaints", file=sys.stderr)
+    if len(complaints) > MOST_COMPLAINTS:
+        print(f"fmu-fit: and {len(complaints) - MOST_COMPLAINTS} more complaints", file=sys.stderr)
     return code
 
 

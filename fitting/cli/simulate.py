@@ -272,11 +272,11 @@ def _csv(header: list[str], rows: FloatArray) -> str:
 
 
 def _summary(response: DriveResponse, description: FmuDescription) -> list[str]:
-    beside = remainder_in_words(response.remainder)
+    remainder = remainder_in_words(response.remainder)
     lines = [
         spectrum_in_words(response.spectrum),
         settling_in_words(response.plan),
-        beside if response.remainder.explained else f"warning: {beside}",
+        remainder if response.remainder.explained else f"warning: {remainder}",
     ]
     tones = response.drive.tones_hz
     for name, peaks in zip(response.drive.outputs, response.peaks.T, strict=True):

@@ -90,10 +90,10 @@ def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
         kept = 2.0 / float(np.mean(known**-2))
     else:
         kept = float(np.sqrt(2.0 / np.pi) * np.mean(known))
-    held = [
+    weighted = [
         (p.scale / p.prior_sigma) ** 2 * kept if p.prior_sigma else nu for p in objective.parameters
     ]
-    return np.array(held, dtype=float)
+    return np.array(weighted, dtype=float)
 
 
 def tikhonov_rows(x: FloatArray, nu: Nu) -> FloatArray:

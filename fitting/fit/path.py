@@ -84,7 +84,7 @@ def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
                     parameters=shown,
                     derived=means,
                     j_fit=start.j_fit,
-                    j_reg=j_reg(begun, solution.held),
+                    j_reg=j_reg(begun, solution.tikhonov_weights),
                     change=float("nan"),
                     optimality=float("nan"),
                     status="start",

@@ -24,8 +24,9 @@ class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
     `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there; `structure` that
-    of the sweep's residuals, None where the sweep is not fitted; `held` the weights nu_i (n,);
-    `beside` the points that tell of variables without a first-order effect (`symmetry.secants`).
+    of the sweep's residuals, None where the sweep is not fitted; `tikhonov_weights` (n,)
+    are the nu_i; `secant_points` the points that tell of variables without a first-order effect
+    (`symmetry.secants`).
     """
 
     objective: Objective
@@ -36,8 +37,8 @@ class Solution:
     matrix: FloatArray
     errors: Linearisation
     structure: Structure | None
-    held: FloatArray
-    beside: Mapping[int, FloatArray]
+    tikhonov_weights: FloatArray
+    secant_points: Mapping[int, FloatArray]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -66,10 +67,10 @@ def solution_of(
     widened = noise
     if structure is not None:
         widened = noise.widened(objective.data.curve_rows, structure.widening)
-    seen, beside = secants(evaluator, x, matrix)
+    seen, secant_points = secants(evaluator, x, matrix)
     prior = prior_sigmas(parameters, nu)
     errors = linearise(final.residuals, seen, noise.covariance, prior, widened.covariance)
-    held = weights(objective, nu, misfit)
+    tikhonov_weights = weights(objective, nu, misfit)
     return Solution(
         objective=objective,
         chain=chain,
@@ -79,8 +80,8 @@ def solution_of(
         matrix=matrix,
         errors=errors,
         structure=structure,
-        held=held,
-        beside=beside,
+        tikhonov_weights=tikhonov_weights,
+        secant_points=secant_points,
     )
 
 

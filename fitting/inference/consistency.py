@@ -30,7 +30,7 @@ from fitting.fit.objective import Point
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.joint_result import Estimate, JointResult, SeriesPart, Tension
+from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
@@ -54,9 +54,11 @@ class _System:
 
     def minimum(self, parts: Sequence[int]) -> Minimum:
         """Least chi square of some campaigns, priors of their own values included."""
-        return joined([*(self.parts[k] for k in parts), self._held(parts)]).minimum(BETTER_THAN_BOX)
+        return joined([*(self.parts[k] for k in parts), self._priors_of(parts)]).minimum(
+            BETTER_THAN_BOX
+        )
 
-    def _held(self, parts: Sequence[int]) -> Linearisation:
+    def _priors_of(self, parts: Sequence[int]) -> Linearisation:
         mine = np.any([self.owners[k] for k in parts], axis=0)
         held = np.diag(self.priors.matrix) > 0.0
         rows = np.flatnonzero(held & mine)
@@ -65,7 +67,7 @@ class _System:
 
     def degrees_of_freedom(self, part: int, least: Minimum) -> int:
         """Rows of a campaign and priors of its values, less what they determine; at least one."""
-        rows = self.parts[part].rows.size + self._held([part]).rows.size
+        rows = self.parts[part].rows.size + self._priors_of([part]).rows.size
         return max(rows - least.rank, 1)
 
 
@@ -105,7 +107,7 @@ def consistency(problem: Problem, solution: Solution) -> JointResult:
     ]
     if len(names) > 2:
         pairs += [((k,), tuple(j for j in everything if j != k)) for k in everything]
-    tensions = tuple(_tension(system, one, other, names) for one, other in pairs)
+    tensions = tuple(_pair_test(system, one, other, names) for one, other in pairs)
     return JointResult(series, tensions)
 
 
@@ -187,14 +189,14 @@ def _alone(
     return found
 
 
-def _tension(
+def _pair_test(
     system: _System, one: Sequence[int], other: Sequence[int], names: Sequence[str]
-) -> Tension:
+) -> PairTest:
     a, b, both = (system.minimum(parts) for parts in (one, other, (*one, *other)))
     freedom = a.rank + b.rank - both.rank
     first, second = (" + ".join(names[k] for k in parts) for parts in (one, other))
     if freedom <= 0:
-        return Tension(
+        return PairTest(
             one=first,
             other=second,
             chi_square=0.0,
@@ -209,7 +211,7 @@ def _tension(
     sigmas = float(-ndtri(0.5 * p)) if p > 0.0 else float(np.sqrt(value))
     verdict = "contradict each other" if sigmas > WORTH_A_WARNING else "agree"
     common = "one number" if freedom == 1 else f"{freedom} numbers"
-    return Tension(
+    return PairTest(
         one=first,
         other=second,
         chi_square=value,

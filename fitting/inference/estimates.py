@@ -33,7 +33,7 @@ def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
         results[parameter.name] = ParameterResult(
             value=float(shown[i]),
             unit=parameter.unit,
-            std=std if _held(shrinkage) else float("nan"),
+            std=std if _is_determined(shrinkage) else float("nan"),
             ci95=_interval(parameter, raw, float(shown[i]), std),
             reference=parameter.reference,
             start=parameter.start,
@@ -45,7 +45,7 @@ def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
     return results
 
 
-def _held(shrinkage: float) -> bool:
+def _is_determined(shrinkage: float) -> bool:
     """Whether the data say anything: else a linearised error would be one of the box's width."""
     return in_words(shrinkage) != IDENTIFIABLE[2]
 
@@ -67,8 +67,8 @@ def derived_results(
     x = solution.final.x
     lower, upper = search_bounds(parameters)
     around = central(x, np.minimum(OUTPUT_STEP, 0.25 * (upper - lower)), lower, upper)
-    for i, beside in solution.beside.items():  # as the covariance saw it
-        around = around.between(i, beside, x)
+    for i, moved in solution.secant_points.items():  # as the covariance saw it
+        around = around.between(i, moved, x)
     everything = [x, np.clip(np.zeros(x.size), lower, upper), *around.nodes]
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     ranges = output_ranges(response, parameters, seed, everything)
@@ -91,7 +91,7 @@ def _derived(
 ) -> DerivedResult:
     known = bool(np.all(np.isfinite(gradient)) and np.isfinite(means[0]))
     std, shrinkage = solution.errors.of(gradient) if known else (float("nan"), 0.0)
-    std = std if _held(shrinkage) else float("nan")
+    std = std if _is_determined(shrinkage) else float("nan")
     value = float(means[0])
     return DerivedResult(
         value=value,

@@ -39,7 +39,7 @@ class SeriesPart:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tension:
+class PairTest:
     """Test of the numbers that two sets of campaigns both determine.
 
     `chi_square` of their difference, against `freedom` of them; `sigmas` the same as standard
@@ -60,7 +60,7 @@ class JointResult:
     """Campaigns of a joint fit, and whether they agree."""
 
     series: tuple[SeriesPart, ...]
-    tensions: tuple[Tension, ...]
+    tensions: tuple[PairTest, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

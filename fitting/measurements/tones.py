@@ -33,7 +33,7 @@ class Tones(MeasurementKind):
 
     `setup` drives the FMU; `experiments` hold tones, settings and amplitudes; `sigmas_v` (rows,)
     are the standard deviations of all amplitudes in their order, NaN where unknown (taken from the
-    experiments where it is empty); `noise_told` says in a sentence where they come from.
+    experiments where it is empty); `noise_origin` says in a sentence where they come from.
 
     Raises:
         ValueError: shapes that differ, or an amplitude that is not positive and finite.
@@ -44,7 +44,7 @@ class Tones(MeasurementKind):
     _: KW_ONLY
     series: str = ""
     sigmas_v: FloatArray = field(default_factory=lambda: np.empty(0))
-    noise_told: str = ""
+    noise_origin: str = ""
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.peaks_v)) or np.any(self.peaks_v <= 0.0):
@@ -158,8 +158,10 @@ class Tones(MeasurementKind):
 
 def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
     """The experiments of a campaign as a measurement, with everything known of their noise."""
-    sigmas_v, told = peak_sigmas(bound)
-    return Tones(bound.setup, bound.experiments, series=series, sigmas_v=sigmas_v, noise_told=told)
+    sigmas_v, origin = peak_sigmas(bound)
+    return Tones(
+        bound.setup, bound.experiments, series=series, sigmas_v=sigmas_v, noise_origin=origin
+    )
 
 
 def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
@@ -180,7 +182,7 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
         said.append(f"{100 * noise.relative:.3g} % as declared")
     if noise.absolute_v > 0.0:
         said.append(f"{noise.absolute_v:.3g} {bound.amplitude_unit} as declared")
-    sigmas = [noise.beside(p, f) for p, f in zip(peaks, floors, strict=True)]
+    sigmas = [noise.with_floor(p, f) for p, f in zip(peaks, floors, strict=True)]
     sentence = (
         f"Standard deviations of the peaks: {', '.join(said)}, in quadrature."
         if said

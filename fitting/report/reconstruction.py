@@ -169,16 +169,16 @@ def _response(result: Result, figures: Figures) -> Section | None:
     if result.sweep is None:
         said = ("Every campaign has a sweep and a scale of its own.",)
         return Section("response", title, paragraphs=said, figures=figures) if figures else None
-    table, told = None, []
+    table, paragraphs = None, []
     if result.line is not None:
         table = line_table(result.line)
         if table is None:
-            told.append(f"No resonance could be fitted to the sweep: {result.line.message}.")
+            paragraphs.append(f"No resonance could be fitted to the sweep: {result.line.message}.")
         else:
-            told += line_sentences(result.line)[1:]  # the table holds the first
-    told.append(scale_sentence(result.scale))
+            paragraphs += line_sentences(result.line)[1:]  # the table holds the first
+    paragraphs.append(scale_sentence(result.scale))
     return Section(
-        "response", title, paragraphs=tuple(told), tables=_existing(table), figures=figures
+        "response", title, paragraphs=tuple(paragraphs), tables=_existing(table), figures=figures
     )
 
 

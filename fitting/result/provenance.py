@@ -69,7 +69,7 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
             "tolerance": schedule.tolerance,
             "starts": schedule.starts,
             "misfit": solve.misfit,
-            "peak_noise": " ".join(dict.fromkeys(t.noise_told for t in problem.data.tones)),
+            "peak_noise": " ".join(dict.fromkeys(t.noise_origin for t in problem.data.tones)),
             "optimality_absolute": solve.absolute,
             "optimality_relative": solve.relative,
         },

@@ -41,21 +41,21 @@ class Reading:
     """Tones in one run: complex amplitudes (tones, outputs) with the phase at time 0.
 
     `mean` (outputs,); `rest` (outputs,) is the root mean square of what mean and tones leave,
-    `level` (outputs,) the largest value, `condition` the factor by which a fit of the tones may
+    `largest` (outputs,) the largest value, `condition` the factor by which a fit of the tones may
     amplify rounding.
     """
 
     tones: ComplexArray
     mean: FloatArray
     rest: FloatArray
-    level: FloatArray
+    largest: FloatArray
     condition: float
 
     @property
     def amplitudes(self) -> FloatArray:
         """Peak amplitudes, (tones, outputs), NaN where there is no oscillation but rounding."""
         sizes = np.abs(self.tones)
-        return np.where(sizes > NOTHING * self.level, sizes, np.nan)
+        return np.where(sizes > NOTHING * self.largest, sizes, np.nan)
 
     @property
     def constant(self) -> tuple[bool, ...]:
@@ -72,7 +72,9 @@ class Reading:
     @property
     def rounding(self) -> float:
         """Relative error that comes of rounding the samples of a weak tone beside a strong one."""
-        return _largest(32.0 * np.finfo(float).eps * self.condition * self.level / self.amplitudes)
+        return _largest(
+            32.0 * np.finfo(float).eps * self.condition * self.largest / self.amplitudes
+        )
 
 
 def _largest(values: FloatArray) -> float:
@@ -232,7 +234,7 @@ def _reading(drive: Drive, window: Window, values: FloatArray) -> Reading:
         tones=phasors,
         mean=found.mean,
         rest=largest * np.sqrt(np.mean(shares**2, axis=0)),
-        level=largest,
+        largest=largest,
         condition=float(np.linalg.norm(fit.projector, 2) * math.sqrt(window.samples)),
     )
 

@@ -80,7 +80,7 @@ class Spectrum:
     rounding: float
 
 
-class Beside(StrEnum):
+class RemainderKind(StrEnum):
     """What there is beside the tones."""
 
     UNEXPLAINED = "unexplained"  # a line at no combination of the tones
@@ -97,14 +97,14 @@ class Remainder:
     `at_hz`: where that is (NaN: not known).
     """
 
-    kind: Beside
+    kind: RemainderKind
     share: float
     at_hz: float
 
     @property
     def explained(self) -> bool:
         """Whether a steady response to the tones has that."""
-        return self.kind not in (Beside.UNEXPLAINED, Beside.UNKNOWN)
+        return self.kind not in (RemainderKind.UNEXPLAINED, RemainderKind.UNKNOWN)
 
 
 @dataclass(frozen=True)
@@ -288,38 +288,38 @@ def _spectrum(band: Band, coherent: bool, values: FloatArray) -> tuple[FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class _Lines:
-    """Amplitudes of a response at the tones, at combinations of them, elsewhere: (any, outputs).
+    """Amplitudes of a response at the tones, at combinations, elsewhere: (any, outputs).
 
-    The frequency of what is left by a fit is not known (nan). ``level`` (outputs,) is the largest
+    The frequency of what is left by a fit is not known (nan). ``largest`` (outputs,) is the largest
     value.
     """
 
     peaks: FloatArray
     combined: FloatArray
-    elsewhere: FloatArray
+    unexplained: FloatArray
     combined_hz: FloatArray
-    elsewhere_hz: FloatArray
-    level: FloatArray
+    unexplained_hz: FloatArray
+    largest: FloatArray
 
     def share(self, lines: FloatArray, constant: BoolArray) -> FloatArray:
         """Lines as parts of the largest peak of their output, less rounding; same shape."""
         peak = np.maximum(self.peaks.max(axis=0), np.finfo(float).tiny)
-        parts = np.maximum(lines - ROUNDING * self.level, 0.0) / peak
+        parts = np.maximum(lines - ROUNDING * self.largest, 0.0) / peak
         return np.where(constant, 0.0, parts)
 
 
 def _lines(drive: Drive, band: Band, coherent: bool, run: Run, values: FloatArray) -> _Lines:
-    level = np.max(np.abs(values), axis=0)
+    largest = np.max(np.abs(values), axis=0)
     if not coherent:
         found = fit_tones(drive.tones_hz, np.array(row_times(run)), values)
         left = np.max(np.abs(found.rest), axis=0, keepdims=True)
         return _Lines(
             peaks=found.amplitudes,
             combined=left[:0],
-            elsewhere=left,
+            unexplained=left,
             combined_hz=np.empty(0),
-            elsewhere_hz=np.array([math.nan]),
-            level=level,
+            unexplained_hz=np.array([math.nan]),
+            largest=largest,
         )
     tones = list(band.bins())
     mixed = [k for k in band.combination_bins() if k]
@@ -328,26 +328,28 @@ def _lines(drive: Drive, band: Band, coherent: bool, run: Run, values: FloatArra
     return _Lines(
         peaks=a[tones],
         combined=a[mixed],
-        elsewhere=a[rest],
+        unexplained=a[rest],
         combined_hz=f[mixed],
-        elsewhere_hz=f[rest],
-        level=level,
+        unexplained_hz=f[rest],
+        largest=largest,
     )
 
 
 def _remainder(lines: _Lines, constant: BoolArray, rounding: float, promised: float) -> Remainder:
     """What there is beside the tones, against what a steady response of that accuracy has."""
     limit = max(BESIDE, rounding, promised)
-    combined, elsewhere = (lines.share(a, constant) for a in (lines.combined, lines.elsewhere))
-    share, mixed = (float(np.max(a, initial=0.0)) for a in (elsewhere, combined))
+    combined, unexplained = (lines.share(a, constant) for a in (lines.combined, lines.unexplained))
+    share, mixed = (float(np.max(a, initial=0.0)) for a in (unexplained, combined))
     if share > limit:
-        at_hz = float(lines.elsewhere_hz[int(np.argmax(elsewhere.max(axis=1)))])
-        return Remainder(Beside.UNKNOWN if math.isnan(at_hz) else Beside.UNEXPLAINED, share, at_hz)
+        at_hz = float(lines.unexplained_hz[int(np.argmax(unexplained.max(axis=1)))])
+        return Remainder(
+            RemainderKind.UNKNOWN if math.isnan(at_hz) else RemainderKind.UNEXPLAINED, share, at_hz
+        )
     if mixed > limit:
         at_hz = float(lines.combined_hz[int(np.argmax(combined.max(axis=1)))])
-        return Remainder(Beside.COMBINATION, mixed, at_hz)
+        return Remainder(RemainderKind.COMBINATION, mixed, at_hz)
     most = max(share, mixed)
-    kind = Beside.ROUNDING if most <= max(SMALL, rounding) else Beside.SMALL
+    kind = RemainderKind.ROUNDING if most <= max(SMALL, rounding) else RemainderKind.SMALL
     return Remainder(kind, most, math.nan)
 
 

@@ -8,7 +8,7 @@ from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.budget import Basis, Budget, Decision, Kind, PlanRecord
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.planner import DrivePlan
-from fitting.simulate.response import Beside, Remainder, Spectrum
+from fitting.simulate.response import Remainder, RemainderKind, Spectrum
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 
@@ -125,15 +125,15 @@ def settling_in_words(plan: DrivePlan) -> str:
 def remainder_in_words(remainder: Remainder) -> str:
     """What there is beside the tones, and what it is."""
     what = {
-        Beside.UNEXPLAINED: f"most at {hertz(remainder.at_hz)}, which is no combination of the "
-        "tones but a free oscillation that has not died away, or a drive that is not among the "
-        "tones",
-        Beside.UNKNOWN: "harmonics, mixtures of the tones, or free oscillations, which are not "
-        "told apart without a common period of the tones",
-        Beside.COMBINATION: f"most at {hertz(remainder.at_hz)}, a combination of the tones, as in "
-        "a response that is not linear",
-        Beside.SMALL: "rounding, or the rest of a transient",
-        Beside.ROUNDING: "rounding",
+        RemainderKind.UNEXPLAINED: f"most at {hertz(remainder.at_hz)}, which is no combination of "
+        "the tones but a free oscillation that has not died away, or a drive that is not among "
+        "the tones",
+        RemainderKind.UNKNOWN: "harmonics, mixtures of the tones, or free oscillations, which are "
+        "not told apart without a common period of the tones",
+        RemainderKind.COMBINATION: f"most at {hertz(remainder.at_hz)}, a combination of the tones, as "
+        "in a response that is not linear",
+        RemainderKind.SMALL: "rounding, or the rest of a transient",
+        RemainderKind.ROUNDING: "rounding",
     }[remainder.kind]
     return f"beside the tones there is {remainder.share:.1e} of the largest peak: {what}"
 

@@ -103,9 +103,9 @@ def test_noise_that_makes_no_sense_is_refused(
 def test_rms_noise_is_a_peak_noise_of_root_two() -> None:
     table = read_record(WrittenNoise, {"relative": 0.02}, Path("c.toml"), "noise")
     assert table.relative == 0.02
-    assert Noise(relative=0.0, absolute_v=3.0).beside(np.ones(2), np.full(2, 4.0)) == pytest.approx(
-        [5.0, 5.0]
-    )
+    assert Noise(relative=0.0, absolute_v=3.0).with_floor(
+        np.ones(2), np.full(2, 4.0)
+    ) == pytest.approx([5.0, 5.0])
 
 
 def test_repeats_tell_the_scatter_beyond_the_floor() -> None:

@@ -17,7 +17,7 @@ from fitting.cli.main import main
 from fitting.fmu import Run
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import Knowledge, plan_drives
-from fitting.simulate.response import Beside, Shown, respond
+from fitting.simulate.response import RemainderKind, Shown, respond
 from fitting.simulate.words import remainder_in_words
 from tests.support.cfmu_build import build_c_fmu
 
@@ -327,12 +327,12 @@ def test_mixtures_of_the_tones_belong_to_the_response() -> None:
     np.testing.assert_allclose(response.peaks[:, 0], 1 + 9 / 32, rtol=1e-9)
     assert response.steady
     beside = response.remainder
-    assert beside.kind == Beside.COMBINATION
+    assert beside.kind == RemainderKind.COMBINATION
     assert beside.share == pytest.approx((3 / 32) / (41 / 32), rel=0.05)
     assert "combination of the tones" in remainder_in_words(beside)
     assert {(2, -1), (-1, 2)} <= {line.factors for line in response.lines}
 
     response = respond(Cubic(own=1e-4), plan, Shown(window_s=2.0))
     assert not response.steady
-    assert response.remainder.kind == Beside.UNEXPLAINED
+    assert response.remainder.kind == RemainderKind.UNEXPLAINED
     assert "most at 317 Hz, which is no combination" in remainder_in_words(response.remainder)

@@ -11,7 +11,7 @@ from fitting.simulate.budget import Kind as Decided
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import Curve, Jump, Sweep, SweepResponse
 from fitting.simulate.planner import DrivePlan
-from fitting.simulate.response import Beside, DriveResponse, Remainder, Spectrum, Trace
+from fitting.simulate.response import DriveResponse, Remainder, RemainderKind, Spectrum, Trace
 
 TONES_HZ = (6940160.0, 6940360.0)
 
@@ -126,7 +126,7 @@ def drive_result() -> DriveResponse:
             rounding=1e-13,
         ),
         lines=(),
-        remainder=Remainder(Beside.ROUNDING, 0.0, np.nan),
+        remainder=Remainder(RemainderKind.ROUNDING, 0.0, np.nan),
         beating=Trace(times, wave),
         carrier=Trace(times[:41] * 1e-4, wave[:41]),
         constants={},

@@ -217,8 +217,8 @@ def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
     evaluator = Evaluator(run.objective)
     seeds = [run.schedule.seed, run.alternative, chain.start, level]
     misfit = run.settings.misfit
-    held = weights(run.objective, nu, misfit)
-    answer = solve(evaluator, x, held, run.settings, np.random.default_rng(seeds))
+    tikhonov_weights = weights(run.objective, nu, misfit)
+    answer = solve(evaluator, x, tikhonov_weights, run.settings, np.random.default_rng(seeds))
     point = evaluator.point(answer.x)
     following = j_reg(answer.x, weights(run.objective, run.schedule.nu(level + 1), misfit))
     return ContinuationStep(
@@ -229,7 +229,7 @@ def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
         x=tuple(map(float, answer.x)),
         parameters=tuple(map(float, point.parameters)),
         j_fit=point.j_fit,
-        j_reg=total(point, held, misfit) - total(point, 0.0, misfit),
+        j_reg=total(point, tikhonov_weights, misfit) - total(point, 0.0, misfit),
         change=float(np.linalg.norm(answer.x - x)) + abs(point.j_fit - following),
         optimality=answer.optimality,
         status=answer.status,

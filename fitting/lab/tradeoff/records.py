@@ -145,8 +145,8 @@ class Study:
     @property
     def cost_kind(self) -> str:
         """What the costs are: "processor" or "wall" time."""
-        told = all(math.isfinite(m.cost.cpu_s) for m in self.measurements)
-        return "processor" if told else "wall"
+        counted = all(math.isfinite(m.cost.cpu_s) for m in self.measurements)
+        return "processor" if counted else "wall"
 
     def of(self, quantity: str, *, planned: bool = False) -> list[Measurement]:
         """Measurements of a quantity, the grid's or the plan's."""
