@@ -34,20 +34,20 @@ from fitting.text.written import Written, in_unit
 class Drive:
     """How the FMU is driven, in its own units.
 
-    kind "tones": ``frequencies`` and ``amplitudes`` are FMU parameters, ``frequency_unit`` theirs;
-    kind "input": the tool applies tones of amplitude ``level`` to the FMU's ``input``, held
-    ``samples_per_period`` times per period. ``level`` belongs to every active tone; combinations of
-    tones up to ``order`` may be in the response.
+    kind "tones": ``frequency_names`` and ``amplitude_names`` are FMU parameters, the first in
+    ``frequency_unit``; kind "input": the tool applies the tones to the FMU's ``input``, held
+    ``samples_per_period`` times per period. ``amplitude`` is that of every active tone;
+    combinations of tones up to ``highest_order`` may be in the response.
     """
 
     kind: str
-    frequencies: tuple[str, ...]
-    amplitudes: tuple[str, ...]
+    frequency_names: tuple[str, ...]
+    amplitude_names: tuple[str, ...]
     input: str | None
-    level: float
+    amplitude: float
     samples_per_period: int
     frequency_unit: str = "Hz"
-    order: int = 1
+    highest_order: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,18 +265,18 @@ def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
         target, units = targets[0], [tone.unit or "Hz" for tone in tones]
         if len(set(units)) > 1:
             raise BadInput(f"{where} frequencies: the FMU has them in different units: {units}")
-    level = binder.number(target, choice.level)
-    if level <= 0.0:
-        raise BadInput(f"{choice.level.where}: found {level:.6g}, wanted a positive amplitude")
+    amplitude = binder.number(target, choice.level)
+    if amplitude <= 0.0:
+        raise BadInput(f"{choice.level.where}: found {amplitude:.6g}, wanted a positive amplitude")
     return Drive(
         kind=choice.kind,
-        frequencies=choice.frequencies,
-        amplitudes=choice.amplitudes or (),
+        frequency_names=choice.frequencies,
+        amplitude_names=choice.amplitudes or (),
         input=choice.input,
-        level=level,
+        amplitude=amplitude,
         samples_per_period=choice.samples_per_period or SAMPLES_PER_PERIOD,
         frequency_unit=units[0],
-        order=choice.highest_order,
+        highest_order=choice.highest_order,
     )
 
 
@@ -330,7 +330,7 @@ def _experiment_settings(
 ) -> dict[str, Scalar]:
     settings = {name: binder.setting(name, w) for name, w in measured.settings.items()}
     if drive.kind == "tones":
-        for name, tone in zip(drive.frequencies, measured.tones_hz, strict=True):
+        for name, tone in zip(drive.frequency_names, measured.tones_hz, strict=True):
             where = measured.settings[name].where
             # from the rounded hertz, so that the FMU is driven at the very frequency that is read
             settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)

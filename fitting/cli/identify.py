@@ -11,8 +11,8 @@ from fitting.campaign import bind, read_campaign
 from fitting.cli.options import default_workers, whole_number
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
+from fitting.inference.determine import BUDGET
 from fitting.inference.identification import IdentificationOptions, identify
-from fitting.inference.knowing import BUDGET
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table

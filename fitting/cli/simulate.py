@@ -182,7 +182,7 @@ def _drive(args: argparse.Namespace, description: FmuDescription) -> Drive:
         tones_hz=tones,
         outputs=outputs,
         input=args.input,
-        level=level,
+        amplitude=level,
         steps_per_period=args.steps_per_period,
     )
 

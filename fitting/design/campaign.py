@@ -81,10 +81,10 @@ def _campaign(
 def _edit_drive(drive: Tables, design: Design, bound: BoundCampaign, limits: Limits) -> None:
     """As many tones as are proposed; the tones alone are read, but for a design of other lines."""
     tones = len(design.proposals[0].tones_hz)
-    if tones < len(bound.setup.drive.frequencies):
-        drive["frequencies"] = list(bound.setup.drive.frequencies[:tones])
+    if tones < len(bound.setup.drive.frequency_names):
+        drive["frequencies"] = list(bound.setup.drive.frequency_names[:tones])
         if bound.setup.drive.kind == "tones":
-            drive["amplitudes"] = list(bound.setup.drive.amplitudes[:tones])
+            drive["amplitudes"] = list(bound.setup.drive.amplitude_names[:tones])
     if not limits.lines:
         drive.pop("read", None)
 
@@ -154,12 +154,12 @@ def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
     columns = {
         name: value
         for name, value in base_settings(bound).items()
-        if name not in bound.drift.ends and name not in drive.frequencies
+        if name not in bound.drift.ends and name not in drive.frequency_names
     }
     first = design.proposals[0]
     columns |= levels_and_more(bound, len(first.tones_hz), 1.0, first.settings)
     hertz_unit = "MHz" if mega else "Hz"
-    driven = drive.frequencies[: len(first.tones_hz)]
+    driven = drive.frequency_names[: len(first.tones_hz)]
     head = ["experiment", *(f"{name} ({hertz_unit})" for name in driven), "output", *columns]
     head += [f"{_peak(k)} ({unit})" for k in range(len(first.peaks_v))]
     head += [f"{_sigma(k)} ({unit})" for k in range(len(first.peaks_v))]

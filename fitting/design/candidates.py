@@ -172,9 +172,9 @@ def levels_and_more(
         level: factor on the campaign's drive level.
         chosen: further settings, in the FMU's units.
     """
-    names = bound.setup.drive.amplitudes if bound.setup.drive.kind == "tones" else ()
+    names = bound.setup.drive.amplitude_names if bound.setup.drive.kind == "tones" else ()
     amplitudes = {
-        name: level * bound.setup.drive.level * (k < tones) for k, name in enumerate(names)
+        name: level * bound.setup.drive.amplitude * (k < tones) for k, name in enumerate(names)
     }
     return {**amplitudes, **chosen}
 
@@ -201,7 +201,7 @@ def _setup(
     tones, source = drive.tones_hz, bound.setup.drive
     settings = {**base, **levels_and_more(bound, len(tones), drive.level, drive.settings)}
     if source.kind == "tones":
-        for name, tone in zip(source.frequencies, tones, strict=False):
+        for name, tone in zip(source.frequency_names, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"
             settings[name] = convert(tone, "Hz", source.frequency_unit, where=where)
     read = tuple(line.frequency_hz(tones) for line in lines)

@@ -273,7 +273,7 @@ def information_of_data(
     peaks = _with_scale(rows.by_x) * (1.0 + rows.residuals[:, np.newaxis])
     swept = rows.swept_residuals
     if swept.size:
-        swept = swept + series.data.level[series.data.curve_rows]
+        swept = swept + series.data.measured_rows[series.data.curve_rows]
     columns = np.concatenate([peaks, np.column_stack([rows.swept_by_x, swept])])
     return information(columns, covariance), covariance, columns
 

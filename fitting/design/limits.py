@@ -132,7 +132,7 @@ def _number(table: DesignTable) -> int:
 
 def _tones(bound: BoundCampaign, table: DesignTable) -> int:
     """Tones that are driven at once: the campaign's, one where it has a sweep only."""
-    driven = len(bound.setup.drive.frequencies)
+    driven = len(bound.setup.drive.frequency_names)
     tones = table.keys.tones or (driven if bound.experiments else 1)
     if tones > min(2, driven):
         raise BadInput(

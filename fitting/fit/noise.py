@@ -61,5 +61,5 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
 
 def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:
     """dr/d ln chi of one series: 1 + r for peaks, r + measured/maximum for points of a sweep."""
-    column = point.residuals + data.level
+    column = point.residuals + data.measured_rows
     return np.asarray(np.where(data.series_of_rows == series, column, 0.0))

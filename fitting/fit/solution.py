@@ -92,5 +92,5 @@ def _curve_structure(data: Dataset, final: Point, matrix: FloatArray) -> Structu
     if not rows.size:
         return None
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
-        columns = np.column_stack([columns, rows + data.level[mine]])  # d r/d ln chi
+        columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
     return residual_structure(rows, columns)

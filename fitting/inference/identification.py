@@ -15,7 +15,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.planned_fmu import plan_problem
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
-from fitting.inference.knowing import InferenceOptions, know
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.descent import most_likely
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
 from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
@@ -91,7 +91,7 @@ def identify(
         data=not request.expected,
         bootstrap=request.bootstrap,
     )
-    return know(objective, begins[0], noise, options)
+    return determine(objective, begins[0], noise, options)
 
 
 def _beginnings(bound: BoundCampaign, values: Mapping[str, float] | None) -> list[FloatArray]:

@@ -12,6 +12,7 @@ from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.solution import Solution
 from fitting.inference.consistency import consistency, warnings_of
+from fitting.inference.determine import BUDGET, InferenceOptions, determine
 from fitting.inference.equivalent_fits import (
     exchange_reasons,
     is_reason,
@@ -20,7 +21,6 @@ from fitting.inference.equivalent_fits import (
 )
 from fitting.inference.estimates import derived_results, offset_results, parameter_results
 from fitting.inference.joint_result import JointResult
-from fitting.inference.knowing import BUDGET, InferenceOptions, know
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.likelihood import likelihood_of
 from fitting.inference.likelihood.nu_choice import choose_nu
@@ -125,7 +125,7 @@ def _knowledge(
         only=only,
     )
     try:
-        knowledge = know(solution.objective, solution.final.x, noise, options)
+        knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_of(solution.objective, noise.sigma, noise.common)
         return replace(knowledge, nu=choose_nu(plain, solution.chain.steps, fit.path)), []
     except KeyboardInterrupt:

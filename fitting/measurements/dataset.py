@@ -60,9 +60,9 @@ class Dataset:
         return np.concatenate([m.sigma for m in self.measurements])
 
     @cached_property
-    def level(self) -> FloatArray:
+    def measured_rows(self) -> FloatArray:
         """What chi multiplies in each row where the model fits, (m,): dr/d ln chi = r + it."""
-        return np.concatenate([m.level for m in self.measurements])
+        return np.concatenate([m.measured_rows for m in self.measurements])
 
     @cached_property
     def series_of_rows(self) -> IntArray:

@@ -71,7 +71,7 @@ class DrivenModel:
         """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones."""
         drive = self.setup.drive
         values: dict[str, Scalar] = {**self.setup.start_values, **self.plan.settings}
-        values.update(dict.fromkeys(drive.amplitudes, drive.level))
+        values.update(dict.fromkeys(drive.amplitude_names, drive.amplitude))
         values.update(self.alternative)
         values.update(settings)
         acting = [(self.parameters[i], float(p[i])) for i in self.columns(label)]
@@ -88,8 +88,8 @@ class DrivenModel:
         drive = self.setup.drive
         values = self.values(p, None, settings)
         if drive.kind == "tones":
-            values[drive.frequencies[0]] = _in_unit(tone_hz, drive.frequency_unit)
-            values.update(dict.fromkeys(drive.amplitudes[1:], 0.0))
+            values[drive.frequency_names[0]] = _in_unit(tone_hz, drive.frequency_unit)
+            values.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))
         return values
 
     def single_tone_window(self, tone_hz: float) -> Window:
@@ -100,7 +100,7 @@ class DrivenModel:
         """Settling and samples to read lines (n,) of a response to tones (k,), Hz."""
         drive = self.setup.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
-        order = max(drive.order, self.plan.order)
+        order = max(drive.highest_order, self.plan.order)
         return _window(read_hz, tones_hz, self.plan.settle_s, held, order)
 
     def drive(
@@ -113,9 +113,9 @@ class DrivenModel:
             tones_hz=tones_hz,
             outputs=(output,),
             input=drive.input if drive.kind == "input" else None,
-            level=drive.level,
+            amplitude=drive.amplitude,
             steps_per_period=drive.samples_per_period,
-            order=drive.order,
+            highest_order=drive.highest_order,
         )
 
     def signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
@@ -123,5 +123,5 @@ class DrivenModel:
         drive = self.setup.drive
         if drive.kind != "input" or drive.input is None:
             return None
-        rows = tuple((tone, drive.level, 0.0) for tone in tones_hz)
+        rows = tuple((tone, drive.amplitude, 0.0) for tone in tones_hz)
         return InputSignal(drive.input, rows, window.input_step_s)

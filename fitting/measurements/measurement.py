@@ -88,8 +88,8 @@ class Measurement(Protocol):
         ...
 
     @property
-    def level(self) -> FloatArray:
-        """What the scale multiplies in each row where the model fits: dr/d ln chi = r + level."""
+    def measured_rows(self) -> FloatArray:
+        """What the scale multiplies in each row where the model fits: dr/d ln chi = r + it."""
         ...
 
     @property
@@ -182,7 +182,7 @@ class MeasurementKind:
         return 0
 
     @property
-    def level(self) -> FloatArray:
+    def measured_rows(self) -> FloatArray:
         """No row is multiplied by the scale."""
         return np.zeros(self.rows)
 

@@ -113,7 +113,7 @@ class Sweep(MeasurementKind):
         return np.asarray((1.0 if self.known else 0.0) * self.sigmas_v / self.maximum_v)
 
     @cached_property
-    def level(self) -> FloatArray:
+    def measured_rows(self) -> FloatArray:
         """Measured amplitude over the maximum, (rows,)."""
         return self.amplitude_v / self.maximum_v if self.fitted else np.empty(0)
 

@@ -71,7 +71,7 @@ class Tones(MeasurementKind):
         return np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
 
     @cached_property
-    def level(self) -> FloatArray:
+    def measured_rows(self) -> FloatArray:
         """One in every row: dr/d ln chi = 1 + r."""
         return np.ones(self.rows)
 
@@ -208,19 +208,20 @@ def undriven(tones: Tones, model: DrivenModel, p: FloatArray, workers: Workers) 
     if not tones.experiments:
         return 0.0
     silent, driven = (
-        _range(tones, model, level, p, workers) for level in (0.0, tones.setup.drive.level)
+        _range(tones, model, amplitude, p, workers)
+        for amplitude in (0.0, tones.setup.drive.amplitude)
     )
     return silent / driven if driven > 0.0 else 0.0
 
 
 def _range(
-    tones: Tones, model: DrivenModel, level: float, p: FloatArray, workers: Workers
+    tones: Tones, model: DrivenModel, amplitude: float, p: FloatArray, workers: Workers
 ) -> float:
-    """Range of the first experiment's samples with the drive at that level."""
-    drive = replace(tones.setup.drive, level=level)
+    """Range of the first experiment's samples with the drive at that amplitude."""
+    drive = replace(tones.setup.drive, amplitude=amplitude)
     experiment = tones.experiments[0]
-    if not level:  # also where the experiment has a level of its own
-        own = {n: 0.0 for n in drive.amplitudes if n in experiment.settings}
+    if not amplitude:  # also where the experiment has a level of its own
+        own = {n: 0.0 for n in drive.amplitude_names if n in experiment.settings}
         experiment = replace(experiment, settings={**experiment.settings, **own})
     setup = replace(tones.setup, drive=drive)
     one = Tones(setup, (experiment,))

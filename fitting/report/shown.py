@@ -118,13 +118,13 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
 
 
 def _shown_tones(experiment: Experiment, bound: BoundCampaign) -> ShownTones:
-    names = bound.setup.drive.amplitudes or ("",) * len(experiment.tones_hz)
+    names = bound.setup.drive.amplitude_names or ("",) * len(experiment.tones_hz)
     spectrum = experiment.spectrum
     return ShownTones(
         label=experiment.label,
         tones_hz=experiment.tones_hz,
         drive=tuple(
-            float(experiment.settings.get(name, bound.setup.drive.level))
+            float(experiment.settings.get(name, bound.setup.drive.amplitude))
             for name, _ in zip(names, experiment.tones_hz, strict=False)
         ),
         read_hz=experiment.read_hz,
@@ -199,8 +199,9 @@ def _settings(bound: BoundCampaign) -> dict[str, str]:
 
 def _drive_words(drive: Drive) -> str:
     how = {
-        "tones": f"tones set by the FMU's {listed(drive.frequencies)}, level {number(drive.level)}",
-        "input": f"signal on the FMU's input {drive.input}, level {number(drive.level)}, held "
+        "tones": f"tones set by the FMU's {listed(drive.frequency_names)}, level "
+        f"{number(drive.amplitude)}",
+        "input": f"signal on the FMU's input {drive.input}, level {number(drive.amplitude)}, held "
         f"{drive.samples_per_period} times per period",
     }
     return how.get(drive.kind, drive.kind)

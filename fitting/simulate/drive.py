@@ -30,9 +30,9 @@ class Drive:
     """What an FMU is driven with, and what is read of it.
 
     `tones_hz` are the tones of the drive: made by the FMU from its own parameters, or by us
-    through `input`, each with amplitude `level` and `steps_per_period` held steps in the period of
-    the fastest. `read_hz` are the lines that are read (empty: the tones), `order` that of the
-    combinations of the tones which the response is known to hold. `approach`: the tone is moved
+    through `input`, each with that `amplitude` and `steps_per_period` held steps in the period of
+    the fastest. `read_hz` are the lines that are read (empty: the tones), `highest_order` that of
+    the combinations of the tones which the response is known to hold. `approach`: the tone is moved
     while the FMU runs, and read where it has come to.
     """
 
@@ -40,10 +40,10 @@ class Drive:
     tones_hz: tuple[float, ...]
     outputs: tuple[str, ...]
     input: str | None = None
-    level: float = 1.0
+    amplitude: float = 1.0
     steps_per_period: int = 100
     read_hz: tuple[float, ...] = ()
-    order: int = 1
+    highest_order: int = 1
     approach: Approach | None = None
 
     @property
@@ -65,7 +65,7 @@ class Drive:
         beyond `longest_s` are given up for a tone fit.
         """
         held = self.steps_per_period if self.input is not None else 0
-        highest = max(order, self.order)
+        highest = max(order, self.highest_order)
         return _window(self.lines_hz, self.tones_hz, settle_s, held, highest, longest_s)
 
     def run(
@@ -100,7 +100,7 @@ class Drive:
         segments: tuple[Segment, ...] = ()
         values = {**self.start_values, **settings}
         if self.input is not None:
-            rows = tuple((tone, self.level, 0.0) for tone in self.tones_hz)
+            rows = tuple((tone, self.amplitude, 0.0) for tone in self.tones_hz)
             signal = InputSignal(self.input, rows, input_step_s)
         if self.approach is not None:
             moved, values[self.approach.name] = self.approach.name, self.approach.first

@@ -69,7 +69,7 @@ class Sweep:
             start_values=self.start_values,
             tones_hz=(frequency_hz,),
             outputs=(self.output,),
-            order=USUAL_ORDER,
+            highest_order=USUAL_ORDER,
             approach=Approach(self.tone, first, value),
         )
 

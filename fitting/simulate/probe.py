@@ -212,7 +212,7 @@ class Probe:
             drive = self.drives[0]
             tone = drive.fastest_hz
             # the window of one tone is short, whatever the others are
-            one = replace(drive, tones_hz=(tone,), read_hz=(), order=1)
+            one = replace(drive, tones_hz=(tone,), read_hz=(), highest_order=1)
             window = one.window(TRIAL_PERIODS / tone)
             try:
                 a, b = self.workers.run([one.run(window, {**others, name: v}) for v in values])

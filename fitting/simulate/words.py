@@ -130,8 +130,8 @@ def remainder_in_words(remainder: Remainder) -> str:
         "the tones",
         RemainderKind.UNKNOWN: "harmonics, mixtures of the tones, or free oscillations, which are "
         "not told apart without a common period of the tones",
-        RemainderKind.COMBINATION: f"most at {hertz(remainder.at_hz)}, a combination of the tones, as "
-        "in a response that is not linear",
+        RemainderKind.COMBINATION: f"most at {hertz(remainder.at_hz)}, a combination of the tones, "
+        "as in a response that is not linear",
         RemainderKind.SMALL: "rounding, or the rest of a transient",
         RemainderKind.ROUNDING: "rounding",
     }[remainder.kind]

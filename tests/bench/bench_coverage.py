@@ -31,7 +31,7 @@ from fitting.fit.objective import evaluate_many, make_objective
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
-from fitting.inference.knowing import InferenceOptions, know
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
@@ -158,7 +158,7 @@ def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
             noisy = peaks * (1.0 + CROSS_NOISE * generator.standard_normal(peaks.size))
             settings = {
                 **own.settings,
-                **dict(zip(bound.setup.drive.frequencies, pair, strict=True)),
+                **dict(zip(bound.setup.drive.frequency_names, pair, strict=True)),
             }
             rows.append(
                 replace(
@@ -198,7 +198,7 @@ def ask(
     x = to_search(bound.parameters, p)
     [point] = evaluate_many(objective, [x])
     options = InferenceOptions(only=names, starts=setting.starts, budget=20000, directions=False)
-    return know(objective, x, noise_of(objective, point), options)
+    return determine(objective, x, noise_of(objective, point), options)
 
 
 @dataclass

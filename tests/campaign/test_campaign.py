@@ -79,8 +79,8 @@ def test_the_string_campaign_in_the_fmus_units(tmp_path: Path, texts: dict[str, 
     assert campaign.setup.output == "q1_hybrid"
     assert campaign.setup.start_values == {"periodic_start": True}
     assert campaign.alternatives == ({"reflection": False}, {"reflection": True})
-    assert campaign.setup.drive.level == 1.0
-    assert campaign.setup.drive.frequencies == ("u1", "u2")
+    assert campaign.setup.drive.amplitude == 1.0
+    assert campaign.setup.drive.frequency_names == ("u1", "u2")
     first, last = campaign.experiments[0], campaign.experiments[4]
     assert first.tones_hz == (6940160.0, 6940360.0)
     assert (first.settings["u1"], first.settings["u2"]) == first.tones_hz
@@ -206,7 +206,7 @@ def test_a_generated_input_of_a_foreign_fmu(tmp_path: Path, texts: dict[str, str
         Variable("k"),
     ]
     campaign = bound(lay(tmp_path, files), {v.name: v for v in variables})
-    assert campaign.setup.drive.level == 0.002
+    assert campaign.setup.drive.amplitude == 0.002
     assert campaign.setup.drive.input == "force"
     assert campaign.setup.drive.samples_per_period == 64
     assert campaign.experiments[0].tones_hz == (10.0,)

@@ -178,8 +178,8 @@ def test_scale_errors_of_joined_campaigns_stay_apart() -> None:
     )
     count = sweep.amplitude_v.size
     assert joint.series_of_rows.tolist() == [0] * 10 + [1] * 4 + [1] * count
-    assert joint.level[:14] == pytest.approx(1.0)
-    assert joint.sigma.size == joint.level.size
+    assert joint.measured_rows[:14] == pytest.approx(1.0)
+    assert joint.sigma.size == joint.measured_rows.size
 
 
 def with_an_outlier(outliers: str) -> tuple[Objective, np.ndarray]:

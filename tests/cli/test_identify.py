@@ -12,7 +12,7 @@ import pytest
 
 from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
-from fitting.inference.knowing import InferenceOptions, know
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.bootstrap import _displaced, bootstrap
 from fitting.inference.likelihood.descent import Expansion, Optimum, most_likely
 from fitting.inference.likelihood.knowledge import Identification, Knowledge
@@ -126,7 +126,9 @@ def line() -> tuple[Optimum, Knowledge]:
     sigma = objective.data.sigma
     likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)), ("Q",))
     optimum = most_likely(LikelihoodEvaluator(likelihood), [np.zeros(3)])
-    return optimum, know(objective, optimum.expansion.x, RowNoise(sigma, np.zeros((sigma.size, 0))))
+    return optimum, determine(
+        objective, optimum.expansion.x, RowNoise(sigma, np.zeros((sigma.size, 0)))
+    )
 
 
 def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Knowledge]) -> None:
@@ -168,7 +170,7 @@ def test_nothing_is_resampled_that_the_data_do_not_determine(
     objective = single_line.line_objective(sigma=50.0, span=SPAN)
     sigma = objective.data.sigma
     noise = RowNoise(sigma, np.zeros((sigma.size, 0)))
-    knowledge = know(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
+    knowledge = determine(objective, np.zeros(3), noise, InferenceOptions(bootstrap=10))
     assert knowledge.parameters["w"].verdict == "not determined"
     assert knowledge.bootstrap is not None
     assert "w" not in knowledge.bootstrap.values

@@ -228,7 +228,7 @@ def test_fitted_sweeps_and_scales_of_a_joint_fit_stay_with_their_series(tmp_path
         )
         mine = joint.data.series_of_rows == k
         assert both.residuals[mine] == pytest.approx(alone.residuals, rel=1e-12)
-        assert joint.data.level[mine] == pytest.approx(data.level, rel=1e-12)
+        assert joint.data.measured_rows[mine] == pytest.approx(data.measured_rows, rel=1e-12)
         assert both.chis[k] == pytest.approx(alone.chi, rel=1e-12)
         assert joint.data.scale_sigmas[k] == pytest.approx(data.scale_sigmas[0], rel=1e-12)
     assert both.chis[0] != pytest.approx(both.chis[1])

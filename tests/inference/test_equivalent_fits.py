@@ -13,7 +13,7 @@ from fitting.fit.choice import chosen
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
 from fitting.fit.solver.continuation import Chain, ContinuationStep, Outcome
-from fitting.inference.knowing import InferenceOptions, know
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Equivalent
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
@@ -92,7 +92,7 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     sigma = measured.sigma
     x = to_search(objective.parameters, TRUTH)
     noise = RowNoise(sigma, np.zeros((sigma.size, 1)))
-    knowledge = know(
+    knowledge = determine(
         objective, x, noise, InferenceOptions(units={"lambda": "Hz"}, alternatives=(twin,))
     )
     for name in ("theta", "d1", "d2"):

@@ -13,7 +13,7 @@ from fitting.campaign.parameters import Parameter, to_search
 from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.inference.knowing import InferenceOptions, know
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Evaluation
 from fitting.result.result import Result, read_result, write_result
@@ -56,7 +56,7 @@ def learn(
     objective = make_objective(response, closed_form.string_parameters(), measured)
     sigma = measured.sigma
     x = to_search(objective.parameters, np.array(start))
-    knowledge = know(
+    knowledge = determine(
         objective,
         x,
         RowNoise(sigma, np.zeros((sigma.size, 1))),
@@ -147,7 +147,7 @@ def test_a_parameter_without_effect_is_named() -> None:
     )
     objective = make_objective(response, closed_form.string_parameters()[1:], measured)
     sigma = measured.sigma
-    knowledge = know(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
+    knowledge = determine(objective, np.zeros(2), RowNoise(sigma, np.zeros((sigma.size, 1))))
     assert knowledge.without_effect == ("d2",)
     assert knowledge.parameters["d1"].verdict == "determined"
     assert knowledge.parameters["d2"].verdict == "not determined"
@@ -171,7 +171,7 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     )
     measured = dataset(np.full(6, 2.25), np.full(6, 0.02))
     objective = make_objective(Square(), (parameter,), measured)
-    knowledge = know(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
+    knowledge = determine(objective, np.array([1.4]), RowNoise(np.full(6, 0.01), np.zeros((6, 1))))
     k = knowledge.parameters["k"]
     assert k.best == pytest.approx(1.5, abs=1e-3)
     assert k.interval95[0] < -1.49 < 1.49 < k.interval95[1]

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from fitting.campaign.parameters import Parameter, to_search
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
-from fitting.inference.knowing import InferenceOptions, know
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.likelihood.ranges import output_ranges
 from tests.support import closed_form, single_line
@@ -22,7 +22,7 @@ from tests.support.datasets import dataset
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
     sigma = objective.data.sigma
     x = to_search(objective.parameters, np.array(start))
-    return know(
+    return determine(
         objective, x, RowNoise(sigma, np.zeros((sigma.size, 1))), InferenceOptions(budget=budget)
     )
 

@@ -105,10 +105,10 @@ def problem_of_a_lock_in(seed: int, noise: float) -> Problem:
     setup = Setup(
         drive=Drive(
             kind="tones",
-            frequencies=("u1", "u2"),
-            amplitudes=("A1", "A2"),
+            frequency_names=("u1", "u2"),
+            amplitude_names=("A1", "A2"),
             input=None,
-            level=1.0,
+            amplitude=1.0,
             samples_per_period=0,
         ),
         output="q1_hybrid",

@@ -147,7 +147,7 @@ def test_a_foreign_fmu_is_settled_by_watching_it(accuracy: float, tmp_path: Path
         tones_hz=tones,
         outputs=("displacement",),
         input="force",
-        level=2.0,
+        amplitude=2.0,
         steps_per_period=20,
     )
     with FmuWorkers(fmu) as running:

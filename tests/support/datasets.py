@@ -26,10 +26,10 @@ from fitting.text.arrays import FloatArray, Scalar
 SETUP = Setup(
     Drive(
         kind="tones",
-        frequencies=("u1", "u2"),
-        amplitudes=("A1", "A2"),
+        frequency_names=("u1", "u2"),
+        amplitude_names=("A1", "A2"),
         input=None,
-        level=1.0,
+        amplitude=1.0,
         samples_per_period=0,
     ),
     "q1_hybrid",

@@ -45,7 +45,7 @@ def scene_of_campaign(
     fitted: dict[str, Scalar] = {p.name: p.reference for p in bound.parameters}
     values: dict[str, Scalar] = {
         **bound.setup.start_values,
-        **dict.fromkeys(drive.amplitudes, drive.level),
+        **dict.fromkeys(drive.amplitude_names, drive.amplitude),
         **bound.alternatives[0],
         **fitted,
     }
@@ -54,7 +54,7 @@ def scene_of_campaign(
         tones_hz=(0.0,),
         outputs=(bound.setup.output,),
         input=drive.input,
-        level=drive.level,
+        amplitude=drive.amplitude,
         steps_per_period=drive.samples_per_period if drive.kind == "input" else USUAL_STEPS,
     )
     drives = tuple(
@@ -67,7 +67,7 @@ def scene_of_campaign(
         for e in bound.experiments
     )
     swept = {**sweep.settings, **fitted} if sweep is not None else {}
-    silent = dict.fromkeys(drive.amplitudes[1:], 0.0) if drive.kind == "tones" else {}
+    silent = dict.fromkeys(drive.amplitude_names[1:], 0.0) if drive.kind == "tones" else {}
     scene = Scene(
         name="campaign",
         title=bound.title,
@@ -79,7 +79,7 @@ def scene_of_campaign(
         fastest_hz=max((tone for d in drives for tone in d.tones_hz), default=0.0),
         solvers=solvers_of(bound.setup.annotation, values, variables),
         steady=bound.setup.steady_start,
-        tone=drive.frequencies[0] if drive.kind == "tones" else "",
+        tone=drive.frequency_names[0] if drive.kind == "tones" else "",
         tone_unit=drive.frequency_unit,
         sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
         annotation=bound.setup.annotation,

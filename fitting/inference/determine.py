@@ -62,7 +62,7 @@ class InferenceOptions:
     widening: float = 1.0
 
 
-def know(
+def determine(
     objective: Objective,
     solution: FloatArray,
     noise: RowNoise,
