@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         limits = limits_of(bound, description.variables, design_table, read)
         if args.number is not None:
             limits = replace(limits, number=args.number)
-        goal = _question(args, bound, design_table.keys, fitted)
+        goal = _goal(args, bound, design_table.keys, fitted)
         also = [bind(other, description.variables) for other in others]
         with status_line(NAME) as told:
             weighed = weigh(bound, workers, limits, goal, told, also)
@@ -138,7 +138,7 @@ def _write(
         print(f"report: {page}")
 
 
-def _question(
+def _goal(
     args: argparse.Namespace, bound: BoundCampaign, said: WrittenDesign, fitted: Result | None
 ) -> DesignGoal:
     names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         variables = workers.description.variables
         bound = bind(campaign, variables)
         units = {name: variables[name].unit or "" for name in bound.derived}
-        question = IdentificationOptions(
+        options = IdentificationOptions(
             values=None if fitted is None else fitted.fitted_values,
             alternative=None if fitted is None else fitted.alternative,
             expected=args.expected,
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
             seed=args.seed,
             budget=args.budget,
         )
-        knowledge = identify(bound, workers, units, question)
+        knowledge = identify(bound, workers, units, options)
         provenance = {
             "command": _command(args),
             "FMU": workers.description.model_name,

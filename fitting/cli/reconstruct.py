@@ -104,13 +104,13 @@ def run(args: argparse.Namespace) -> int:
             print(memory.resumed("levels"))
         shown = _Line(sys.stderr.isatty())
         try:
-            asked = ReconstructionOptions(
+            request = ReconstructionOptions(
                 options=options,
                 hooks=Hooks(progress=shown, memory=memory),
                 profiles=not args.no_profiles,
                 bootstrap=args.bootstrap or 0,
             )
-            result = reconstruct_through(workers, problem, identity, asked)
+            result = reconstruct_through(workers, problem, identity, request)
         except KeyboardInterrupt:
             shown.end()
             print("interrupted before the first level was finished: nothing to report")

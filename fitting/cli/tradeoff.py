@@ -21,7 +21,7 @@ from fitting.fmu.models import provide_fmu
 from fitting.lab.tradeoff.campaign import scene_of_campaign
 from fitting.lab.tradeoff.records import QUANTITIES, Study
 from fitting.lab.tradeoff.scenes import BUILT_IN, Scene, scene_named
-from fitting.lab.tradeoff.study import Memory, Order, run_study
+from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
 from fitting.report.tables.tradeoff import csv_of, markdown, terminal
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: scene, campaign or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    order = Order(
+    options = StudyOptions(
         accuracies=_accuracies(args.accuracies),
         seed=args.seed,
         quick=args.quick,
@@ -82,13 +82,13 @@ def run(args: argparse.Namespace) -> int:
         if campaign is not None:
             bound = bind(campaign, description.variables)
             scene = scene_of_campaign(bound, choice, description.variables)
-        job = _job(scene, order, description)
+        job = _job(scene, options, description)
         memory = Memory(args.out, job)
         if args.resume:
             memory.resume()
             print(memory.resumed("settings"))
         with status_line(NAME) as tell:
-            study = run_study(scene, workers, order, memory, tell)
+            study = run_study(scene, workers, options, memory, tell)
         provenance = _provenance(args, description, workers.reuse_note, study.cost_kind)
         study = replace(study, provenance=provenance)
     for path in _write(study, args.out):
@@ -114,11 +114,11 @@ def _accuracies(text: str) -> tuple[float, ...]:
     return tuple(sorted(set(found), reverse=True))
 
 
-def _job(scene: Scene, order: Order, description: FmuDescription) -> str:
+def _job(scene: Scene, options: StudyOptions, description: FmuDescription) -> str:
     """Fingerprint of everything that a finished setting depends on."""
     content = {
         "scene": repr(scene),
-        "order": to_plain(replace(order, accuracies=())),
+        "order": to_plain(replace(options, accuracies=())),
         "fmu": description.sha256,
         "versions": {name: version(name) for name in ("numpy", "scipy", "mpmath")},
         "version": fitting.__version__,

@@ -114,12 +114,12 @@ def greedy(problem: DesignProblem, number: int, criterion: str) -> list[int]:
     """
     chosen: list[int] = []
     for _ in range(number):
-        found = _each_beside(problem, chosen, criterion, range(problem.candidates))
+        found = _each_added(problem, chosen, criterion, range(problem.candidates))
         chosen.append(int(np.argmin(found)))
     return chosen
 
 
-def _each_beside(
+def _each_added(
     problem: DesignProblem, chosen: Sequence[int], criterion: str, tried: Sequence[int]
 ) -> FloatArray:
     """The criterion with each of the tried beside the chosen, shape (tried,)."""
@@ -144,7 +144,7 @@ def exchange(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> l
         best, swap = value - LEAST_GAIN, None
         for place in range(len(current)):
             rest = current[:place] + current[place + 1 :]
-            found = _each_beside(problem, rest, criterion, everything)
+            found = _each_added(problem, rest, criterion, everything)
             if float(found.min()) < best:
                 best, swap = float(found.min()), (rest, int(np.argmin(found)))
         if swap is None:
@@ -165,7 +165,7 @@ def economise(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> 
     bound = float(losses(problem, problem.information(current), criterion)) + AS_GOOD
     for place in range(len(current)):
         rest = current[:place] + current[place + 1 :]
-        found = _each_beside(problem, rest, criterion, range(problem.candidates))
+        found = _each_added(problem, rest, criterion, range(problem.candidates))
         allowed = np.flatnonzero((found <= bound) & (problem.costs < problem.costs[current[place]]))
         if allowed.size:
             costs = problem.costs[allowed]
@@ -204,7 +204,7 @@ def ordered(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> li
     """
     left, order = list(chosen), list[int]()
     while left:
-        found = _each_beside(problem, order, criterion, left)
+        found = _each_added(problem, order, criterion, left)
         order.append(left.pop(int(np.argmin(found))))
     return order
 

@@ -102,8 +102,8 @@ def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int
 
 def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
     """Candidates by output, resonance and level, alone and beside the proposed but the last."""
-    alone = [_expected(sigmas).mean for sigmas in weighed.sigmas_beside([])]
-    beside = [_expected(sigmas).mean for sigmas in weighed.sigmas_beside(chosen[:-1])]
+    alone = [_expected(sigmas).mean for sigmas in weighed.sigmas_with([])]
+    beside = [_expected(sigmas).mean for sigmas in weighed.sigmas_with(chosen[:-1])]
     groups: dict[tuple[str, float, float], list[int]] = {}
     for i, setup in enumerate(weighed.setup_of):
         s = weighed.setups[setup]

@@ -96,7 +96,7 @@ class Weighed:
         """
         return self._within(target_sigmas(self.problem, self.problem.information(chosen)))
 
-    def sigmas_beside(self, chosen: Sequence[int]) -> FloatArray:
+    def sigmas_with(self, chosen: Sequence[int]) -> FloatArray:
         """The same with each candidate beside the chosen, shape (candidates, places).
 
         Args:

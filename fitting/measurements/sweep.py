@@ -205,12 +205,12 @@ class Sweep(MeasurementKind):
         points = self.frequency_hz if needed else np.empty(0)
         nodes = np.array(model.plan.nodes_hz)
         first, group = model.groups(table, None)
-        asked = [
+        requested = [
             self._ask(model, table[k], np.concatenate([nodes, points]), batch, int(k))
             for k in first
         ]
         yield
-        found = [self._read(batch, each) for each in asked]
+        found = [self._read(batch, each) for each in requested]
         searches = (
             [MaximumSearch(nodes, a[: nodes.size], bend=model.plan.maximum_bend) for a in found]
             if nodes.size
@@ -279,16 +279,16 @@ class Sweep(MeasurementKind):
         self, model: DrivenModel, p: FloatArray, tones_hz: FloatArray, batch: Batch, owner: int
     ) -> list[tuple[int, Window]]:
         """Runs and windows at single tones."""
-        asked = []
+        requested = []
         for tone in map(float, tones_hz):
             window = model.single_tone_window(tone)
             values = model.single_tone_values(p, self.settings, window.tones_hz[0])
             signal = model.signal(window, window.tones_hz)
-            asked.append((batch.ask(values, window, signal, self.setup.output, owner), window))
-        return asked
+            requested.append((batch.ask(values, window, signal, self.setup.output, owner), window))
+        return requested
 
-    def _read(self, batch: Batch, asked: Sequence[tuple[int, Window]]) -> FloatArray:
-        found = [batch.amplitudes(k, window, self.setup.output) for k, window in asked]
+    def _read(self, batch: Batch, requested: Sequence[tuple[int, Window]]) -> FloatArray:
+        found = [batch.amplitudes(k, window, self.setup.output) for k, window in requested]
         return np.concatenate(found) if found else np.empty(0)
 
 

@@ -108,21 +108,21 @@ class Tones(MeasurementKind):
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Amplitudes of all lines for every row of the table; see `Measurement.predict`."""
-        asked = self._ask(model, table, batch)
+        requested = self._ask(model, table, batch)
         yield
         columns = [
             np.array([batch.amplitudes(k, window, output) for k in ks])[group]
-            for (window, output), (ks, group) in zip(self._observed(model), asked, strict=True)
+            for (window, output), (ks, group) in zip(self._observed(model), requested, strict=True)
         ]
         peaks = np.concatenate(columns, axis=1) if columns else np.empty((len(table), 0))
         return [Prediction(row) for row in peaks]
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
         """One run per experiment."""
-        asked = self._ask(model, np.atleast_2d(p), batch)
+        requested = self._ask(model, np.atleast_2d(p), batch)
         return [
             Sampled(ks[0], window, output)
-            for (window, output), (ks, _) in zip(self._observed(model), asked, strict=True)
+            for (window, output), (ks, _) in zip(self._observed(model), requested, strict=True)
         ]
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
@@ -144,7 +144,7 @@ class Tones(MeasurementKind):
         self, model: DrivenModel, table: FloatArray, batch: Batch
     ) -> list[tuple[list[int], IntArray]]:
         """Per experiment the runs that answer it, and which of them belongs to each row."""
-        asked = []
+        requested = []
         for e, (window, output) in zip(self.experiments, self._observed(model), strict=True):
             first, group = model.groups(table, e.label)
             signal = model.signal(window, e.tones_hz)
@@ -152,8 +152,8 @@ class Tones(MeasurementKind):
                 batch.ask(model.values(table[k], e.label, e.settings), window, signal, output, k)
                 for k in map(int, first)
             ]
-            asked.append((runs, group))
-        return asked
+            requested.append((runs, group))
+        return requested
 
 
 def tones_of(bound: BoundCampaign, series: str = "") -> Tones:

@@ -55,7 +55,7 @@ def reconstruct(
     problem: Problem,
     respond: Callable[[Mapping[str, Scalar]], Response],
     identity: Identity,
-    asked: ReconstructionOptions,
+    request: ReconstructionOptions,
 ) -> Result:
     """Fit a problem, infer what its data determine, and put both into one record.
 
@@ -63,28 +63,28 @@ def reconstruct(
         problem: parameters and measurements.
         respond: makes the response of one alternative.
         identity: what is said of the model.
-        asked: how it is solved, watched, and what is inferred.
+        request: how it is solved, watched, and what is inferred.
 
     Raises:
         FmuFailure: the model failed inside the box.
     """
-    begun = asked.hooks.clock()
-    fit = solve_problem(problem, respond, asked.options, asked.hooks)
-    inference = _inferred(fit, identity, asked)
-    provenance = provenance_of(problem, identity, asked.options)
+    begun = request.hooks.clock()
+    fit = solve_problem(problem, respond, request.options, request.hooks)
+    inference = _inferred(fit, identity, request)
+    provenance = provenance_of(problem, identity, request.options)
     result = result_of(fit, inference, provenance)
-    return replace(result, seconds=asked.hooks.clock() - begun)
+    return replace(result, seconds=request.hooks.clock() - begun)
 
 
-def _inferred(fit: Fit, identity: Identity, asked: ReconstructionOptions) -> Inference:
+def _inferred(fit: Fit, identity: Identity, options: ReconstructionOptions) -> Inference:
     request = InferenceRequest(
-        units=identity.units, profiles=asked.profiles, bootstrap=asked.bootstrap
+        units=identity.units, profiles=options.profiles, bootstrap=options.bootstrap
     )
     return infer(fit, request)
 
 
 def reconstruct_through(
-    workers: FmuWorkers, problem: Problem, identity: Identity, asked: ReconstructionOptions
+    workers: FmuWorkers, problem: Problem, identity: Identity, request: ReconstructionOptions
 ) -> Result:
     """Solve a problem with running FMU workers; with the plan and the FMU's warnings.
 
@@ -94,23 +94,23 @@ def reconstruct_through(
         workers: of the FMU.
         problem: parameters and measurements.
         identity: what is said of the FMU.
-        asked: how the problem is solved, watched, and what is inferred.
+        request: how the problem is solved, watched, and what is inferred.
 
     Raises:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: the campaign cannot be planned.
     """
-    begun = asked.hooks.clock()
+    begun = request.hooks.clock()
     planned = plan_problem(problem, workers)
-    fit = solve_problem(problem, planned.response, asked.options, asked.hooks)
-    inference = _inferred(fit, identity, asked)
+    fit = solve_problem(problem, planned.response, request.options, request.hooks)
+    inference = _inferred(fit, identity, request)
     response, p = planned.response(fit.alternative), _canonical(fit)
     here = _said_at(response, p, workers)
     reuse = workers.reuse_note
     provenance = replace(
-        provenance_of(problem, identity, asked.options),
+        provenance_of(problem, identity, request.options),
         plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
-        notes=_said_elsewhere(workers.warnings, here),
+        notes=_notes_of_other_parameters(workers.warnings, here),
     )
     plans = list(planned.plans.values())
     further = [
@@ -127,7 +127,7 @@ def reconstruct_through(
         ),
     ]
     result = result_of(fit, inference, provenance, further, plans[0].record)
-    return replace(result, seconds=asked.hooks.clock() - begun)
+    return replace(result, seconds=request.hooks.clock() - begun)
 
 
 def _canonical(fit: Fit) -> FloatArray:
@@ -157,14 +157,16 @@ def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[
     return _by_kind(list(dict.fromkeys(said)))
 
 
-def _said_elsewhere(warnings: Sequence[str], here: Mapping[str, list[str]]) -> tuple[str, ...]:
+def _notes_of_other_parameters(
+    warnings: Sequence[str], here: Mapping[str, list[str]]
+) -> tuple[str, ...]:
     """One sentence on what the FMU warned of at starts, steps and samples only."""
     rest = [alike for kind, alike in _by_kind(warnings).items() if kind not in here]
     if not rest:
         return ()
     more = f"; and {len(rest) - MOST_KINDS} more" if len(rest) > MOST_KINDS else ""
-    told = "; ".join(_in_short(alike) for alike in rest[:MOST_KINDS])
-    return (f"At other parameters than the reported ones the FMU warned: {told}{more}",)
+    shown = "; ".join(_in_short(alike) for alike in rest[:MOST_KINDS])
+    return (f"At other parameters than the reported ones the FMU warned: {shown}{more}",)
 
 
 def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:

@@ -26,7 +26,7 @@ from fitting.lab.tradeoff.quantities import error_of, values_of
 from fitting.lab.tradeoff.records import AMPLITUDES, COHERENT, Cost, Measurement, Setting
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
-from fitting.lab.tradeoff.study import Memory, Order, run_study
+from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference
@@ -245,19 +245,19 @@ def test_processor_time_is_told_of_one_process_only(oscillator_fmu: Path, count:
 def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Path) -> None:
     """Finished settings are kept as they are, the others give the errors of an unbroken run."""
     scene = scene_named("string")
-    order = Order(accuracies=(1e-3,), quick=True, quantities=(AMPLITUDES,), longest_s=1.0)
+    options = StudyOptions(accuracies=(1e-3,), quick=True, quantities=(AMPLITUDES,), longest_s=1.0)
 
     def stop(text: str) -> None:
         if text.startswith("20/"):
             raise KeyboardInterrupt
 
     with FmuWorkers(oscillator_fmu) as workers:
-        broken = run_study(scene, workers, order, Memory(tmp_path, "job"), stop)
+        broken = run_study(scene, workers, options, Memory(tmp_path, "job"), stop)
         kept = Memory(tmp_path, "job")
         assert kept.resume()
         assert len(kept) == 19
-        resumed = run_study(scene, workers, order, kept)
-        whole = run_study(scene, workers, order, Memory(tmp_path / "whole", "job"))
+        resumed = run_study(scene, workers, options, kept)
+        whole = run_study(scene, workers, options, Memory(tmp_path / "whole", "job"))
     assert broken.status == "interrupted"
     assert len(broken.measurements) == 19
     first = {m.setting.key: m.error for m in broken.measurements}

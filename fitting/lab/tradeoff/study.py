@@ -43,7 +43,7 @@ EVERY_S = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class StudyOptions:
     """What is asked: accuracies, seed of the order of settings, longest run of a setting in s.
 
     `quantities` that are measured.
@@ -83,7 +83,7 @@ class Memory(Checkpoint[Part]):
 def run_study(
     scene: Scene,
     workers: FmuWorkers,
-    order: Order,
+    options: StudyOptions,
     memory: Memory,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Study:
@@ -98,15 +98,17 @@ def run_study(
         BadInput: names or values that do not fit the FMU.
         KeyboardInterrupt: interrupted before there was a reference.
     """
-    bench = Bench(scene, workers, QUICK_PATIENCE if order.quick else Patience())
+    bench = Bench(scene, workers, QUICK_PATIENCE if options.quick else Patience())
     known = memory.find("")
     if known is None:
         tell("reference")
         known = Part(references=tuple(references_of(bench)))
         memory.record(known)
-    ruler = _Ruler(bench, known.references, order.longest_s)
-    wanted = [s for s in settings_of(scene, quick=order.quick) if s.quantity in order.quantities]
-    random.Random(order.seed).shuffle(wanted)  # noqa: S311  (an order, no secret)
+    ruler = _Ruler(bench, known.references, options.longest_s)
+    wanted = [
+        s for s in settings_of(scene, quick=options.quick) if s.quantity in options.quantities
+    ]
+    random.Random(options.seed).shuffle(wanted)  # noqa: S311  (an order, no secret)
     found: list[Measurement] = []
     notes: list[str] = []
     status, message = "finished", f"{len(wanted)} settings."
@@ -118,15 +120,15 @@ def run_study(
                 memory.record(part)
                 found.append(part.measurement)
         planned = {}
-        for accuracy in order.accuracies if AMPLITUDES in order.quantities else ():
+        for accuracy in options.accuracies if AMPLITUDES in options.quantities else ():
             tell(f"plan for {accuracy:g}")
             planned[accuracy] = plan_scene(bench, accuracy)
             notes += planned[accuracy].notes
             if planned[accuracy].kept:
                 found.append(ruler.measure_planned(planned[accuracy]))
         tell("the cheapest once more")
-        rounds = QUICK_ROUNDS if order.quick else DUEL_ROUNDS
-        found = again(bench, found, planned, order.accuracies, rounds)
+        rounds = QUICK_ROUNDS if options.quick else DUEL_ROUNDS
+        found = again(bench, found, planned, options.accuracies, rounds)
     except KeyboardInterrupt:
         memory.write()
         status = "interrupted"
@@ -138,7 +140,7 @@ def run_study(
         description=scene.description,
         references=known.references,
         measurements=tuple(found),
-        accuracies=order.accuracies,
+        accuracies=options.accuracies,
         status=status,
         message=message,
         notes=tuple(notes),
