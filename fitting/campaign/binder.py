@@ -23,7 +23,14 @@ class Binder:
     def variable(
         self, name: str, where: str, causalities: Sequence[str], role: str
     ) -> VariableLike:
-        """The variable of that name, if it may play the role."""
+        """The variable of that name, if it may play the role.
+
+        Args:
+            name: of the variable.
+            where: file, row or key, for complaints.
+            causalities: FMI causalities that will do.
+            role: what the variable is for, for complaints.
+        """
         if name not in self.variables:
             hint = did_you_mean(name, sorted(self.variables))
             raise BadInput(f"{where}: the FMU has no variable '{name}'{hint}")
@@ -37,7 +44,14 @@ class Binder:
         return variable
 
     def real(self, name: str, where: str, causalities: Sequence[str], role: str) -> VariableLike:
-        """As :meth:`variable`, and a Real one."""
+        """As :meth:`variable`, and a Real one.
+
+        Args:
+            name: of the variable.
+            where: file, row or key, for complaints.
+            causalities: FMI causalities that will do.
+            role: what the variable is for, for complaints.
+        """
         variable = self.variable(name, where, causalities, role)
         if not is_real(variable):
             raise BadInput(
@@ -46,7 +60,12 @@ class Binder:
         return variable
 
     def value(self, variable: VariableLike, written: Written) -> Scalar:
-        """A written value as the FMU takes it."""
+        """A written value as the FMU takes it.
+
+        Args:
+            variable: of the FMU.
+            written: number or quantity as the file has it.
+        """
         raw = written.value
         if is_real(variable):
             return self.number(variable, written)
@@ -62,7 +81,12 @@ class Binder:
         )
 
     def number(self, variable: VariableLike, written: Written) -> float:
-        """A written number in the variable's unit, within its min and max."""
+        """A written number in the variable's unit, within its min and max.
+
+        Args:
+            variable: of the FMU.
+            written: number or quantity as the file has it.
+        """
         where = written.where
         has_unit = isinstance(written.value, str) or written.unit is not None
         if has_unit and variable.unit is None:
@@ -77,7 +101,11 @@ class Binder:
         return value
 
     def note_missing_unit(self, variable: VariableLike) -> None:
-        """Note, once, what is done where the FMU declares no unit."""
+        """Note, once, what is done where the FMU declares no unit.
+
+        Args:
+            variable: of the FMU.
+        """
         note = (
             f"The FMU declares no unit for '{variable.name}': values written with a unit "
             "were taken in SI base units."
@@ -86,12 +114,21 @@ class Binder:
             self.notes.append(note)
 
     def setting(self, name: str, written: Written) -> Scalar:
-        """Check that a variable may be set, and convert the value."""
+        """Check that a variable may be set, and convert the value.
+
+        Args:
+            name: of the variable.
+            written: number or quantity as the file has it.
+        """
         return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
 
 
 def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
     """The [accuracy] table in the FMU's names and units.
+
+    Args:
+        campaign: campaign as it was read.
+        binder: of the campaign to its FMU.
 
     Raises:
         BadInput: a variable that is not there, or cannot be set or read; force or forbid of what
@@ -127,5 +164,9 @@ def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
 
 
 def is_real(variable: VariableLike) -> bool:
-    """Whether the variable is a Real one."""
+    """Whether the variable is a Real one.
+
+    Args:
+        variable: of the FMU.
+    """
     return variable.kind == "Real"

@@ -155,6 +155,10 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     the experiments, as the paper does, see `fitting.campaign.drift`; their offsets are parameters
     after those of the file.
 
+    Args:
+        campaign: campaign as it was read.
+        variables: of the FMU, by name.
+
     Raises:
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
             not match, a value outside the FMU's range, a variable set in two ways.

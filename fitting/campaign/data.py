@@ -62,7 +62,13 @@ def _declared_unit(file: WrittenCampaign) -> str:
 
 
 def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
-    """The campaign with every amplitude multiplied by ``factor``: they are in ``unit`` then."""
+    """The campaign with every amplitude multiplied by ``factor``: they are in ``unit`` then.
+
+    Args:
+        campaign: campaign as it was read.
+        factor: by which values are multiplied.
+        unit: that the amplitudes are in then.
+    """
     experiments = tuple(
         replace(
             e,
@@ -82,6 +88,9 @@ def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
 
 def read_campaign(path: str | Path) -> Campaign:
     """Read a campaign file and every data file that it names.
+
+    Args:
+        path: of the file.
 
     Raises:
         BadInput: one line with file, row, column or key, what was found, what is wanted.

@@ -59,6 +59,10 @@ class Drifting:
 def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
     """Drift of a campaign in the FMU's units.
 
+    Args:
+        campaign: campaign as it was read.
+        binder: of the campaign to its FMU.
+
     Raises:
         BadInput: a variable that cannot be set, time stamps that do not span the series, variables
             of different units that are to share an offset.
@@ -106,6 +110,9 @@ def _positions(campaign: Campaign) -> tuple[float, ...]:
 
 def stamp_of(written: Written | None) -> float:
     """A time stamp as a number: seconds for ISO dates and where a unit is written, else as it is.
+
+    Args:
+        written: number or quantity as the file has it.
 
     Raises:
         BadInput: neither a number, a time nor an ISO date.

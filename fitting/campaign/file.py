@@ -579,6 +579,9 @@ class WrittenCampaign(Keys):
 def read_campaign_file(path: Path) -> WrittenCampaign:
     """Read and check the TOML of a campaign.
 
+    Args:
+        path: of the file.
+
     Raises:
         BadInput: no such file, not TOML; or a key that is missing, unknown or of the wrong kind:
             one line for each.

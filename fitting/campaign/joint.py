@@ -17,6 +17,9 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
     prior; where start, reference or scale differ, those of the first campaign are taken, and a note
     says so. Drift offsets, other values of single experiments and fitted scales stay apart.
 
+    Args:
+        bounds: campaigns, each bound to its FMU.
+
     Raises:
         BadInput: parameters, alternatives or units that contradict each other; names both files.
     """
@@ -36,7 +39,11 @@ def join_parameters(bounds: Sequence[BoundCampaign]) -> tuple[tuple[Parameter, .
 
 
 def named_apart(bounds: Sequence[BoundCampaign]) -> tuple[tuple[str, BoundCampaign], ...]:
-    """Campaigns by a short name, which labels and parameters of their own carry; one has none."""
+    """Campaigns by a short name, which labels and parameters of their own carry; one has none.
+
+    Args:
+        bounds: campaigns, each bound to its FMU.
+    """
     if len(bounds) == 1:
         return (("", bounds[0]),)
     return tuple(
@@ -56,12 +63,20 @@ def named_apart(bounds: Sequence[BoundCampaign]) -> tuple[tuple[str, BoundCampai
 
 
 def is_shared(parameter: Parameter) -> bool:
-    """Whether campaigns that are fitted together share the parameter."""
+    """Whether campaigns that are fitted together share the parameter.
+
+    Args:
+        parameter: a fitted parameter.
+    """
     return parameter.role == "model" and not parameter.experiments
 
 
 def series_names(bounds: Sequence[BoundCampaign]) -> tuple[str, ...]:
-    """A short name for every campaign: its folder, or its file where folders are the same."""
+    """A short name for every campaign: its folder, or its file where folders are the same.
+
+    Args:
+        bounds: campaigns, each bound to its FMU.
+    """
     folders = [bound.path.resolve().parent.name for bound in bounds]
     stems = [bound.path.stem for bound in bounds]
     for names in (folders, stems):

@@ -62,7 +62,12 @@ class Noise:
         return self.relative > 0.0 or self.absolute_v > 0.0
 
     def with_floor(self, amplitude_v: FloatArray, floor_v: FloatArray) -> FloatArray:
-        """Standard deviations (n,) of amplitudes (n,) whose floor's are (n,), NaN for unknown."""
+        """Standard deviations (n,) of amplitudes (n,) whose floor's are (n,), NaN for unknown.
+
+        Args:
+            amplitude_v: amplitudes (n,), V peak.
+            floor_v: standard deviations (n,) of the floor, V; NaN where unknown.
+        """
         if not self.declared:
             return floor_v
         known = np.nan_to_num(floor_v, nan=0.0)
@@ -72,6 +77,11 @@ class Noise:
 
 def bind_noise(choice: WrittenNoise, amplitude: Amplitude, unit: str) -> Noise:
     """Declared noise as peak amplitude in ``unit``, in the same meaning as the amplitudes.
+
+    Args:
+        choice: the table [noise] as it is written.
+        amplitude: how amplitudes are written: kind (peak or rms), unit and impedance.
+        unit: of the values.
 
     Raises:
         BadInput: an absolute noise that is negative or in another unit.
@@ -99,6 +109,11 @@ def repeat_scatter(
 
     Experiments of equal ``groups`` repeat each other. With z the logarithms of their peaks,
     s^2 = sum (z - mean)^2 / sum (repeats - 1), less the mean of the floors' relative variances.
+
+    Args:
+        groups: equal for experiments that repeat each other.
+        peaks_v: amplitudes of each experiment, V peak.
+        sigmas_v: standard deviations of each experiment, V.
     """
     squares, freedom, floors = 0.0, 0, []
     for group in set(groups):
@@ -119,6 +134,11 @@ def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise
     """Standard deviation of every sweep point (n,), in its unit: as declared, else as it scatters.
 
     The scatter is taken for absolute: equal at all points, as the noise of a detector is.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        noise: declared noise of the amplitudes.
     """
     if noise.declared:
         return noise.with_floor(amplitude_v, np.zeros(amplitude_v.size))
@@ -128,7 +148,13 @@ def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise
 
 
 def maximum_sigma(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> float:
-    """Relative error of the largest point as a maximum: noise, and the bias that its top shows."""
+    """Relative error of the largest point as a maximum: noise, and the bias that its top shows.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        noise: declared noise of the amplitudes.
+    """
     top = laboratory_maximum(frequency_hz, amplitude_v)
     if not noise.declared or math.isnan(top.bias):
         return top.sigma
@@ -141,6 +167,11 @@ def sweep_scale_sigma(amplitude_v: FloatArray, sigma_v: FloatArray, scale: str) 
 
     "maximum": that of the largest point. "fit": of chi = sum(L S)/sum(S^2) with S in the shape of
     L, sqrt(sum L^2 sigma^2)/sum L^2. "robust": the same over sqrt(0.95), Huber's efficiency.
+
+    Args:
+        amplitude_v: amplitudes (n,), V peak.
+        sigma_v: standard deviations (n,), V.
+        scale: how χ is taken from the sweep, by its points or by its maximum.
     """
     if amplitude_v.size == 0 or scale == "none":
         return 0.0

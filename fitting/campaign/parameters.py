@@ -85,42 +85,76 @@ class Parameter:
 
 
 def names(parameters: Sequence[Parameter]) -> tuple[str, ...]:
-    """Names in the order of the search vector."""
+    """Names in the order of the search vector.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     return tuple(p.name for p in parameters)
 
 
 def starts(parameters: Sequence[Parameter]) -> FloatArray:
-    """Start values (n,), each in its parameter's unit."""
+    """Start values (n,), each in its parameter's unit.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     return _column(parameters, "start")
 
 
 def references(parameters: Sequence[Parameter]) -> FloatArray:
-    """Reference values (n,), each in its parameter's unit."""
+    """Reference values (n,), each in its parameter's unit.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     return _column(parameters, "reference")
 
 
 def scales(parameters: Sequence[Parameter]) -> FloatArray:
-    """Scales (n,), each in its parameter's unit."""
+    """Scales (n,), each in its parameter's unit.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     return _column(parameters, "scale")
 
 
 def bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper bounds, (n,) each, in the parameters' units."""
+    """Lower and upper bounds, (n,) each, in the parameters' units.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     return _column(parameters, "lower"), _column(parameters, "upper")
 
 
 def to_search(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray:
-    """Search vector x = (p - reference) / scale; ``values`` (..., n) in the parameters' units."""
+    """Search vector x = (p - reference) / scale; ``values`` (..., n) in the parameters' units.
+
+    Args:
+        parameters: the fitted parameters.
+        values: values (n,), each in its parameter's unit.
+    """
     return np.asarray((values - references(parameters)) / scales(parameters), dtype=float)
 
 
 def to_model(parameters: Sequence[Parameter], search: FloatArray) -> FloatArray:
-    """Values p = reference + scale x, the inverse of :func:`to_search`; ``search`` (..., n)."""
+    """Values p = reference + scale x, the inverse of :func:`to_search`; ``search`` (..., n).
+
+    Args:
+        parameters: the fitted parameters.
+        search: search vector (n,).
+    """
     return np.asarray(references(parameters) + scales(parameters) * search, dtype=float)
 
 
 def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
-    """The box of :func:`bounds` in search variables, (n,) each."""
+    """The box of :func:`bounds` in search variables, (n,) each.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     lower, upper = bounds(parameters)
     return to_search(parameters, lower), to_search(parameters, upper)
 
@@ -156,7 +190,11 @@ def prior_sigmas(parameters: Sequence[Parameter], nu: float = 0.0) -> FloatArray
 
 
 def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Parameters of the model that hold for the whole campaign."""
+    """Parameters of the model that hold for the whole campaign.
+
+    Args:
+        parameters: the fitted parameters.
+    """
     return tuple(p for p in parameters if not p.experiments and p.role == "model")
 
 
@@ -164,6 +202,10 @@ def canonical(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray
     """Values (..., n) with every periodic parameter brought into ``[0, period)``.
 
     Meant for reports: the result may lie outside the box that the optimiser kept to.
+
+    Args:
+        parameters: the fitted parameters.
+        values: values (n,), each in its parameter's unit.
     """
     reported = np.array(values, dtype=float)
     for i, parameter in enumerate(parameters):

@@ -202,7 +202,11 @@ def _command(args: argparse.Namespace) -> str:
 
 
 def table(design: Design) -> list[str]:
-    """The design as lines of text."""
+    """The design as lines of text.
+
+    Args:
+        design: the proposed next measurement.
+    """
     marked = design.synthetic and "synthetic" not in design.title.lower()
     factor, unit = prefixed(design.before.mean, design.unit)
 

@@ -17,7 +17,12 @@ AMPLITUDE_STEM = "A"
 
 
 def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, Scalar]:
-    """Start values from texts "NAME=VALUE" with written units, in the FMU's units."""
+    """Start values from texts "NAME=VALUE" with written units, in the FMU's units.
+
+    Args:
+        assignments: words NAME=VALUE of the command line.
+        description: of the FMU.
+    """
     values: dict[str, Scalar] = {}
     for text in assignments:
         name, found, value = text.partition("=")
@@ -48,7 +53,11 @@ def _value(text: str, variable: FmuVariable) -> Scalar:
 
 
 def first_output(description: FmuDescription) -> tuple[str, ...]:
-    """The first output that moves, to be looked at where none is named."""
+    """The first output that moves, to be looked at where none is named.
+
+    Args:
+        description: of the FMU.
+    """
     for variable in description.variables.values():
         if (variable.causality, variable.kind) == ("output", "Real") and (
             variable.variability == "continuous"
@@ -60,7 +69,13 @@ def first_output(description: FmuDescription) -> tuple[str, ...]:
 def other_tones(
     names: tuple[str, ...], values: Mapping[str, Scalar], description: FmuDescription
 ) -> list[tuple[str, str]]:
-    """Parameters named like the tones, but for their number, with amplitudes that are not zero."""
+    """Parameters named like the tones, but for their number, with amplitudes that are not zero.
+
+    Args:
+        names: as they are declared, in their order.
+        values: start values, by name.
+        description: of the FMU.
+    """
     stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}
     found = []
     for name, variable in description.variables.items():

@@ -114,7 +114,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def table(found: Identification) -> list[str]:
-    """What was found as lines of text."""
+    """What was found as lines of text.
+
+    Args:
+        found: what the data determine.
+    """
     marked = found.synthetic and "synthetic" not in found.title.lower()
     kind = "measured data" if found.knowledge.data else "expected data"
     lines = [

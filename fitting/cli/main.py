@@ -42,7 +42,11 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit code."""
+    """Run a command; returns the exit code.
+
+    Args:
+        arguments: words of the command line, None for the process's own.
+    """
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         chosen = _parser(given).parse_args(given)

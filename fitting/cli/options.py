@@ -30,7 +30,11 @@ def whole_number(least: int) -> Callable[[str], int]:
 
 
 def relative_accuracy(option: str) -> Callable[[str], float]:
-    """An argparse type: a relative accuracy above 0 and below 1."""
+    """An argparse type: a relative accuracy above 0 and below 1.
+
+    Args:
+        option: name of the option, for complaints.
+    """
 
     def read(text: str) -> float:
         return checked_accuracy(quantity(text, "1", where=option), option)
@@ -39,7 +43,11 @@ def relative_accuracy(option: str) -> Callable[[str], float]:
 
 
 def positive_time(option: str) -> Callable[[str], float]:
-    """An argparse type: a time above zero in s, as "2 ms"; a plain number is in s."""
+    """An argparse type: a time above zero in s, as "2 ms"; a plain number is in s.
+
+    Args:
+        option: name of the option, for complaints.
+    """
 
     def read(text: str) -> float:
         return positive_quantity(text, "s", where=option)
@@ -49,6 +57,11 @@ def positive_time(option: str) -> Callable[[str], float]:
 
 def positive_quantity(text: str, unit: str, *, where: str) -> float:
     """A written quantity above zero in ``unit``, in which a plain number is taken.
+
+    Args:
+        text: as it was written.
+        unit: of the values.
+        where: file, row or key, for complaints.
 
     Raises BadInput, beginning with ``where``.
     """
@@ -60,6 +73,11 @@ def positive_quantity(text: str, unit: str, *, where: str) -> float:
 
 def quantity(text: str, unit: str, *, where: str) -> float:
     """A written quantity in ``unit``, in which a plain number is taken.
+
+    Args:
+        text: as it was written.
+        unit: of the values.
+        where: file, row or key, for complaints.
 
     Raises BadInput, beginning with ``where``.
     """

@@ -14,6 +14,9 @@ def status_line(label: str) -> Iterator[Callable[[str], None]]:
     """A line that shows what is under way and for how long, gone at the end.
 
     Yields the function that changes its text. Nothing is shown unless stderr is a terminal.
+
+    Args:
+        label: that goes before the text.
     """
     with tqdm(
         desc=label,

@@ -142,7 +142,11 @@ def _problem(
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> Campaign:
-    """The first campaign; raises BadInput where another one wants another FMU."""
+    """The first campaign; raises BadInput where another one wants another FMU.
+
+    Args:
+        campaigns: campaigns as they were read.
+    """
     first = campaigns[0]
     for other in campaigns[1:]:
         one, two = first.file.fmu, other.file.fmu
@@ -216,7 +220,11 @@ class _Line:
 
 
 def table(result: Result) -> list[str]:
-    """The result as lines of text."""
+    """The result as lines of text.
+
+    Args:
+        result: of a reconstruction.
+    """
     marked = result.synthetic and "synthetic" not in result.title.lower()
     lines = [result.title + (" [synthetic]" if marked else ""), ""]
     lines += text_lines(values_table(result))

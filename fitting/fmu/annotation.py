@@ -30,6 +30,9 @@ PLACES = (
 def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
     """The accuracy annotation in an FMU, in its names and units.
 
+    Args:
+        description: of the FMU.
+
     Raises:
         BadInput: the annotation names a variable that is not there, or a value of another kind.
     """

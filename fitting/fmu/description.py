@@ -88,6 +88,9 @@ class FmuDescription:
 def read_description(path: Path | str) -> FmuDescription:
     """Description of an FMU that this machine can run by FMI 2.0 or 3.0 co-simulation.
 
+    Args:
+        path: of the file.
+
     Raises BadInput if the file is no FMU, has no co-simulation, or no binary for this platform.
     """
     import fmpy  # slow to load, and the other names of this module are wanted by many
@@ -127,7 +130,11 @@ def read_description(path: Path | str) -> FmuDescription:
 
 
 def validation_problems(path: Path | str) -> list[str]:
-    """What fmpy's validation objects to in the FMU; empty if nothing."""
+    """What fmpy's validation objects to in the FMU; empty if nothing.
+
+    Args:
+        path: of the file.
+    """
     from fmpy.validation import validate_fmu
 
     return [str(problem) for problem in validate_fmu(str(path))]

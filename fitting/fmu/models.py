@@ -31,6 +31,10 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     The build is reproducible and takes a second, so it is made anew every time: what is driven is
     what the sources say.
 
+    Args:
+        source: what the campaign says of its FMU.
+        cache: folder for FMUs that are built.
+
     Raises:
         BadInput: the builder is not there, or the builder's own complaint.
     """

@@ -138,6 +138,9 @@ class FmuWorkers:
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         """Results of the runs in their order, each (samples, outputs).
 
+        Args:
+            runs: to be simulated.
+
         Raises FmuFailure for the first run found to fail, with the FMU's words and the start values
         of that run; BadInput for names and values that do not fit the FMU.
         """

@@ -73,7 +73,11 @@ class RunRequests:
         self._defaults: dict[str, Scalar] = {}  # of every variable that any run has set
 
     def take_all(self, runs: Sequence[Run]) -> list[RunRequest]:
-        """The requests for a batch; raises BadInput as `take` does."""
+        """The requests for a batch; raises BadInput as `take` does.
+
+        Args:
+            runs: to be simulated.
+        """
         self._grown = False
         requests = [self.take(run) for run in runs]
         # a variable that a later run was the first to set is missing in the requests before it
@@ -81,6 +85,9 @@ class RunRequests:
 
     def take(self, run: Run) -> RunRequest:
         """The request for one run.
+
+        Args:
+            run: to be simulated.
 
         Raises BadInput for a name that the FMU does not have, a variable that cannot be set or
         read, and a value of the wrong type.

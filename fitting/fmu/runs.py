@@ -150,7 +150,11 @@ class Timed(Protocol):
 
 
 def row_times(run: Timed) -> list[float]:
-    """Time of every row of a run's result, s."""
+    """Time of every row of a run's result, s.
+
+    Args:
+        run: with settling, step and number of samples.
+    """
     first = run.start_time_s + run.settle_s
     times = [first + j * run.sample_step_s for j in range(run.samples)]
     for segment in run.segments:

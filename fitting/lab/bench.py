@@ -84,7 +84,11 @@ class Bench:
         return self.sample.shifted(self.drift_hz * (position - 0.5) + bow)
 
     def eta_hz(self, sample: Sample) -> float:
-        """The eigenfrequency of the observed mode."""
+        """The eigenfrequency of the observed mode.
+
+        Args:
+            sample: the oscillators.
+        """
         return (sample.modes.eta_plus_hz, sample.modes.eta_minus_hz)[self.observed]
 
     @cached_property
@@ -100,13 +104,22 @@ class Bench:
         return np.asarray(self.eta_hz(self.sample) + self.sweep_step_hz * steps)
 
     def sweep(self, rng: np.random.Generator) -> Trace:
-        """The sweep with one weak tone, at the start of the series."""
+        """The sweep with one weak tone, at the start of the series.
+
+        Args:
+            rng: source of random numbers.
+        """
         grid = self.sweep_hz()
         wave = self.gain * self._swept(self.at(0.0), grid)
         return Trace(grid, np.abs(wave + self.noise(rng, grid.size)))
 
     def noise(self, rng: np.random.Generator, size: int) -> ComplexArray:
-        """Complex Gaussian noise whose magnitude averages to a level drawn from ``floor_v``."""
+        """Complex Gaussian noise whose magnitude averages to a level drawn from ``floor_v``.
+
+        Args:
+            rng: source of random numbers.
+            size: how many values.
+        """
         level = self.noise_scale * rng.uniform(*self.floor_v)
         sigma = level / math.sqrt(math.pi / 2.0)
         quadratures = rng.standard_normal((2, size))
@@ -145,7 +158,11 @@ class Answer:
         return self.waves_v[:, self.observed]
 
     def reading(self, arrays: Mapping[str, FloatArray]) -> Reading:
-        """What an instrument hands over of it."""
+        """What an instrument hands over of it.
+
+        Args:
+            arrays: columns by name, each (n,).
+        """
         return Reading(
             label=self.label, drive=self.drive, observed=self.observed, arrays=dict(arrays)
         )
@@ -173,18 +190,37 @@ class Instrument(ABC):
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
     ) -> tuple[Reading, ...]:
-        """Read the answers in turn. ``rng`` is the series' own; ``seed`` is for another one."""
+        """Read the answers in turn. ``rng`` is the series' own; ``seed`` is for another one.
+
+        Args:
+            bench: the laboratory: sample, drives, instrument, noise.
+            answers: of the sample to every drive of the row.
+            rng: source of random numbers.
+            seed: of the random numbers.
+        """
 
     @abstractmethod
     def edit(self, tables: Tables) -> None:
-        """Write into the tables of a campaign how its data are to be read."""
+        """Write into the tables of a campaign how its data are to be read.
+
+        Args:
+            tables: of the TOML file.
+        """
 
     def columns(self, reading: Reading) -> dict[str, Cell]:
-        """Cells of a row of experiments.csv by header, behind label and drive."""
+        """Cells of a row of experiments.csv by header, behind label and drive.
+
+        Args:
+            reading: what the instrument read.
+        """
         return {}
 
     def files(self, reading: Reading) -> dict[str, dict[str, FloatArray]]:
-        """Columns by header, by file name, of what has no place in that row."""
+        """Columns by header, by file name, of what has no place in that row.
+
+        Args:
+            reading: what the instrument read.
+        """
         return {}
 
 
@@ -206,7 +242,11 @@ class Measured:
     eta_after_hz: tuple[float, float] = (math.nan, math.nan)
 
     def array(self, name: str) -> FloatArray:
-        """An array of all readings, (m, ...)."""
+        """An array of all readings, (m, ...).
+
+        Args:
+            name: of the array.
+        """
         return np.array([reading.arrays[name] for reading in self.readings])
 
     @property
@@ -284,6 +324,12 @@ def measure_rows(bench: Bench, rows: Sequence[Row], instrument: Instrument, seed
     It comes after the bench's own series: the modes are where that series left them. The laboratory
     follows the resonances, so that they drift no further, but for the departure from a straight
     line that the bench has.
+
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        rows: to be measured.
+        instrument: that reads the answers.
+        seed: of the random numbers.
 
     Raises:
         ValueError: a drive under which the sample has no steady state.

@@ -39,6 +39,9 @@ BUILT_IN = (*SERIES_THETA, DUFFING)
 def bench_named(name: str) -> Bench:
     """A built-in bench.
 
+    Args:
+        name: of the bench.
+
     Raises:
         BadInput: no such bench.
     """
@@ -87,7 +90,12 @@ def duffing_bench() -> Bench:
 
 
 def with_level(bench: Bench, strongest: float) -> Bench:
-    """The same bench with all levels in proportion, the strongest one as given, m/s^2."""
+    """The same bench with all levels in proportion, the strongest one as given, m/s^2.
+
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        strongest: largest drive amplitude, m/s².
+    """
     factor = strongest / max(bench.levels)
     return replace(bench, levels=tuple(factor * level for level in bench.levels))
 
@@ -96,6 +104,10 @@ def changed(bench: Bench, **values: Any) -> Bench:
     """The bench with fields of its own, of its modes or of its cubic terms replaced, by name.
 
     ``level`` is the strongest drive, as `with_level` takes it.
+
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        **values: new values of the fields of bench and sample, by name.
 
     Raises:
         ValueError: values that are impossible.

@@ -31,7 +31,12 @@ class Drive:
 
     @classmethod
     def equal(cls, tones_hz: Sequence[float], level: float) -> Drive:
-        """Tones that all have the same amplitude."""
+        """Tones that all have the same amplitude.
+
+        Args:
+            tones_hz: frequencies of the tones, Hz.
+            level: amplitude of every tone, m/s².
+        """
         return cls(tuple(tones_hz), (level,) * len(tones_hz))
 
     @property
@@ -42,5 +47,9 @@ class Drive:
         return self.lines or alone
 
     def tone_of(self, line: Sequence[int]) -> int | None:
-        """The place of the tone that a combination is, None for one of several."""
+        """The place of the tone that a combination is, None for one of several.
+
+        Args:
+            line: factors of the tones, one each.
+        """
         return list(line).index(1) if sorted(line)[-1] == 1 and sum(map(abs, line)) == 1 else None

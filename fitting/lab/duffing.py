@@ -60,7 +60,11 @@ class Lines:
     amplitudes: ComplexArray
 
     def at(self, *factors: int) -> ComplexArray:
-        """Amplitudes (2,) of both modes at one combination, "2 u1 - u2" as (2, -1)."""
+        """Amplitudes (2,) of both modes at one combination, "2 u1 - u2" as (2, -1).
+
+        Args:
+            factors: of the tones, one integer each.
+        """
         wanted = np.array(factors)
         for sign in (1, -1):
             found = np.flatnonzero((self.factors == sign * wanted).all(axis=1))
@@ -78,6 +82,12 @@ def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | Non
     """The response that grows out of rest with the drive, or the one near ``start``.
 
     Orders are added until the last ones change no line by more than ``ENOUGH`` of the largest.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        cubic: coefficients of the cubic terms.
+        drive: tones and amplitudes that drive.
+        start: of the balance, None to begin from rest.
 
     Raises:
         NoSteadyState: a branch ends before the whole drive is reached, or the lines do not fall
@@ -100,7 +110,15 @@ def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | Non
 def lines_to_order(
     modes: TwoModes, cubic: Cubic, drive: Drive, order: int, start: Lines | None = None
 ) -> Lines:
-    """As :func:`steady_lines`, with the lines up to one order."""
+    """As :func:`steady_lines`, with the lines up to one order.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        cubic: coefficients of the cubic terms.
+        drive: tones and amplitudes that drive.
+        order: highest sum of the absolute factors.
+        start: of the balance, None to begin from rest.
+    """
     balance = _Balance(modes, cubic, drive, order)
     if start is not None:
         return balance.lines(balance.solve(balance.vector(start), 1.0))
@@ -238,11 +256,18 @@ class CubicModes:
     cubic: Cubic
 
     def shifted(self, shift_hz: float) -> CubicModes:
-        """The same sample, both eigenfrequencies higher by so much."""
+        """The same sample, both eigenfrequencies higher by so much.
+
+        Args:
+            shift_hz: by which both resonances move, Hz.
+        """
         return replace(self, modes=self.modes.shifted(shift_hz))
 
     def amplitudes(self, drive: Drive) -> ComplexArray:
         """Complex amplitudes (lines, 2) in m of both modes at the lines that the drive reads.
+
+        Args:
+            drive: tones and amplitudes that drive.
 
         Raises:
             ValueError: a drive so strong that its response does not grow out of rest steadily.

@@ -21,14 +21,23 @@ SEARCH_WIDTHS = 2
 
 
 def damping_hz(modes: TwoModes) -> Any:
-    """T diag(d1, d2) T^T as an mpmath matrix (2, 2), Hz; its diagonal are the line widths."""
+    """T diag(d1, d2) T^T as an mpmath matrix (2, 2), Hz; its diagonal are the line widths.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+    """
     c, s = mp.cos(mp.mpf(modes.theta_rad)), mp.sin(mp.mpf(modes.theta_rad))
     turn = mp.matrix([[-c, s], [s, c]] if modes.reflection else [[c, -s], [s, c]])
     return turn * mp.diag([mp.mpf(modes.d1_hz), mp.mpf(modes.d2_hz)]) * turn.T
 
 
 def line_width_hz(modes: TwoModes, observed: int) -> float:
-    """Full line width of a hybridised mode, (T D T^T)_ii / 2 pi, Hz."""
+    """Full line width of a hybridised mode, (T D T^T)_ii / 2 pi, Hz.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        observed: which mode is read, 0 or 1.
+    """
     with mp.workdps(DIGITS):
         return float(damping_hz(modes)[observed, observed])
 
@@ -40,6 +49,11 @@ def amplitudes(modes: TwoModes, observed: int, tones_hz: Sequence[float]) -> Flo
     several tones at once give each the amplitude that it has alone.
 
     Source: arXiv:2412.07301, the periodic solution of the coupled system.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        observed: which mode is read, 0 or 1.
+        tones_hz: frequencies of the tones, Hz.
     """
     with mp.workdps(DIGITS):
         damping = damping_hz(modes)
@@ -48,7 +62,12 @@ def amplitudes(modes: TwoModes, observed: int, tones_hz: Sequence[float]) -> Flo
 
 
 def crest(modes: TwoModes, observed: int) -> float:
-    """Maximum over the frequency of the amplitude of one hybridised mode near its own line, s^2."""
+    """Maximum over the frequency of the amplitude of one hybridised mode near its own line, s^2.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        observed: which mode is read, 0 or 1.
+    """
     with mp.workdps(DIGITS):
         damping = damping_hz(modes)
         eta = mp.mpf((modes.eta_plus_hz, modes.eta_minus_hz)[observed])
@@ -74,6 +93,12 @@ def runge_kutta_amplitudes(
     of steps that a resonance of high Q takes to settle.
 
     Source: E. Hairer, S. Norsett, G. Wanner, Solving Ordinary Differential Equations I, II.1.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        observed: which mode is read, 0 or 1.
+        tones_hz: frequencies of the tones, Hz.
+        substep_s: length of a Runge–Kutta step, s.
     """
     with mp.workdps(DIGITS):
         system, gain = _first_order(modes)

@@ -49,11 +49,21 @@ class Plan:
         self.instrument = Averaged(floor_v, design.relative_noise or 0.0)
 
     def measure(self, bench: Bench, seed: int) -> Measured:
-        """Measure its rows on a bench."""
+        """Measure its rows on a bench.
+
+        Args:
+            bench: the laboratory: sample, drives, instrument, noise.
+            seed: of the random numbers.
+        """
         return measure_rows(bench, self.rows, self.instrument, seed)
 
     def files(self, measured: Measured, command: str) -> dict[str, str | bytes]:
-        """Contents by relative file name."""
+        """Contents by relative file name.
+
+        Args:
+            measured: what the laboratory measured.
+            command: command line that made it, for the record.
+        """
         head = head_of(measured, command)
         files: dict[str, str | bytes] = {
             CAMPAIGN_NAME: self._campaign(measured, head),

@@ -22,11 +22,18 @@ class Sample(Protocol):
         ...
 
     def shifted(self, shift_hz: float) -> Sample:
-        """The same sample, both eigenfrequencies higher by so much."""
+        """The same sample, both eigenfrequencies higher by so much.
+
+        Args:
+            shift_hz: by which both resonances move, Hz.
+        """
         ...
 
     def amplitudes(self, drive: Drive) -> ComplexArray:
         """Complex amplitudes (lines, 2) of both modes at the lines that the drive reads.
+
+        Args:
+            drive: tones and amplitudes that drive.
 
         Raises:
             ValueError: no steady state.

@@ -59,7 +59,11 @@ class TwoModes:
         return self
 
     def shifted(self, shift_hz: float) -> TwoModes:
-        """The same sample, both eigenfrequencies higher by so much."""
+        """The same sample, both eigenfrequencies higher by so much.
+
+        Args:
+            shift_hz: by which both resonances move, Hz.
+        """
         return replace(
             self,
             eta_plus_hz=self.eta_plus_hz + shift_hz,
@@ -67,7 +71,11 @@ class TwoModes:
         )
 
     def amplitudes(self, drive: Drive) -> ComplexArray:
-        """Complex amplitudes (lines, 2) of both modes; a combination of tones has none."""
+        """Complex amplitudes (lines, 2) of both modes; a combination of tones has none.
+
+        Args:
+            drive: tones and amplitudes that drive.
+        """
         waves = steady_state(self, np.array(drive.tones_hz), drive.gains)
         answer = np.array(drive.amplitudes)[:, np.newaxis] * waves
         tones = [drive.tone_of(line) for line in drive.read]
@@ -82,6 +90,11 @@ def steady_state(
     X(u) = A(u)^-1 g with A(u) = C - (2 pi u)^2 I + 2 pi i u T D T^T, in s^2. Differences of
     squares are factored, (2 pi)^2 (eta - u)(eta + u): at Q near 1e5 they cancel. Source: Bartsch et
     al., arXiv:2412.07301, the periodic solution of the coupled system.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        frequency_hz: frequencies (n,), Hz.
+        gains: of the two modes into the output.
     """
     u = np.asarray(frequency_hz, dtype=float)
     t = modes.transform()

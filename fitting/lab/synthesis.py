@@ -31,6 +31,9 @@ class Synthetic:
     def write(self, folder: Path) -> Path:
         """Write the files below a folder; returns the path of the campaign.
 
+        Args:
+            folder: where the files go.
+
         Raises:
             BadInput: a file cannot be written, or there is a campaign that is not synthetic.
         """
@@ -103,6 +106,9 @@ def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
 
 def bench_of(truth: Bench | Path | str) -> Bench:
     """A bench as it is, by its name, or by its truth file or the campaign beside that.
+
+    Args:
+        truth: a laboratory, or the file that describes one.
 
     Raises:
         BadInput: no such bench or file.

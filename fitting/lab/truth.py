@@ -28,7 +28,11 @@ ELSEWHERE = ("sample", "instrument", "levels", "weak_level")
 
 
 def truth_tables(measured: Measured) -> dict[str, Any]:
-    """Everything that was put in; [bench], [modes], [cubic] and [drive] make the bench again."""
+    """Everything that was put in; [bench], [modes], [cubic] and [drive] make the bench again.
+
+    Args:
+        measured: what the laboratory measured.
+    """
     bench = measured.bench
     widths = bench.modes.widths_hz()
     tables: dict[str, Any] = {"bench": _plain(bench, ELSEWHERE), "modes": _plain(bench.modes)}
@@ -59,12 +63,20 @@ def truth_tables(measured: Measured) -> dict[str, Any]:
 
 
 def truth_toml(measured: Measured, head: Sequence[str]) -> str:
-    """`truth_tables` as text."""
+    """`truth_tables` as text.
+
+    Args:
+        measured: what the laboratory measured.
+        head: lines that go before, without comment signs.
+    """
     return toml_text(truth_tables(measured), [*head, REMARK])
 
 
 def read_bench(truth: Path) -> Bench:
     """The bench that a synthetic campaign was made on, from its truth file.
+
+    Args:
+        truth: file that holds the truth.
 
     Raises:
         BadInput: no such file, or one that does not describe a bench.

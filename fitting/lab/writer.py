@@ -27,6 +27,10 @@ def campaign_files(series: Series, command: str) -> dict[str, str]:
 
     ``command`` is repeated in the head of every file, after the word "synthetic" and the seed. The
     numbers are written with 17 digits: reading them back loses nothing.
+
+    Args:
+        series: the measured series.
+        command: command line that made it, for the record.
     """
     head = head_of(series, command)
     sweep = {
@@ -46,7 +50,12 @@ def campaign_files(series: Series, command: str) -> dict[str, str]:
 
 
 def head_of(measured: Measured, command: str) -> tuple[str, ...]:
-    """The first lines of every file."""
+    """The first lines of every file.
+
+    Args:
+        measured: what the laboratory measured.
+        command: command line that made it, for the record.
+    """
     return (
         f"synthetic data of a virtual laboratory, not measured; seed {measured.seed}",
         f"made by: {command}",
@@ -54,14 +63,23 @@ def head_of(measured: Measured, command: str) -> tuple[str, ...]:
 
 
 def csv_text(columns: Mapping[str, FloatArray | Sequence[Cell]], head: Sequence[str]) -> str:
-    """Columns by header as delimited text, numbers with all their digits."""
+    """Columns by header as delimited text, numbers with all their digits.
+
+    Args:
+        columns: by their heads.
+        head: lines that go before, without comment signs.
+    """
     lines = [*(f"# {line}" for line in head), ",".join(columns)]
     lines += [",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True)]
     return "\n".join(lines) + "\n"
 
 
 def written_mhz(frequency_hz: float) -> str:
-    """A frequency as a campaign writes it."""
+    """A frequency as a campaign writes it.
+
+    Args:
+        frequency_hz: frequency, Hz.
+    """
     return f"{frequency_hz / 1e6!r} MHz"
 
 

@@ -90,7 +90,11 @@ class Dataset:
         return tuple(m for m in self.measurements if isinstance(m, Tones))
 
     def peaks(self, values: Sequence[FloatArray]) -> FloatArray:
-        """Those of some arrays, one per measurement, that belong to tones: (n_peaks,)."""
+        """Those of some arrays, one per measurement, that belong to tones: (n_peaks,).
+
+        Args:
+            values: an array (rows,) per measurement.
+        """
         pairs = zip(self.measurements, values, strict=True)
         return np.concatenate([np.empty(0), *(v for m, v in pairs if isinstance(m, Tones))])
 
@@ -120,6 +124,9 @@ class Dataset:
         """What says that rows (m,) do not follow the data at all; empty where they do.
 
         A fit that ends far from any solution may sit on a plateau: flat, and so stationary.
+
+        Args:
+            residuals: rows (m,), relative.
         """
         pairs = zip(self.measurements, self.slices, strict=True)
         return next((said for m, k in pairs if (said := m.unexplained(residuals[k]))), "")
@@ -130,6 +137,9 @@ class Dataset:
         sum r^2; with `weigh`, if every sigma is known, sum w r^2, w = sigma^-2/mean(sigma^-2), and
         with outliers = "huber" rows beyond 1.345 sigma count linearly (P. Huber, Robust
         Statistics, 1981).
+
+        Args:
+            residuals: rows (m,), relative.
         """
         sigma = self.sigma
         if not (self.weigh and np.all(sigma > 0.0)):

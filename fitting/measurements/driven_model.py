@@ -58,17 +58,32 @@ class DrivenModel:
         return acting
 
     def columns(self, label: str | None) -> list[int]:
-        """Positions in p of what acts in an experiment; None: in what belongs to no experiment."""
+        """Positions in p of what acts in an experiment; None: in what belongs to no experiment.
+
+        Args:
+            label: of the experiment, None for a sweep.
+        """
         return self._acting.get(label, self._acting[None])
 
     def groups(self, table: FloatArray, label: str | None) -> tuple[IntArray, IntArray]:
-        """Rows of a table (k, n) that are alike to an experiment: first of each group, groups."""
+        """Rows of a table (k, n) that are alike to an experiment: first of each group, groups.
+
+        Args:
+            table: parameter vectors (p, n).
+            label: of the experiment, None for a sweep.
+        """
         return alike(table[:, self.columns(label)])
 
     def values(
         self, p: FloatArray, label: str | None, settings: Mapping[str, Scalar]
     ) -> dict[str, Scalar]:
-        """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones."""
+        """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            label: of the experiment, None for a sweep.
+            settings: values of FMU variables, by name.
+        """
         drive = self.setup.drive
         values: dict[str, Scalar] = {**self.setup.start_values, **self.plan.settings}
         values.update(dict.fromkeys(drive.amplitude_names, drive.amplitude))
@@ -84,7 +99,13 @@ class DrivenModel:
     def single_tone_values(
         self, p: FloatArray, settings: Mapping[str, Scalar], tone_hz: float
     ) -> dict[str, Scalar]:
-        """Start values under one tone: its frequency (Hz), the other amplitudes zero."""
+        """Start values under one tone: its frequency (Hz), the other amplitudes zero.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            settings: values of FMU variables, by name.
+            tone_hz: frequency of the tone, Hz.
+        """
         drive = self.setup.drive
         values = self.values(p, None, settings)
         if drive.kind == "tones":
@@ -93,11 +114,20 @@ class DrivenModel:
         return values
 
     def single_tone_window(self, tone_hz: float) -> Window:
-        """Settling and samples under one tone."""
+        """Settling and samples under one tone.
+
+        Args:
+            tone_hz: frequency of the tone, Hz.
+        """
         return self.window((tone_hz,), (tone_hz,))
 
     def window(self, read_hz: tuple[float, ...], tones_hz: tuple[float, ...]) -> Window:
-        """Settling and samples to read lines (n,) of a response to tones (k,), Hz."""
+        """Settling and samples to read lines (n,) of a response to tones (k,), Hz.
+
+        Args:
+            read_hz: lines that are read, Hz.
+            tones_hz: frequencies of the tones, Hz.
+        """
         drive = self.setup.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
         order = max(drive.highest_order, self.plan.order)
@@ -106,7 +136,13 @@ class DrivenModel:
     def drive(
         self, values: Mapping[str, Scalar], tones_hz: tuple[float, ...], output: str
     ) -> Drive:
-        """One drive for the planner: start values, tones (Hz), the output that is read."""
+        """One drive for the planner: start values, tones (Hz), the output that is read.
+
+        Args:
+            values: start values, by name.
+            tones_hz: frequencies of the tones, Hz.
+            output: name of the output.
+        """
         drive = self.setup.drive
         return Drive(
             start_values=values,
@@ -119,7 +155,12 @@ class DrivenModel:
         )
 
     def signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
-        """The tones as input of the FMU, where the tool applies them; None where the FMU does."""
+        """The tones as input of the FMU, where the tool applies them; None where the FMU does.
+
+        Args:
+            window: settling and samples of a run.
+            tones_hz: frequencies of the tones, Hz.
+        """
         drive = self.setup.drive
         if drive.kind != "input" or drive.input is None:
             return None

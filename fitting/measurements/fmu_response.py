@@ -41,6 +41,10 @@ class FmuResponse:
         """Predictions of every measurement for every parameter vector, in one batch.
 
         A run that several vectors share counts for the first of them.
+
+        Args:
+            ps: parameter vectors (n,), each in its own unit.
+            whole: whether everything is wanted that reports show, not residuals only.
         """
         table = np.array([np.asarray(p, dtype=float) for p in ps])
         batch = Batch()
@@ -69,7 +73,11 @@ class FmuResponse:
         return [found[k] for k in range(len(tasks))]
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
-        """Derived outputs after initialisation, per experiment (the sweep, if there is none)."""
+        """Derived outputs after initialisation, per experiment (the sweep, if there is none).
+
+        Args:
+            ps: parameter vectors (n,), each in its own unit.
+        """
         table = np.array([np.asarray(p, dtype=float) for p in ps])
         answers: list[dict[str, list[FloatArray]]] = [{} for _ in ps]
         for series, places in self._places.items():
@@ -117,7 +125,11 @@ class FmuResponse:
         return np.stack(columns, axis=1)
 
     def misfit(self, p: FloatArray) -> float:
-        """Largest relative deviation of any sampled run from mean plus tones."""
+        """Largest relative deviation of any sampled run from mean plus tones.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+        """
         batch = Batch()
         sampled = [
             run

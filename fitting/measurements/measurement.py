@@ -123,11 +123,20 @@ class Measurement(Protocol):
         ...
 
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
-        """Drives, at parameters p (n,), by which the plan of its series is measured."""
+        """Drives, at parameters p (n,), by which the plan of its series is measured.
+
+        Args:
+            model: how the FMU is driven for one series, and by which plan.
+            p: parameters (n,), each in its own unit.
+        """
         ...
 
     def planned(self, plan: Plan) -> Plan:
-        """The plan of its series, with points and decisions of its own added."""
+        """The plan of its series, with points and decisions of its own added.
+
+        Args:
+            plan: settings, settling and windows, with what they promise.
+        """
         ...
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
@@ -154,19 +163,38 @@ class Measurement(Protocol):
         ...
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
-        """Ask for the runs whose samples should hold nothing but their mean and their tones."""
+        """Ask for the runs whose samples should hold nothing but their mean and their tones.
+
+        Args:
+            model: how the FMU is driven for one series, and by which plan.
+            p: parameters (n,), each in its own unit.
+            batch: where runs are asked for; equal runs are simulated once.
+        """
         ...
 
     def scale(self, prediction: Prediction) -> Scale | None:
-        """What a prediction says of the scale; None where this measurement says nothing of it."""
+        """What a prediction says of the scale; None where this measurement says nothing of it.
+
+        Args:
+            prediction: of the measurement, without scale.
+        """
         ...
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
-        """Rows (rows,) of a prediction that is multiplied by `chi`."""
+        """Rows (rows,) of a prediction that is multiplied by `chi`.
+
+        Args:
+            prediction: of the measurement, without scale.
+            chi: scale, laboratory over simulation.
+        """
         ...
 
     def unexplained(self, residuals: FloatArray) -> str:
-        """What says that rows (rows,) do not follow the data at all; empty where they do."""
+        """What says that rows (rows,) do not follow the data at all; empty where they do.
+
+        Args:
+            residuals: rows (m,), relative.
+        """
         ...
 
 
@@ -251,9 +279,18 @@ class Response(Protocol):
     """
 
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
-        """Predictions for several parameter vectors, in one batch."""
+        """Predictions for several parameter vectors, in one batch.
+
+        Args:
+            ps: parameter vectors (n,), each in its own unit.
+            whole: whether everything is wanted that reports show, not residuals only.
+        """
         ...
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
-        """Derived outputs by name, each (n_places,); NaN where the model has no value."""
+        """Derived outputs by name, each (n_places,); NaN where the model has no value.
+
+        Args:
+            ps: parameter vectors (n,), each in its own unit.
+        """
         ...

@@ -330,7 +330,15 @@ def swept_amplitudes(
     frequency_hz: FloatArray,
     workers: Workers,
 ) -> FloatArray:
-    """Steady amplitudes (n,) at single tones (n,) for one parameter vector, in the FMU's unit."""
+    """Steady amplitudes (n,) at single tones (n,) for one parameter vector, in the FMU's unit.
+
+    Args:
+        model: how the FMU is driven for one series, and by which plan.
+        settings: values of FMU variables, by name.
+        p: parameters (n,), each in its own unit.
+        frequency_hz: frequencies (n,), Hz.
+        workers: processes that run the FMU.
+    """
     batch = Batch()
     windows = [model.single_tone_window(float(tone)) for tone in frequency_hz]
     runs = [
@@ -348,7 +356,13 @@ def swept_amplitudes(
 
 
 def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:
-    """A campaign's sweep as a measurement, with everything known of its noise."""
+    """A campaign's sweep as a measurement, with everything known of its noise.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        data: the measured sweep.
+        series: name of the series.
+    """
     f, a, noise = data.frequency_hz, data.amplitude_v, bound.noise
     return Sweep(
         setup=bound.setup,
@@ -378,7 +392,11 @@ class MaximumSearch:
         return refine_maximum(self.frequency_hz, self.amplitude, self.bend)
 
     def wanted(self, accuracy: float) -> FloatArray:
-        """Frequencies to add, Hz: beyond the end that rises, or closer about the maximum."""
+        """Frequencies to add, Hz: beyond the end that rises, or closer about the maximum.
+
+        Args:
+            accuracy: relative error that is wanted.
+        """
         found = self.maximum
         f = self.frequency_hz
         if not found.bracketed:
@@ -395,7 +413,12 @@ class MaximumSearch:
         return near[~np.isin(near, f)]
 
     def with_points(self, frequency_hz: FloatArray, amplitude: FloatArray) -> MaximumSearch:
-        """The search with further points (k,), in the order of frequency."""
+        """The search with further points (k,), in the order of frequency.
+
+        Args:
+            frequency_hz: frequencies (n,), Hz.
+            amplitude: amplitudes (n,), V peak.
+        """
         f = np.concatenate([self.frequency_hz, frequency_hz])
         a = np.concatenate([self.amplitude, amplitude])
         order = np.argsort(f)

@@ -157,7 +157,12 @@ class Tones(MeasurementKind):
 
 
 def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
-    """The experiments of a campaign as a measurement, with everything known of their noise."""
+    """The experiments of a campaign as a measurement, with everything known of their noise.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        series: name of the series.
+    """
     sigmas_v, origin = peak_sigmas(bound)
     return Tones(
         bound.setup, bound.experiments, series=series, sigmas_v=sigmas_v, noise_origin=origin
@@ -165,7 +170,11 @@ def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
 
 
 def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
-    """Standard deviations of all peaks (n_peaks,), NaN where unknown, and a sentence on them."""
+    """Standard deviations of all peaks (n_peaks,), NaN where unknown, and a sentence on them.
+
+    Args:
+        bound: campaign, bound to its FMU.
+    """
     floors = [e.sigmas_v for e in bound.experiments]
     peaks = [e.peaks_v for e in bound.experiments]
     if not peaks:
@@ -204,7 +213,14 @@ def _repeats(bound: BoundCampaign) -> list[object]:
 
 
 def undriven(tones: Tones, model: DrivenModel, p: FloatArray, workers: Workers) -> float:
-    """Range of the output without any tone of the campaign, over the range with them."""
+    """Range of the output without any tone of the campaign, over the range with them.
+
+    Args:
+        tones: the measured peaks.
+        model: how the FMU is driven for one series, and by which plan.
+        p: parameters (n,), each in its own unit.
+        workers: processes that run the FMU.
+    """
     if not tones.experiments:
         return 0.0
     silent, driven = (

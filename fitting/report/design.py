@@ -23,6 +23,11 @@ Figures = tuple[FigureFile, ...]
 def write_report(design: Design, figures: Sequence[FigureFile], folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
 
+    Args:
+        design: the proposed next measurement.
+        figures: figure files that are shown.
+        folder: where the files go.
+
     Raises:
         BadInput: the folder cannot be written.
     """
@@ -30,7 +35,12 @@ def write_report(design: Design, figures: Sequence[FigureFile], folder: Path) ->
 
 
 def page_of(design: Design, figures: Sequence[FigureFile]) -> Page:
-    """The report as a page."""
+    """The report as a page.
+
+    Args:
+        design: the proposed next measurement.
+        figures: figure files that are shown.
+    """
     steps = tuple(figure for figure in figures if figure.name.startswith("1_"))
     others = tuple(figure for figure in figures if not figure.name.startswith("1_"))
     return Page(
@@ -93,7 +103,11 @@ def _proposed(design: Design, figures: Figures) -> Section:
 
 
 def proposal_table(design: Design) -> Table:
-    """A row per proposed measurement, under one for the data so far."""
+    """A row per proposed measurement, under one for the data so far.
+
+    Args:
+        design: the proposed next measurement.
+    """
     smallest = min((min(p.peaks_v) for p in design.proposals), default=1.0)
     volts, volt = prefixed(smallest, design.amplitude_unit)
     factor, unit = prefixed(design.before.mean, design.unit)
@@ -147,7 +161,11 @@ def _sigma(exact: float, factor: float) -> Cell:
 
 
 def places_table(design: Design) -> Table:
-    """The points at which the design was judged."""
+    """The points at which the design was judged.
+
+    Args:
+        design: the proposed next measurement.
+    """
     size = design.before.mean
     sigma = f"σ({plain(design.target)})"
     columns: list[Column[tuple[int, PlacePoint]]] = [

@@ -19,6 +19,10 @@ FIGURES = "figures"
 def write_report(found: Identification, out_dir: Path) -> Path:
     """Draw the figures (`out_dir`/figures), write `report.html` and return its path.
 
+    Args:
+        found: what the data determine.
+        out_dir: where the files go.
+
     Raises:
         BadInput: the folder cannot be written.
     """

@@ -65,6 +65,10 @@ def write_page(page: Page, folder: Path) -> Path:
 
     The same page gives the same bytes.
 
+    Args:
+        page: sections and heading.
+        folder: where the files go.
+
     Raises:
         BadInput: the folder cannot be written.
     """
@@ -74,7 +78,11 @@ def write_page(page: Page, folder: Path) -> Path:
 
 
 def render(page: Page) -> str:
-    """The page as HTML text."""
+    """The page as HTML text.
+
+    Args:
+        page: sections and heading.
+    """
     return (
         environment()
         .get_template("report.html.j2")

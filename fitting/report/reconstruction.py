@@ -53,6 +53,11 @@ def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
 
     The same result gives the same bytes.
 
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+        out_dir: where the files go.
+
     Raises:
         BadInput: the folder cannot be written.
     """
@@ -60,7 +65,13 @@ def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
 
 
 def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) -> Page:
-    """The report as a page."""
+    """The report as a page.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+        figures: figure files that are shown.
+    """
     return Page(
         title=result.title,
         kind="reconstruction",
@@ -74,7 +85,13 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
 def sections_of(
     result: Result, data: ShownCampaign, figures: Sequence[FigureFile]
 ) -> tuple[Section, ...]:
-    """All sections that this result has something for; every figure appears in one of them."""
+    """All sections that this result has something for; every figure appears in one of them.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+        figures: figure files that are shown.
+    """
     shelf = {figure.name: figure for figure in figures}
 
     def take(*names: str) -> Figures:
@@ -102,7 +119,12 @@ def sections_of(
 
 
 def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section | None:
-    """What the data determine; None where no profiles were walked."""
+    """What the data determine; None where no profiles were walked.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+        figures: those of the report, by subject.
+    """
     if knowledge is None:
         return None
     return Section(

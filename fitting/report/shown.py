@@ -95,7 +95,11 @@ class ShownCampaign:
 
 
 def shown_problem(problem: Problem) -> ShownCampaign:
-    """All that the report shows of a problem: of its campaign, or of all together and of each."""
+    """All that the report shows of a problem: of its campaign, or of all together and of each.
+
+    Args:
+        problem: parameters, measurements and alternatives.
+    """
     if not problem.is_joint:
         return shown_campaign(problem.together)
     series = {name: shown_campaign(bound) for name, bound in problem.campaigns.items()}
@@ -103,7 +107,11 @@ def shown_problem(problem: Problem) -> ShownCampaign:
 
 
 def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
-    """All that the report shows of one campaign."""
+    """All that the report shows of one campaign.
+
+    Args:
+        bound: campaign, bound to its FMU.
+    """
     return ShownCampaign(
         title=bound.title,
         synthetic=bound.synthetic,
@@ -214,7 +222,12 @@ def _sweep_words(sweep: SweepData) -> str:
 
 
 def shares_of(result: Result, data: ShownCampaign) -> list[tuple[str, Result, ShownCampaign]]:
-    """Name, share of the result and data of every series; empty for a single campaign."""
+    """Name, share of the result and data of every series; empty for a single campaign.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     if result.joint is None:
         return []
     shares = []

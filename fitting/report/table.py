@@ -108,7 +108,11 @@ class Column(Generic[Row]):
         )
 
     def cell(self, row: Row) -> Cell:
-        """The cell of a record."""
+        """The cell of a record.
+
+        Args:
+            row: the record.
+        """
         found = self.of(row)
         if isinstance(found, Cell):
             cell = found
@@ -149,7 +153,11 @@ class Table:
         return tuple(any(row[k].value is not None for row in self.rows) for k in count)
 
     def without(self, *names: str) -> Table:
-        """The table without the columns of these names."""
+        """The table without the columns of these names.
+
+        Args:
+            names: as they are declared, in their order.
+        """
         kept = [k for k, head in enumerate(self.heads) if head.name not in names]
         return replace(
             self,
@@ -164,7 +172,14 @@ class Table:
 def tabulate(
     caption: str, columns: Sequence[Column[Row]], records: Iterable[Row], note: str = ""
 ) -> Table:
-    """The table of records, a row each."""
+    """The table of records, a row each.
+
+    Args:
+        caption: of the table.
+        columns: of the table.
+        records: one per row.
+        note: below the table.
+    """
     return Table(
         caption=caption,
         heads=tuple(column.head for column in columns),
@@ -174,7 +189,13 @@ def tabulate(
 
 
 def pairs_table(caption: str, heads: tuple[str, str], pairs: Mapping[str, str]) -> Table:
-    """Names and what belongs to them."""
+    """Names and what belongs to them.
+
+    Args:
+        caption: of the table.
+        heads: of the two columns.
+        pairs: words by their names.
+    """
     columns: tuple[Column[tuple[str, str]], ...] = (
         Column(heads[0], lambda pair: pair[0], role="name"),
         Column(heads[1], lambda pair: pair[1], role="words"),
@@ -183,18 +204,30 @@ def pairs_table(caption: str, heads: tuple[str, str], pairs: Mapping[str, str]) 
 
 
 def symbol(name: str) -> Cell:
-    """A quantity by its name: set as a symbol on a page."""
+    """A quantity by its name: set as a symbol on a page.
+
+    Args:
+        name: of the quantity.
+    """
     return Cell(name, html=markup(name))
 
 
 def terminal_text(text: str) -> str:
-    """Text with the signs that every terminal has: "9.6 × 10⁻⁷" is 9.6e-7."""
+    """Text with the signs that every terminal has: "9.6 × 10⁻⁷" is 9.6e-7.
+
+    Args:
+        text: as it was written.
+    """
     plain = _POWER.sub(lambda m: f"{m[1] or 1}e{m[2].translate(_DIGITS)}", text)
     return plain.translate(_ASCII)
 
 
 def text_lines(table: Table) -> list[str]:
-    """A table for a terminal: heads and rows, numbers to the right; neither caption nor note."""
+    """A table for a terminal: heads and rows, numbers to the right; neither caption nor note.
+
+    Args:
+        table: as it was read.
+    """
     heads = [terminal_text(head.text) for head in table.heads]
     rows = [[terminal_text(cell.text) for cell in row] for row in table.rows]
     widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
@@ -208,7 +241,11 @@ def text_lines(table: Table) -> list[str]:
 
 
 def csv_text(table: Table) -> str:
-    """A table as CSV: exact numbers in the units of the heads, words as shown, dashes left out."""
+    """A table as CSV: exact numbers in the units of the heads, words as shown, dashes left out.
+
+    Args:
+        table: as it was read.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(f"{h.before}{h.name}{f' ({h.unit})' if h.unit else ''}" for h in table.heads)
@@ -218,12 +255,20 @@ def csv_text(table: Table) -> str:
 
 
 def exact_text(value: float) -> str:
-    """A number that gives itself back when it is read."""
+    """A number that gives itself back when it is read.
+
+    Args:
+        value: the number.
+    """
     return str(value) if isinstance(value, int) else repr(float(value))
 
 
 def html_table(table: Table) -> str:
-    """A table as HTML by itself, with the little style it needs and no page around it."""
+    """A table as HTML by itself, with the little style it needs and no page around it.
+
+    Args:
+        table: as it was read.
+    """
     page = '{% from "table.html.j2" import alone %}{{ alone(table) }}'
     return environment().from_string(page).render(table=table)
 

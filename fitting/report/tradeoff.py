@@ -16,6 +16,11 @@ from fitting.report.tables.tradeoff import choice_tables, error_text, front_tabl
 def write_report(study: Study, figures: Sequence[FigureFile], folder: Path) -> Path:
     """Write `report.html` into a folder, whole or not at all, and return its path.
 
+    Args:
+        study: errors and costs of every setting.
+        figures: figure files that are shown.
+        folder: where the files go.
+
     Raises:
         BadInput: the folder cannot be written.
     """
@@ -23,7 +28,12 @@ def write_report(study: Study, figures: Sequence[FigureFile], folder: Path) -> P
 
 
 def page_of(study: Study, figures: Sequence[FigureFile]) -> Page:
-    """The report as a page."""
+    """The report as a page.
+
+    Args:
+        study: errors and costs of every setting.
+        figures: figure files that are shown.
+    """
     title = "For this accuracy: these settings"
     text = (
         "For every accuracy the cheapest of all settings that were tried and, where the plan was "

@@ -81,6 +81,10 @@ def deviations(problem: Problem, solution: Solution) -> Deviations:
     """Relative deviations before and after, by peak and by experiment; of curves without peaks.
 
     Source: the paper's Definition of the relative deviation and of its mean.
+
+    Args:
+        problem: parameters, measurements and alternatives.
+        solution: end of the fit.
     """
     before = _deviation_set(problem, solution.initial)
     after = _deviation_set(problem, solution.final)

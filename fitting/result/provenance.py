@@ -34,7 +34,13 @@ class Identity:
 
 
 def job_of(problem: Problem, identity: Identity, options: Options) -> str:
-    """Fingerprint of everything that a finished level depends on."""
+    """Fingerprint of everything that a finished level depends on.
+
+    Args:
+        problem: parameters, measurements and alternatives.
+        identity: of the FMU and of this program.
+        options: schedule of ν and settings of the solves.
+    """
     content = {
         "files": _files(problem),
         "fmu": identity.sha256,
@@ -47,7 +53,13 @@ def job_of(problem: Problem, identity: Identity, options: Options) -> str:
 
 
 def provenance_of(problem: Problem, identity: Identity, options: Options) -> Provenance:
-    """Where a result of this job comes from, finished now."""
+    """Where a result of this job comes from, finished now.
+
+    Args:
+        problem: parameters, measurements and alternatives.
+        identity: of the FMU and of this program.
+        options: schedule of ν and settings of the solves.
+    """
     schedule, solve = options.schedule, options.solve
     packages = ("fmpy", "numpy", "scipy")
     versions = {name: version(name) for name in packages}

@@ -28,7 +28,12 @@ NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def identify_fmu(description: FmuDescription, command: str) -> Identity:
-    """What the result says about the FMU, without the plan."""
+    """What the result says about the FMU, without the plan.
+
+    Args:
+        description: of the FMU.
+        command: command line that made it, for the record.
+    """
     units = {name: v.unit or "" for name, v in description.variables.items()}
     return Identity(
         name=description.model_name,

@@ -153,7 +153,12 @@ class Result:
 
 
 def write_result(result: Result, folder: Path) -> tuple[Path, Path]:
-    """Write `result.json` and `history.csv` into a folder, atomically; their paths."""
+    """Write `result.json` and `history.csv` into a folder, atomically; their paths.
+
+    Args:
+        result: of a reconstruction.
+        folder: where the files go.
+    """
     history, whole = folder / "history.csv", folder / "result.json"
     write_whole(history, history_csv(result))
     write_json(whole, result)
@@ -163,6 +168,9 @@ def write_result(result: Result, folder: Path) -> tuple[Path, Path]:
 def read_result(path: Path) -> Result:
     """Read a `result.json`.
 
+    Args:
+        path: of the file.
+
     Raises:
         BadInput: no such file, or not a result; names the key.
     """
@@ -170,7 +178,11 @@ def read_result(path: Path) -> Result:
 
 
 def history_csv(result: Result) -> str:
-    """The history as CSV text: a row per nu, units in the header."""
+    """The history as CSV text: a row per nu, units in the header.
+
+    Args:
+        result: of a reconstruction.
+    """
     units = {name: p.unit for name, p in result.parameters.items()}
     outputs = {name: d.unit for name, d in result.derived.items()}
     head = ["level", "nu"]

@@ -28,6 +28,11 @@ class Amplitude:
 def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Amplitude:
     """Read "V peak", "V rms", another detector unit likewise ("m peak"), or "dBm".
 
+    Args:
+        text: as it was written.
+        impedance_ohm: of the load, Ω; None where a power is not converted.
+        where: file, row or key, for complaints.
+
     Raises:
         BadInput: any other text; dBm without an impedance, or an impedance without dBm.
     """
@@ -58,6 +63,14 @@ def to_peak(
     """Peak amplitudes (n,) in ``amplitude.unit`` from values in the file's ``unit``.
 
     peak = sqrt(2) rms; for dBm peak = sqrt(2 R 1 mW 10^(x/10)).
+
+    Args:
+        values: amplitudes (n,), in `unit`.
+        unit: that the file has them in.
+        amplitude: how amplitudes are written: kind (peak or rms), unit and impedance.
+        source: of the data, for complaints.
+        places: where each value stands, for complaints.
+        column: head of the column, for complaints.
 
     Raises:
         BadInput: a unit that contradicts the declaration, a negative amplitude, or amplitudes that

@@ -31,13 +31,22 @@ class Combination:
         return sum(map(abs, self.factors))
 
     def frequency_hz(self, tones_hz: Sequence[float]) -> float:
-        """The line's frequency from the tones as they were written, rounded once."""
+        """The line's frequency from the tones as they were written, rounded once.
+
+        Args:
+            tones_hz: frequencies of the tones, Hz.
+        """
         total = sum(k * exact(f) for k, f in zip(self.factors, tones_hz, strict=True))
         return float(total)
 
 
 def parse_combination(text: str, names: Sequence[str], where: str) -> Combination:
     """Read "2*u1 - u2", whole multiples of the named tones.
+
+    Args:
+        text: as it was written.
+        names: as they are declared, in their order.
+        where: file, row or key, for complaints.
 
     Raises:
         BadInput: something else, a name that is no tone, or a combination that is nothing.
@@ -66,6 +75,12 @@ def lines_to_read(
 
     Without an ``order`` that is 1, a linear response, where only tones are read.
 
+    Args:
+        texts: as they were written.
+        order: up to which combinations are expected, None for the usual one.
+        tones: names of the tones.
+        where: file, row or key, for complaints.
+
     Raises:
         BadInput: no line, one line twice, or one beyond the order.
     """
@@ -85,7 +100,12 @@ def lines_to_read(
 
 
 def mixed_lines(tones: int, order: int) -> tuple[tuple[int, ...], ...]:
-    """Factors of all lines with sum |k_i| <= ``order``, one of each pair k, -k, without zero."""
+    """Factors of all lines with sum |k_i| <= ``order``, one of each pair k, -k, without zero.
+
+    Args:
+        tones: number of tones.
+        order: highest sum of the absolute factors.
+    """
     span = range(-order, order + 1)
     return tuple(
         k
@@ -95,7 +115,12 @@ def mixed_lines(tones: int, order: int) -> tuple[tuple[int, ...], ...]:
 
 
 def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
-    """Positive frequencies of all lines with 2 <= sum |k_i| <= ``order``."""
+    """Positive frequencies of all lines with 2 <= sum |k_i| <= ``order``.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        order: highest sum of the absolute factors.
+    """
     if order < 2:
         return ()
     tones = [exact(f) for f in tones_hz]
@@ -105,7 +130,12 @@ def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
 
 
 def combination_name(factors: Sequence[int], names: Sequence[str]) -> str:
-    """Words for factors, positive terms first: "2 u1 - u2" for (2, -1) and (u1, u2)."""
+    """Words for factors, positive terms first: "2 u1 - u2" for (2, -1) and (u1, u2).
+
+    Args:
+        factors: of the tones, one integer each.
+        names: as they are declared, in their order.
+    """
     words = ""
     terms = [(k, n) for k, n in zip(factors, names, strict=True) if k]
     for k, name in sorted(terms, key=lambda term: term[0] < 0):

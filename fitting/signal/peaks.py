@@ -93,6 +93,13 @@ def noise_floor(
     sigma = median / sqrt(2 ln 2), level = sigma sqrt(pi/2); spurious lines and skirts on up to
     half of the points shift it little. Rayleigh statistics of the magnitude in both.
 
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        tones_hz: frequencies of the tones, Hz.
+        kind: how the floor is taken: "mean", "robust" or "none".
+        source: of the data, for complaints.
+
     Raises:
         BadInput: too few points away from the tones.
     """
@@ -126,6 +133,13 @@ def read_peaks(
     "mean" subtracts the average floor, z* = z - xi, as the paper does. "robust" takes the noise off
     in quadrature, z* = sqrt(z^2 - sigma^2), which leaves a bias of order sigma^4 / z^3; the plain
     difference takes 1 percent off a peak 100 times the floor. "none" leaves z.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        tones_hz: frequencies of the tones, Hz.
+        kind: how the floor is taken: "mean", "robust" or "none".
+        source: of the data, for complaints.
 
     Raises:
         BadInput: a tone outside the trace, or one that does not stand out of the floor.
@@ -199,6 +213,11 @@ def mode_response(frequency_hz: FloatArray, eta_hz: float, width_hz: float) -> C
 
     g(f) = w eta / ((eta - f)(eta + f) + i f w); the difference of squares is factored because at
     high Q it cancels. |g|^2 is a Lorentzian of full width w close to eta.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        eta_hz: resonance frequency, Hz.
+        width_hz: full line width, Hz.
     """
     detuning = (eta_hz - frequency_hz) * (eta_hz + frequency_hz)
     return np.asarray(width_hz * eta_hz / (detuning + 1j * frequency_hz * width_hz))
@@ -220,6 +239,13 @@ def fit_resonance(
     point if known, otherwise the residual tells it. Errors are those of the linearised problem
     times the widening that structured residuals ask for, see
     `fitting.signal.residual_tests.residual_structure`.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        background: model of what is added to the line.
+        sigma_v: standard deviations (n,), V.
+        source: of the data, for complaints.
 
     Raises:
         BadInput: too few points, no resonance within the sweep, or one that the points do not hold.

@@ -159,6 +159,10 @@ def bend_of(frequency_hz: FloatArray, amplitude: FloatArray) -> tuple[float, Flo
     y2, the second derivative, at the least point, y3, the third, over all; coefficients (5,) in
     (f - f_3), lowest power first; infinite where y has no minimum, or where the response is zero.
     Both arguments have shape (5,).
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude: amplitudes (n,), V peak.
     """
     if not np.all(amplitude > 0.0):
         return float("inf"), np.zeros(5)
@@ -279,6 +283,10 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
 def chi_of_maxima(laboratory_v: float, simulated: float) -> float:
     """Algorithm 1: chi = max(laboratory FRF)/max(simulated FRF), V per unit of the simulation.
 
+    Args:
+        laboratory_v: measured maximum, V peak.
+        simulated: simulated maximum, in model units.
+
     Raises:
         NoScale: maxima without a ratio that is positive and finite.
 
@@ -305,6 +313,10 @@ def chi_of_sweep(laboratory_v: FloatArray, simulated: FloatArray) -> float:
     Not biased by the noise of the largest point; wants the simulation at the measured frequencies.
     Each sweep counts relative to its largest point, so that no square leaves the range of numbers.
 
+    Args:
+        laboratory_v: measured amplitudes (n,), V peak.
+        simulated: simulated amplitudes (n,), in model units.
+
     Raises:
         ValueError: shapes that differ.
         NoScale: a simulation that is zero everywhere, or a scale that no double holds.
@@ -327,6 +339,10 @@ def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:
     chi minimises sum rho((L - chi S)/s), rho quadratic within 1.345 s and linear beyond, s the
     median absolute residual over 0.6745: single bad points (a burst, a spurious line, a jump of the
     sample) do not carry it away.
+
+    Args:
+        laboratory_v: measured amplitudes (n,), V peak.
+        simulated: simulated amplitudes (n,), in model units.
 
     Raises:
         ValueError: shapes that differ.
@@ -353,7 +369,13 @@ def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:
 
 
 def nodes_around(frequency_hz: float, spacing_hz: float, points: int = FINE_POINTS) -> FloatArray:
-    """`points` equidistant frequencies centred on one, shape (points,), Hz."""
+    """`points` equidistant frequencies centred on one, shape (points,), Hz.
+
+    Args:
+        frequency_hz: frequency, Hz.
+        spacing_hz: of the nodes, Hz.
+        points: number of nodes.
+    """
     offsets = np.arange(points) - 0.5 * (points - 1)
     return np.asarray(frequency_hz + spacing_hz * offsets, dtype=float)
 
@@ -362,6 +384,10 @@ def half_power_width(frequency_hz: FloatArray, amplitude: FloatArray) -> float:
     """Rough full width where A^2 is half its maximum, Hz: the span of the points above it.
 
     Never below the grid's median spacing; only used to place simulation points.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude: amplitudes (n,), V peak.
     """
     above = amplitude >= float(np.max(amplitude)) / np.sqrt(2.0)
     spacing = float(np.median(np.diff(frequency_hz)))

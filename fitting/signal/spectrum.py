@@ -111,6 +111,12 @@ def plan_band(
     passed over at which a harmonic or a mixture of the tones up to order 5 (3 f1, 2 f1 + f2), as a
     nonlinear response has them, folds onto a tone; where there is no other, the first is taken.
 
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        longest_s: longest window, s.
+        window_s: length of the window, s.
+        samples: number of samples.
+
     Raises BadInput for tones that are not different and positive, for a window that is not whole
     periods, and where no sampling up to 2**20 samples keeps the tones within one band.
     """

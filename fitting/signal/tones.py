@@ -86,6 +86,11 @@ def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
 
     ``times_s`` (samples,), ``values`` (samples, outputs).
 
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        times_s: of the samples (samples,), s.
+        values: samples (samples, outputs).
+
     Raises:
         BadInput: the samples do not tell the tones apart.
     """
@@ -99,7 +104,12 @@ def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
 
 
 def tone_design(tones_hz: Sequence[float], times_s: FloatArray) -> FloatArray:
-    """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (times, 1 + 2 tones)."""
+    """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (times, 1 + 2 tones).
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        times_s: of the samples (samples,), s.
+    """
     columns = [np.ones(times_s.size)]
     for tone in tones_hz:
         phase = 2.0 * np.pi * cycle_fraction(tone, times_s)
@@ -108,12 +118,20 @@ def tone_design(tones_hz: Sequence[float], times_s: FloatArray) -> FloatArray:
 
 
 def exact(frequency_hz: float) -> Fraction:
-    """The decimal number that a frequency was written as: 0.1 is 1/10."""
+    """The decimal number that a frequency was written as: 0.1 is 1/10.
+
+    Args:
+        frequency_hz: frequency, Hz.
+    """
     return Fraction(repr(float(frequency_hz)))
 
 
 def common_period(tones_hz: Sequence[float]) -> Fraction:
-    """Shortest time in which every tone makes whole periods, exact; tones of 0 Hz fit any."""
+    """Shortest time in which every tone makes whole periods, exact; tones of 0 Hz fit any.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+    """
     tones = [exact(tone) for tone in tones_hz if tone != 0.0]
     if not tones:
         raise BadInput("no tone above 0 Hz, wanted one at least")
@@ -126,6 +144,10 @@ def cycle_fraction(frequency_hz: float, times_s: FloatArray) -> FloatArray:
 
     The product is formed exactly as the sum of two doubles (Dekker, Numer. Math. 18, 224, 1971);
     2π f t in one double would carry an error of 1e-16 f t cycles.
+
+    Args:
+        frequency_hz: frequency, Hz.
+        times_s: of the samples (samples,), s.
     """
     product = frequency_hz * times_s
     f_high, f_low = _split(np.float64(frequency_hz))
@@ -141,14 +163,22 @@ def _split(value: np.float64 | FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def tones_in_words(tones_hz: Sequence[float]) -> str:
-    """Tones with none of their digits left out: "tones 6.94018 Hz and 6940360 Hz"."""
+    """Tones with none of their digits left out: "tones 6.94018 Hz and 6940360 Hz".
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+    """
     many = "tones" if len(tones_hz) > 1 else "tone"
     texts = (repr(float(tone)).removesuffix(".0") for tone in tones_hz)
     return f"{many} {listed(f'{text} Hz' for text in texts)}"
 
 
 def unit_hint(tones_hz: Sequence[float]) -> str:
-    """What to say where tones are so far apart that a unit may have been forgotten; or nothing."""
+    """What to say where tones are so far apart that a unit may have been forgotten; or nothing.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+    """
     slow, fast = min(tones_hz), max(tones_hz)
     if not 0.0 < FAR_APART * slow < fast:
         return ""

@@ -87,6 +87,9 @@ class Window:
     def read(self, values: FloatArray) -> FittedTones:
         """Mean and tones in samples, shape (samples,) or (samples, outputs).
 
+        Args:
+            values: samples (samples, outputs).
+
         Raises:
             ValueError: another number of samples than planned.
         """
@@ -96,7 +99,12 @@ class Window:
 
 
 def folded(cycles: int, samples: int) -> int:
-    """Bin at which a line of so many whole periods in a window is seen by so many samples."""
+    """Bin at which a line of so many whole periods in a window is seen by so many samples.
+
+    Args:
+        cycles: in the window.
+        samples: number of samples.
+    """
     return min(cycles % samples, -cycles % samples)
 
 
@@ -107,6 +115,11 @@ def kept_apart(cycles: Sequence[int], others: Iterable[int], samples: int) -> bo
     response may hold beside them. With k = f T whole, tone k is seen at the bin k mod N, and -k
     mod N: these must differ from tone to tone, and from 0 and N/2, and no other line may be seen
     there. All in whole numbers.
+
+    Args:
+        cycles: of the tones in the window.
+        others: bins that are taken.
+        samples: number of samples.
     """
     bins = {folded(k, samples) for k in cycles}
     alone = len(bins) == len(cycles) and 0 not in bins and (samples % 2 or samples // 2 not in bins)
@@ -120,6 +133,12 @@ def coherent_samples(
 
     Nor does a line of `mixtures_hz` fold onto a tone, as a nonlinear response has them. None where
     none of the first thousand numbers does.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        period_s: common period of the tones, s.
+        least: samples at least.
+        mixtures_hz: combinations of the tones that the window must hold, Hz.
     """
     cycles = [int(exact(tone) * period_s) for tone in tones_hz]
     others = {int(exact(line) * period_s) for line in mixtures_hz} - set(cycles)
@@ -142,6 +161,15 @@ def plan_window(
     No line of `mixtures_hz`, of which the response may hold any amount, is seen as one of the
     tones. `spare` samples are taken beyond the unknowns; a common period beyond `longest_s` is
     given up.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        settle_s: time before the first sample, s.
+        samples_per_period: steps in a period of the fastest tone for which an input is held; 0:
+            none is.
+        mixtures_hz: combinations of the tones that the window must hold, Hz.
+        spare: samples that may be left over.
+        longest_s: longest window, s.
 
     Raises:
         BadInput: no window keeps the tones apart (two equal tones, for one), or clear of the lines
@@ -229,12 +257,21 @@ def _aligned(window: Window) -> Window:
 
 
 def whole_steps(time_s: float, step_s: float) -> float:
-    """A time rounded up to whole steps, s."""
+    """A time rounded up to whole steps, s.
+
+    Args:
+        time_s: to be rounded up, s.
+        step_s: time between samples, s.
+    """
     return math.ceil(time_s / step_s - 1e-9) * step_s
 
 
 def tone_amplitudes(window: Window, samples: FloatArray) -> FloatArray:
     """Amplitudes (n_tones,) of the known tones in sampled values (samples,).
+
+    Args:
+        window: settling and samples of a run.
+        samples: values (samples, outputs).
 
     Raises:
         ValueError: another number of samples than planned.
@@ -247,6 +284,10 @@ def tone_misfit(window: Window, samples: FloatArray) -> float:
 
     Lines that are expected beside the tones are no part of it; harmonics otherwise, a transient
     that is left, or noise of the solver: what a plan should keep small.
+
+    Args:
+        window: settling and samples of a run.
+        samples: values (samples, outputs).
     """
     found = window.read(samples)
     largest = max(float(np.max(found.amplitudes)), np.finfo(float).tiny)

@@ -20,7 +20,11 @@ class Workers(Protocol):
     """What is needed of `fitting.fmu.FmuWorkers`."""
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        """Outputs of each run, shape (samples, outputs)."""
+        """Outputs of each run, shape (samples, outputs).
+
+        Args:
+            runs: to be simulated.
+        """
         ...
 
 
@@ -55,7 +59,15 @@ class Batch:
         output: str,
         owner: int = 0,
     ) -> int:
-        """Number of the run that answers this; ``owner`` is noted for the first that asks."""
+        """Number of the run that answers this; ``owner`` is noted for the first that asks.
+
+        Args:
+            values: start values, by name.
+            window: settling and samples of a run.
+            signal: that the tool applies to an input, None for none.
+            output: name of the output.
+            owner: which evaluation pays for the run.
+        """
         times = (window.settle_s, window.step_s, window.samples, signal)
         key = (frozenset(values.items()), *times)
         k = self._index.setdefault(key, len(self._runs))
@@ -69,7 +81,11 @@ class Batch:
         return k
 
     def simulate(self, workers: Workers) -> None:
-        """Run all that was asked for since the last call, in one batch."""
+        """Run all that was asked for since the last call, in one batch.
+
+        Args:
+            workers: processes that run the FMU.
+        """
         runs = [
             Run(
                 start_values=values,
@@ -84,16 +100,31 @@ class Batch:
         self._answers += workers.run(runs) if runs else []
 
     def samples(self, k: int, output: str) -> FloatArray:
-        """One output of a simulated run, shape (samples,)."""
+        """One output of a simulated run, shape (samples,).
+
+        Args:
+            k: number of the run that `ask` gave.
+            output: name of the output.
+        """
         return np.asarray(self._answers[k][:, self._runs[k][3].index(output)])
 
     def amplitudes(self, k: int, window: Window, output: str) -> FloatArray:
-        """Amplitudes at the window's tones of one output of a simulated run, shape (tones,)."""
+        """Amplitudes at the window's tones of one output of a simulated run, shape (tones,).
+
+        Args:
+            k: number of the run that `ask` gave.
+            window: settling and samples of a run.
+            output: name of the output.
+        """
         key = (k, output, window.tones_hz)
         if key not in self._amplitudes:
             self._amplitudes[key] = np.asarray(tone_amplitudes(window, self.samples(k, output)))
         return self._amplitudes[key]
 
     def count(self, owners: int) -> IntArray:
-        """Number of simulated runs by who asked first, shape (owners,)."""
+        """Number of simulated runs by who asked first, shape (owners,).
+
+        Args:
+            owners: how many evaluations there are.
+        """
         return np.bincount(np.array(self.owners, dtype=np.intp), minlength=owners)

@@ -125,11 +125,20 @@ class Budget:
         return self.promised <= self.wanted
 
     def with_decision(self, decision: Decision) -> Budget:
-        """The budget with one more decision."""
+        """The budget with one more decision.
+
+        Args:
+            decision: of the plan.
+        """
         return Budget(self.wanted, (*self.decisions, decision))
 
     def of(self, kind: Kind, subject: str = "") -> tuple[Decision, ...]:
-        """The decisions of a kind, on that subject where one is given."""
+        """The decisions of a kind, on that subject where one is given.
+
+        Args:
+            kind: of the decisions.
+            subject: of the decision; empty for any.
+        """
         found = (d for d in self.decisions if d.kind == kind)
         return tuple(d for d in found if not subject or d.subject == subject)
 
@@ -145,7 +154,12 @@ class PlanRecord:
 
 
 def record_of(budget: Budget, settings: Mapping[str, Scalar]) -> PlanRecord:
-    """The record of a finished budget."""
+    """The record of a finished budget.
+
+    Args:
+        budget: what the decisions of a plan promise together.
+        settings: values of FMU variables, by name.
+    """
     return PlanRecord(
         wanted=budget.wanted,
         promised=budget.promised,

@@ -63,6 +63,11 @@ class Drive:
 
         No combination of the tones up to `order` folds onto a line that is read; common periods
         beyond `longest_s` are given up for a tone fit.
+
+        Args:
+            settle_s: time before the first sample, s.
+            order: highest sum of the absolute factors.
+            longest_s: longest window, s.
         """
         held = self.steps_per_period if self.input is not None else 0
         highest = max(order, self.highest_order)
@@ -74,6 +79,11 @@ class Drive:
         """The run of such a window with these further start values.
 
         Outputs of `more` are read beside its own.
+
+        Args:
+            window: settling and samples of a run.
+            settings: values of FMU variables, by name.
+            more: outputs to be read besides.
         """
         outputs = (*self.outputs, *(name for name in more if name not in self.outputs))
         return self._run(settings, window, outputs, window.input_step_s)
@@ -81,7 +91,14 @@ class Drive:
     def run_at(
         self, settings: Mapping[str, Scalar], settle_s: float, step_s: float, samples: int
     ) -> Run:
-        """The run with samples at any times; a generated drive rounds ``settle_s`` up."""
+        """The run with samples at any times; a generated drive rounds ``settle_s`` up.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+            step_s: time between samples, s.
+            samples: number of samples.
+        """
         held_s = step_s / math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
         if self.input is not None:
             settle_s = whole_steps(settle_s, held_s)
@@ -124,7 +141,11 @@ class Drive:
         )
 
     def fit(self, window: Window) -> ToneFit:
-        """The fit of the lines in the last samples of a run with that window."""
+        """The fit of the lines in the last samples of a run with that window.
+
+        Args:
+            window: settling and samples of a run.
+        """
         if self.approach is None:
             return window.fit
         times = row_times(self.run(window, {}))[-window.samples :]

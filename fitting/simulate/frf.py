@@ -63,7 +63,12 @@ class Sweep:
             raise BadInput(f"sweep from {f[0]!r} Hz to {f[-1]!r} Hz: wanted two rising points")
 
     def drive(self, frequency_hz: float, first_hz: float) -> Drive:
-        """The drive at one point, come to from another one."""
+        """The drive at one point, come to from another one.
+
+        Args:
+            frequency_hz: frequency, Hz.
+            first_hz: first frequency of a run, Hz.
+        """
         first, value = (self._in_unit(f) for f in (first_hz, frequency_hz))
         return Drive(
             start_values=self.start_values,
@@ -127,7 +132,15 @@ def plan_sweep(
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
 ) -> DrivePlan:
-    """The plan on which `sweep` stands; its arguments and errors."""
+    """The plan on which `sweep` stands; its arguments and errors.
+
+    Args:
+        workers: processes that run the FMU.
+        sweep: tone, frequencies and output.
+        accuracy: relative error that is wanted.
+        settle_s: time before the first sample, s.
+        annotation: what the FMU says of its own accuracy.
+    """
     f = sweep.frequencies_hz
     tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
     # from the far end of the sweep: further than any step of it
@@ -176,7 +189,13 @@ def sweep(
 
 
 def take_sweep(workers: FmuLike, what: Sweep, plan: DrivePlan) -> SweepResponse:
-    """Take a sweep as planned, each way that is asked for."""
+    """Take a sweep as planned, each way that is asked for.
+
+    Args:
+        workers: processes that run the FMU.
+        what: the sweep.
+        plan: settings, settling and windows, with what they promise.
+    """
     paths = {
         direction: what.frequencies_hz[:: 1 if direction == "up" else -1]
         for direction in what.directions

@@ -93,6 +93,10 @@ def knowledge_of(
 ) -> Knowledge:
     """What an FMU says of itself, where `annotation` does not say otherwise.
 
+    Args:
+        description: of the FMU.
+        annotation: what the FMU says of its own accuracy.
+
     Raises:
         BadInput: annotation that name variables which the FMU does not have.
     """
@@ -170,7 +174,12 @@ class DrivePlan:
         return record_of(self.budget, self.settings)
 
     def read(self, values: FloatArray, drive: int = 0) -> FloatArray:
-        """Amplitudes (lines, outputs) in the samples (rows, outputs) of a drive's run."""
+        """Amplitudes (lines, outputs) in the samples (rows, outputs) of a drive's run.
+
+        Args:
+            values: samples (samples, outputs).
+            drive: which of the drives.
+        """
         window = self.windows[drive]
         return self.drives[drive].fit(window)(values[-window.samples :]).amplitudes
 
@@ -187,6 +196,13 @@ def plan_drives(
     One time to settle, one setting of solver and model for all `drives`. No run that costs more
     than the options allow is planned: where the accuracy would need one, the budget promises less
     than was wanted. No clock is read: the same arguments give the same plan.
+
+    Args:
+        drives: each with tones and amplitudes.
+        accuracy: relative error that is wanted.
+        workers: processes that run the FMU.
+        known: what is known of the FMU beforehand.
+        options: what is fixed beforehand.
 
     Raises:
         BadInput: an accuracy out of range, tones that cannot be told apart, outputs that do not
@@ -578,7 +594,11 @@ class _Planner:
 
 
 def window_decision(windows: Sequence[Window]) -> Decision:
-    """The decision on windows, which cost nothing that was not measured."""
+    """The decision on windows, which cost nothing that was not measured.
+
+    Args:
+        windows: of the drives.
+    """
     lengths = [float(f"{window.length_s:.6g}") for window in windows]
     counts = [window.samples for window in windows]
     tones = {window.tones_hz for window in windows}
@@ -614,6 +634,11 @@ def _better(bound: float, value: float, best: tuple[float, float], share: float)
 
 
 def constants_of(drive: Drive, reading: Reading) -> dict[str, float]:
-    """Values of the outputs that do not oscillate, by name."""
+    """Values of the outputs that do not oscillate, by name.
+
+    Args:
+        drive: tones and amplitudes that drive.
+        reading: what the instrument read.
+    """
     rows = zip(drive.outputs, reading.constant, np.asarray(reading.mean).tolist(), strict=True)
     return {name: value for name, constant, value in rows if constant}

@@ -109,7 +109,13 @@ class Probe:
     def read(
         self, settings: Mapping[str, Scalar], settle_s: float, order: int = 1
     ) -> list[Reading]:
-        """What every drive shows after that time."""
+        """What every drive shows after that time.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+            order: highest sum of the absolute factors.
+        """
         key = (_key(settings), settle_s, order)
         if key not in self._kept:
             windows = [drive.window(settle_s, order, self.longest_s) for drive in self.drives]
@@ -121,7 +127,13 @@ class Probe:
         return self._kept[key]
 
     def largest(self, settings: Mapping[str, Scalar], settle_s: float, output: str) -> float:
-        """Largest size of a further output at the samples of every drive."""
+        """Largest size of a further output at the samples of every drive.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+            output: name of the output.
+        """
         runs = [
             drive.run(drive.window(settle_s, 1, self.longest_s), settings, (output,))
             for drive in self.drives
@@ -131,7 +143,12 @@ class Probe:
         return max(float(np.max(np.abs(a[:, k]))) for a, k in zip(answers, columns, strict=True))
 
     def changes(self, after: Sequence[Reading], before: Sequence[Reading]) -> float:
-        """Largest change from one reading of all drives to another, phases and rest included."""
+        """Largest change from one reading of all drives to another, phases and rest included.
+
+        Args:
+            after: readings with the change, one per drive.
+            before: readings without the change, one per drive.
+        """
         found = [
             np.abs(a.tones - b.tones) + np.abs(a.rest - b.rest)
             for a, b in zip(after, before, strict=True)
@@ -139,7 +156,12 @@ class Probe:
         return self._relative(found, after)
 
     def errors(self, found: Sequence[Reading], truth: Sequence[Reading]) -> float:
-        """Largest difference of amplitudes alone: what a user would see."""
+        """Largest difference of amplitudes alone: what a user would see.
+
+        Args:
+            found: readings, one per drive.
+            truth: readings that are taken for true.
+        """
         sizes = [
             np.abs(np.abs(f.tones) - np.abs(t.tones)) for f, t in zip(found, truth, strict=True)
         ]
@@ -153,7 +175,11 @@ class Probe:
         return max(_largest(s / a) for s, a in zip(sizes, amplitudes, strict=True))
 
     def finer_input(self, most: int) -> bool:
-        """Hold generated inputs over half the time from now on; False where that is too fine."""
+        """Hold generated inputs over half the time from now on; False where that is too fine.
+
+        Args:
+            most: steps in a period of the fastest tone at most.
+        """
         steps = [drive.steps_per_period for drive in self.drives if drive.input is not None]
         if not steps or 2 * max(steps) > most:
             return False
@@ -161,16 +187,29 @@ class Probe:
         return True
 
     def go_on(self, drives: tuple[Drive, ...]) -> None:
-        """Look at these drives from now on; what was read of others is forgotten."""
+        """Look at these drives from now on; what was read of others is forgotten.
+
+        Args:
+            drives: each with tones and amplitudes.
+        """
         self.drives = drives
         self._kept.clear()
 
     def length_s(self, drive: Drive) -> float:
-        """Length of the window of a drive, s."""
+        """Length of the window of a drive, s.
+
+        Args:
+            drive: tones and amplitudes that drive.
+        """
         return drive.window(0.0, 1, self.longest_s).length_s
 
     def work(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
-        """What the longest run with this time to settle costs: communication steps and substeps."""
+        """What the longest run with this time to settle costs: communication steps and substeps.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+        """
         rate = self.substeps_per_s(settings)
         runs = [d.run(d.window(settle_s, 1, self.longest_s), settings) for d in self.drives]
         return max(_communication_steps(run) + row_times(run)[-1] * rate for run in runs)
@@ -181,6 +220,9 @@ class Probe:
         One over its substep where that acts under these settings; nothing where neither that nor
         its tolerance does; else, and where the FMU names neither, a tenth of a step in a period of
         the fastest tone.
+
+        Args:
+            settings: values of FMU variables, by name.
         """
         if self.substep is not None:
             coarse = 1.0 / (SUBSTEPS * self.drives[0].fastest_hz)
@@ -194,7 +236,11 @@ class Probe:
         return UNNAMED * self.fastest_hz if adaptive else 0.0
 
     def shorten_windows(self, settings: Mapping[str, Scalar]) -> None:
-        """Give up common periods that are much longer than the beats, where time costs."""
+        """Give up common periods that are much longer than the beats, where time costs.
+
+        Args:
+            settings: values of FMU variables, by name.
+        """
         for drive in self.drives:
             lines = drive.lines_hz
             gaps = [abs(a - b) for i, a in enumerate(lines) for b in lines[:i]]

@@ -35,12 +35,22 @@ class FullModel:
     order: int
 
     def at(self, step: float) -> dict[str, Scalar]:
-        """Its start values with that substep."""
+        """Its start values with that substep.
+
+        Args:
+            step: length of the step, s.
+        """
         return {**self.settings, self.substep: step}
 
 
 def model_decision(reduction: Reduction, basis: Basis, bound: float) -> Decision:
-    """A decision on a reduction that is taken; its numbers are to be added."""
+    """A decision on a reduction that is taken; its numbers are to be added.
+
+    Args:
+        reduction: a reduction that the FMU declares.
+        basis: on what the bound rests.
+        bound: relative error at most.
+    """
     return Decision(
         kind=Kind.MODEL,
         basis=basis,
@@ -51,17 +61,31 @@ def model_decision(reduction: Reduction, basis: Basis, bound: float) -> Decision
 
 
 def with_numbers(decision: Decision, **numbers: Scalar) -> Decision:
-    """The decision with more to tell."""
+    """The decision with more to tell.
+
+    Args:
+        decision: of the plan.
+        **numbers: what the decision rests on, by name.
+    """
     return replace(decision, numbers={**decision.numbers, **numbers})
 
 
 def not_taken(decision: Decision, *, forced: bool = False) -> Decision:
-    """The decision, not taken; `forced`: because the user forbade it."""
+    """The decision, not taken; `forced`: because the user forbade it.
+
+    Args:
+        decision: of the plan.
+        forced: whether the user has said so.
+    """
     return replace(decision, taken=False, forced=forced)
 
 
 def forbidden(reduction: Reduction) -> Decision:
-    """The decision on what the user forbade."""
+    """The decision on what the user forbade.
+
+    Args:
+        reduction: a reduction that the FMU declares.
+    """
     return Decision(
         kind=Kind.MODEL,
         basis=Basis.FORBIDDEN,
@@ -74,7 +98,12 @@ def forbidden(reduction: Reduction) -> Decision:
 
 
 def refused(reduction: Reduction, message: str) -> Decision:
-    """The decision on what the FMU does not do."""
+    """The decision on what the FMU does not do.
+
+    Args:
+        reduction: a reduction that the FMU declares.
+        message: what the FMU answered.
+    """
     return Decision(
         kind=Kind.MODEL,
         basis=Basis.REFUSED,
@@ -101,6 +130,13 @@ def measured(
     ends when the bound is at most the first of `wanted` or cannot come below the second, when
     `own` is small beside the reduction's error, or when a run would cost more than the limit.
     None: the substep changes nothing, or no run is affordable.
+
+    Args:
+        probe: trial runs of the FMU, remembered.
+        reduced: settings of the reduced model.
+        full: the model without the reduction.
+        wanted: error that is wanted, and the one that is left.
+        limits: work of the longest run, and longest time to settle.
 
     Raises:
         BadInput: no sampling keeps combinations of the tones off them up to that order.

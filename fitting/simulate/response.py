@@ -157,7 +157,16 @@ def plan_drive(
     annotation: AccuracyAnnotation | None = None,
     shown: Shown | None = None,
 ) -> DrivePlan:
-    """The plan on which `simulate` stands; its arguments and errors."""
+    """The plan on which `simulate` stands; its arguments and errors.
+
+    Args:
+        workers: processes that run the FMU.
+        drive: tones and amplitudes that drive.
+        accuracy: relative error that is wanted.
+        settle_s: time before the first sample, s.
+        annotation: what the FMU says of its own accuracy.
+        shown: the window that is kept as samples, None for none.
+    """
     band, _ = _band(drive, shown or Shown())
     longest_s = max(LONGEST_SETTLE_S, LONGEST_SETTLE_WINDOWS * float(band.window_s))
     options = PlanOptions(
@@ -207,7 +216,13 @@ def simulate(
 
 
 def respond(workers: Workers, plan: DrivePlan, shown: Shown | None = None) -> DriveResponse:
-    """Run and read what was planned for one drive, and what is shown beside it."""
+    """Run and read what was planned for one drive, and what is shown beside it.
+
+    Args:
+        workers: processes that run the FMU.
+        plan: settings, settling and windows, with what they promise.
+        shown: the window that is kept as samples, None for none.
+    """
     drive, shown = plan.drives[0], shown or Shown()
     band, coherent = _band(drive, shown)
     settle_s = plan.settle_s

@@ -28,6 +28,10 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
 
     Planned for half the width that was stated: a fit may try less damping than there is.
 
+    Args:
+        line_width_hz: full width of the narrowest line, Hz.
+        accuracy: relative error that is wanted.
+
     Raises:
         ValueError: a width or an accuracy that is not positive.
     """
@@ -62,6 +66,12 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
     """Double the time until amplitudes stand still: twice in a row, and dying away.
 
     Errors are relative as the probe tells; `wanted` is the largest that may be left.
+
+    Args:
+        probe: trial runs of the FMU, remembered.
+        settings: values of FMU variables, by name.
+        wanted: error that is wanted, and the one that is left.
+        limits: work of the longest run, and longest time to settle.
     """
     times, seen, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
     first_s = _first_s(probe)
@@ -83,7 +93,14 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
 def settle_as_prescribed(
     probe: Probe, settings: Mapping[str, Scalar], settle_s: float, reference: Settled
 ) -> Settled:
-    """What a user's own time to settle leaves, by what was seen once amplitudes stood still."""
+    """What a user's own time to settle leaves, by what was seen once amplitudes stood still.
+
+    Args:
+        probe: trial runs of the FMU, remembered.
+        settings: values of FMU variables, by name.
+        settle_s: time before the first sample, s.
+        reference: settling that is known to do.
+    """
     here = probe.read(settings, settle_s)
     bound = SAFETY * probe.changes(reference.last, here) + reference.bound
     return replace(
@@ -152,7 +169,11 @@ def _rounded_up(time_s: float) -> float:
 
 
 def settling_decision(settled: Settled) -> Decision:
-    """The decision on what was seen."""
+    """The decision on what was seen.
+
+    Args:
+        settled: settling time with what it rests on.
+    """
     basis = Basis.WATCHED if settled.steady else Basis.UNSTEADY
     if settled.steady and settled.prescribed:
         basis = Basis.PRESCRIBED

@@ -19,13 +19,21 @@ def plan_in_words(budget: Budget, of: str = "themselves") -> tuple[str, ...]:
     """A line per decision, and the sum; "settling: 66 ms; transient below 1.0e-09, ...".
 
     `of`: what errors are relative to.
+
+    Args:
+        budget: what the decisions of a plan promise together.
+        of: what errors are relative to.
     """
     lines = (decision_in_words(decision) for decision in budget.decisions)
     return (*lines, sum_in_words(budget, of))
 
 
 def decision_in_words(decision: Decision) -> str:
-    """One decision as a line: subject, choice, reason."""
+    """One decision as a line: subject, choice, reason.
+
+    Args:
+        decision: of the plan.
+    """
     mark = " (as asked for)" if decision.forced and decision.taken else ""
     most = f"; at most {decision.bound:.1e}" if decision.cost > 0.0 else ""
     reason = reason_in_words(decision)
@@ -33,26 +41,43 @@ def decision_in_words(decision: Decision) -> str:
 
 
 def subject_in_words(decision: Decision) -> str:
-    """What was decided on."""
+    """What was decided on.
+
+    Args:
+        decision: of the plan.
+    """
     if decision.kind == Kind.MODEL:
         return decision.subject
     return SUBJECTS.get(decision.kind, str(decision.kind))
 
 
 def choice_in_words(decision: Decision) -> str:
-    """What was chosen."""
+    """What was chosen.
+
+    Args:
+        decision: of the plan.
+    """
     return _CHOICES[decision.kind](decision)
 
 
 def reason_in_words(decision: Decision) -> str:
-    """Why, and what the bound rests on."""
+    """Why, and what the bound rests on.
+
+    Args:
+        decision: of the plan.
+    """
     if decision.kind == Kind.MODEL:
         return _model_reason(decision)
     return _REASONS[decision.basis](decision)
 
 
 def sum_in_words(budget: Budget | PlanRecord, of: str = "themselves") -> str:
-    """The sum of the bounds against what was wanted; `of`: what errors are relative to."""
+    """The sum of the bounds against what was wanted; `of`: what errors are relative to.
+
+    Args:
+        budget: what the decisions of a plan promise together.
+        of: what errors are relative to.
+    """
     if budget.promised <= budget.wanted:
         return (
             f"In all: amplitudes within {budget.promised:.1e} of {of}, wanted {budget.wanted:.1e}."
@@ -66,7 +91,11 @@ def sum_in_words(budget: Budget | PlanRecord, of: str = "themselves") -> str:
 
 
 def warnings_in_words(budget: Budget) -> tuple[str, ...]:
-    """What a user must know: a promise that cannot be given, reductions beyond their bound."""
+    """What a user must know: a promise that cannot be given, reductions beyond their bound.
+
+    Args:
+        budget: what the decisions of a plan promise together.
+    """
     said = [] if budget.kept else [f"Accuracy: {sum_in_words(budget).removeprefix('In all: ')}"]
     said += [
         f"{subject_in_words(d)} ({choice_in_words(d)}) is forced beyond its bound: it may be off "
@@ -78,7 +107,11 @@ def warnings_in_words(budget: Budget) -> tuple[str, ...]:
 
 
 def window_in_words(window: Window) -> str:
-    """Why a window does: whole periods and no folding, or the condition of a tone fit."""
+    """Why a window does: whole periods and no folding, or the condition of a tone fit.
+
+    Args:
+        window: settling and samples of a run.
+    """
     if window.coherent:
         said = (
             f"{hertz(*window.tones_hz)}: {window.length_s:.6g} s hold whole periods; "
@@ -102,7 +135,11 @@ def window_in_words(window: Window) -> str:
 
 
 def spectrum_in_words(spectrum: Spectrum) -> str:
-    """How a spectrum was taken, and what proves that its tones are apart."""
+    """How a spectrum was taken, and what proves that its tones are apart.
+
+    Args:
+        spectrum: of the response.
+    """
     shown = f"{spectrum.window_s:.9g} s in {spectrum.samples} samples"
     if spectrum.coherent:
         return (
@@ -116,14 +153,22 @@ def spectrum_in_words(spectrum: Spectrum) -> str:
 
 
 def settling_in_words(plan: DrivePlan) -> str:
-    """When sampling begins, and why then."""
+    """When sampling begins, and why then.
+
+    Args:
+        plan: settings, settling and windows, with what they promise.
+    """
     decision = plan.budget.of(Kind.SETTLING)[0]
     asked = ", as asked for" if decision.forced else ""
     return f"sampling begins after {plan.settle_s:.9g} s{asked}: {reason_in_words(decision)}"
 
 
 def remainder_in_words(remainder: Remainder) -> str:
-    """What there is beside the tones, and what it is."""
+    """What there is beside the tones, and what it is.
+
+    Args:
+        remainder: the most beside the tones.
+    """
     what = {
         RemainderKind.UNEXPLAINED: f"most at {hertz(remainder.at_hz)}, which is no combination of "
         "the tones but a free oscillation that has not died away, or a drive that is not among "
@@ -139,7 +184,11 @@ def remainder_in_words(remainder: Remainder) -> str:
 
 
 def difference_in_words(response: SweepResponse) -> str:
-    """By how much the directions of a sweep differ."""
+    """By how much the directions of a sweep differ.
+
+    Args:
+        response: of the FMU, both ways.
+    """
     if response.difference is None:
         return "one way only: whether there is another branch would show in --direction both"
     said = "upward and downward sweep differ by at most "

@@ -70,11 +70,19 @@ class Checkpoint(Generic[Part]):
         return True
 
     def find(self, key: Hashable) -> Part | None:
-        """The finished part of that key, None if there is none."""
+        """The finished part of that key, None if there is none.
+
+        Args:
+            key: under which the part was kept.
+        """
         return self._parts.get(key)
 
     def record(self, part: Part) -> None:
-        """Add a finished part, and replace the file if that is due."""
+        """Add a finished part, and replace the file if that is due.
+
+        Args:
+            part: to be kept, with its key.
+        """
         self._parts[self._key(part)] = part
         if not self._every_s or time.monotonic() - self._written_s > self._every_s:
             self.write()

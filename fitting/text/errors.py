@@ -24,6 +24,9 @@ class BadInput(Exception):
 def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
     """What all the readers make.
 
+    Args:
+        readers: each makes one record, or complains.
+
     Raises:
         BadInput: what any of them complains of, every line once.
     """

@@ -15,6 +15,10 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
     Text is written as UTF-8 with line feeds on every system. Folders are made as needed.
 
+    Args:
+        path: of the file.
+        content: of the file.
+
     Raises:
         BadInput: the folder or file cannot be written.
     """
@@ -38,7 +42,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
-    """Write several texts by relative file name below ``folder``."""
+    """Write several texts by relative file name below ``folder``.
+
+    Args:
+        folder: where the files go.
+        texts: contents by file name.
+    """
     for name, text in texts.items():
         write_whole(folder / name, text)
 

@@ -50,7 +50,11 @@ class Refused(ValueError):
 
 @contextmanager
 def refusing(*key: str) -> Iterator[None]:
-    """Turn the complaint of a function that was given an empty place into one of this key."""
+    """Turn the complaint of a function that was given an empty place into one of this key.
+
+    Args:
+        key: key of the table.
+    """
     try:
         yield
     except BadInput as error:
@@ -97,7 +101,11 @@ class Quantity:
         }
 
     def read(self, value: Any) -> float:
-        """The number in the unit."""
+        """The number in the unit.
+
+        Args:
+            value: the value.
+        """
         with refusing():
             return positive_in(as_written(value, ""), self.unit)
 
@@ -132,7 +140,11 @@ class Rest:
 
 
 def wanted(words: str) -> WrapValidator:
-    """Whatever a value is refused for, the complaint is that these words are wanted."""
+    """Whatever a value is refused for, the complaint is that these words are wanted.
+
+    Args:
+        words: what is allowed.
+    """
 
     def check(value: Any, inner: Callable[[Any], Any]) -> Any:
         try:
@@ -160,7 +172,11 @@ class OneOf:
         return {"type": "string", "enum": list(self.words)}
 
     def read(self, value: str) -> str:
-        """The word, if it is one of them."""
+        """The word, if it is one of them.
+
+        Args:
+            value: the value.
+        """
         if value not in self.words:
             words = ", ".join(f'"{word}"' for word in self.words)
             raise Refused(f"found '{value}', wanted one of {words}")
@@ -198,7 +214,12 @@ def _share(value: Any) -> float:
 
 
 def listed(words: str, least: int = 1) -> BeforeValidator:
-    """A list of ``least`` entries or more; else the complaint is that these words are wanted."""
+    """A list of ``least`` entries or more; else the complaint is that these words are wanted.
+
+    Args:
+        words: what is wanted, for the complaint.
+        least: entries at least.
+    """
 
     def check(values: Any) -> Any:
         if isinstance(values, list | tuple) and len(values) >= least:

@@ -41,7 +41,11 @@ _CONSTANT = 1e-9
 
 
 def symbol(name: str) -> tuple[str, str] | None:
-    """Letter and index of a name that is one: "eta_plus" (η, +), "D11" (D, 11); else None."""
+    """Letter and index of a name that is one: "eta_plus" (η, +), "D11" (D, 11); else None.
+
+    Args:
+        name: of a quantity.
+    """
     match = _SYMBOL.fullmatch(name)
     if match is None:
         return None
@@ -65,7 +69,11 @@ def _greek(word: str) -> str | None:
 
 
 def mathtext(name: str) -> str:
-    """A name as matplotlib sets it: a symbol in italics with its index, or the plain name."""
+    """A name as matplotlib sets it: a symbol in italics with its index, or the plain name.
+
+    Args:
+        name: of a quantity.
+    """
     parts = symbol(name)
     if parts is None:
         return name.replace("$", r"\$")
@@ -74,12 +82,20 @@ def mathtext(name: str) -> str:
 
 
 def mean_of(name: str) -> str:
-    """The mean over the experiments, as matplotlib sets it."""
+    """The mean over the experiments, as matplotlib sets it.
+
+    Args:
+        name: of a quantity.
+    """
     return f"⟨{mathtext(name)}⟩"
 
 
 def markup(name: str) -> str:
-    """A name as HTML (escaped): a symbol in italics with its index, or the plain name as code."""
+    """A name as HTML (escaped): a symbol in italics with its index, or the plain name as code.
+
+    Args:
+        name: of a quantity.
+    """
     parts = symbol(name)
     if parts is None:
         return f"<code>{html.escape(name)}</code>"
@@ -88,13 +104,21 @@ def markup(name: str) -> str:
 
 
 def plain(name: str) -> str:
-    """A name in running text without markup: a lone Greek letter as such, others as they are."""
+    """A name in running text without markup: a lone Greek letter as such, others as they are.
+
+    Args:
+        name: of a quantity.
+    """
     parts = symbol(name)
     return parts[0] if parts is not None and not parts[1] else name
 
 
 def unit_text(unit: str) -> str:
-    """A unit in text, empty for pure numbers."""
+    """A unit in text, empty for pure numbers.
+
+    Args:
+        unit: of the values.
+    """
     return "" if unit in _NO_UNIT else unit
 
 
@@ -102,6 +126,10 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
     """Factor and unit in which a number of that size reads well: (7e6, "Hz") -> (1e6, "MHz").
 
     A power of ten stands where numbers would be long without: (2e-6, "rad"), (1e-300, "V").
+
+    Args:
+        size: a typical value, which chooses the prefix.
+        unit: of the values.
     """
     if not (math.isfinite(size) and size > 0.0):
         return 1.0, unit_text(unit)
@@ -119,7 +147,13 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
 
 
 def hertz(*values_hz: float, digits: int = 9, joined: str = " and ") -> str:
-    """Frequencies in Hz, kHz, MHz or GHz, as the largest asks: "6.94016 and 6.94036 MHz"."""
+    """Frequencies in Hz, kHz, MHz or GHz, as the largest asks: "6.94016 and 6.94036 MHz".
+
+    Args:
+        values_hz: frequencies, Hz.
+        digits: significant digits.
+        joined: word between the last two.
+    """
     factor, unit = prefixed(max([1.0, *map(abs, values_hz)]), "Hz")
     return f"{joined.join(f'{value / factor:.{digits}g}' for value in values_hz)} {unit}"
 
@@ -138,7 +172,11 @@ class Scaling:
         return (value - self.offset) / self.factor
 
     def label(self, what: str) -> str:
-        """Axis label: quantity, the named offset, unit."""
+        """Axis label: quantity, the named offset, unit.
+
+        Args:
+            what: name of the quantity.
+        """
         shown = f"{what} − {self.origin}" if self.origin else what
         return f"{shown} ({self.unit})" if self.unit else shown
 
@@ -148,6 +186,10 @@ def scaling_for(values: Iterable[float], unit: str) -> Scaling:
 
     The offset is a round number within the range: 6940160 to 6940360 Hz is drawn in Hz from
     6.94026 MHz.
+
+    Args:
+        values: which share one prefix.
+        unit: of the values.
     """
     finite = [v for v in values if math.isfinite(v)]
     size = max((abs(v) for v in finite), default=0.0)
@@ -165,12 +207,20 @@ def scaling_for(values: Iterable[float], unit: str) -> Scaling:
 
 
 def power_of_ten(exponent: int) -> str:
-    """10⁻³ for -3, as text that needs no markup."""
+    """10⁻³ for -3, as text that needs no markup.
+
+    Args:
+        exponent: of ten.
+    """
     return f"10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
 def on_log_axis(value: float) -> str:
-    """A tick of a logarithmic axis: 0.1, 1, 10 and 100 as such, else powers of ten."""
+    """A tick of a logarithmic axis: 0.1, 1, 10 and 100 as such, else powers of ten.
+
+    Args:
+        value: the number.
+    """
     if not (math.isfinite(value) and value > 0.0):
         return number(value)
     exponent = math.floor(math.log10(value) + 1e-9)
@@ -185,6 +235,10 @@ def number(value: float, digits: int = 6) -> str:
     """A number for people: `digits` significant ones, a true minus, powers of ten written out.
 
     Powers only where the number would be long: 2.8e2 is 280, 7014832.6 to six digits 7014830.
+
+    Args:
+        value: the number.
+        digits: significant digits.
     """
     if math.isnan(value):
         return "–"
@@ -204,7 +258,13 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def with_error(value: float, error: float, unit: str = "") -> str:
-    """Value ± error, the value rounded where the error's second digit stands, with its unit."""
+    """Value ± error, the value rounded where the error's second digit stands, with its unit.
+
+    Args:
+        value: the number.
+        error: standard deviation, in the same unit.
+        unit: of the values.
+    """
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
@@ -217,7 +277,13 @@ def with_error(value: float, error: float, unit: str = "") -> str:
 
 
 def quantity(value: float, error: float, unit: str) -> str:
-    """Value ± error with a prefix that suits the value, unless the error were all zeros in it."""
+    """Value ± error with a prefix that suits the value, unless the error were all zeros in it.
+
+    Args:
+        value: the number.
+        error: standard deviation, in the same unit.
+        unit: of the values.
+    """
     factor, shown = prefixed(abs(value), unit)
     if 0.0 < error < 1e-3 * factor:
         factor, shown = 1.0, unit
@@ -228,6 +294,11 @@ def span(low: float, high: float, unit: str = "") -> str:
     """An interval, its ends rounded where the third digit of its width stands.
 
     Ends that are two to four powers of ten apart have three digits each.
+
+    Args:
+        low: lower end.
+        high: upper end.
+        unit: of the values.
     """
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
@@ -242,13 +313,22 @@ def span(low: float, high: float, unit: str = "") -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """A share as a signed percentage."""
+    """A share as a signed percentage.
+
+    Args:
+        share: as a part of one.
+        digits: significant digits.
+    """
     value = 100.0 * share
     return f"{value:+.{max(0, digits - _places(value))}f} %".replace("-", "−")
 
 
 def probability(p: float) -> str:
-    """A probability as "p = 0.02", a tiny one as a bound."""
+    """A probability as "p = 0.02", a tiny one as a bound.
+
+    Args:
+        p: probability, 0 to 1.
+    """
     return f"p = {p:.1g}" if p >= 1e-12 else "p < 1e-12"
 
 
@@ -258,7 +338,11 @@ def _places(value: float) -> int:
 
 
 def listed(items: Iterable[str]) -> str:
-    """Words in a row: "a", "a and b", "a, b and c"."""
+    """Words in a row: "a", "a and b", "a, b and c".
+
+    Args:
+        items: words to be listed.
+    """
     words = list(items)
     if len(words) < 2:
         return "".join(words)

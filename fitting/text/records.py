@@ -25,6 +25,9 @@ Record = TypeVar("Record")
 def to_plain(value: Any) -> Any:
     """A record, or any nest of records, tuples and mappings, as what JSON can hold.
 
+    Args:
+        value: a record, or any nest of records, tuples and mappings.
+
     Raises:
         TypeError: a value of a kind that JSON has no word for.
     """
@@ -45,6 +48,11 @@ def to_plain(value: Any) -> Any:
 
 def from_plain(kind: type[Record], data: Any, where: str = "record") -> Record:
     """The record of a class from what `to_plain` made of it.
+
+    Args:
+        kind: class of the record.
+        data: plain numbers, words, lists and tables.
+        where: file, row or key, for complaints.
 
     Raises:
         BadInput: a key that is missing or unknown, or a value of another kind; names the key.
@@ -123,12 +131,21 @@ def _check(good: bool, found: Any, wanted: str, where: str) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write a record as JSON, whole or not at all."""
+    """Write a record as JSON, whole or not at all.
+
+    Args:
+        path: of the file.
+        value: the record.
+    """
     write_whole(path, json.dumps(to_plain(value), indent=1, allow_nan=False) + "\n")
 
 
 def read_json(path: Path, kind: type[Record]) -> Record:
     """Read a record written by `write_json`.
+
+    Args:
+        path: of the file.
+        kind: class of the record.
 
     Raises:
         BadInput: no such file, no JSON, or not such a record; names the file and the key.

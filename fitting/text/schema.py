@@ -59,6 +59,12 @@ def read_record(kind: type[Record], data: Any, path: Path, table: str = "") -> R
     ``path`` is the file, for complaints and for the names of other files, which are relative to it.
     Every value as written gets its place in the file.
 
+    Args:
+        kind: class of the record.
+        data: plain numbers, words, lists and tables.
+        path: of the file.
+        table: name of the table in the file.
+
     Raises:
         BadInput: a key that is unknown or missing, a value that is not what is wanted; one line
             for each, with file, table and key.
@@ -239,6 +245,10 @@ def json_schema(kind: type[Any], **head: str) -> dict[str, Any]:
 
     The docstrings below the fields are the keys' descriptions. ``head`` are keywords for its top,
     as ``title``.
+
+    Args:
+        kind: class of the record.
+        **head: title and further keys of the schema itself.
     """
     made = _adapter(kind).json_schema(schema_generator=_ForEditors)
     plain: dict[str, Any] = _without_references(made, made.pop("$defs", {}))

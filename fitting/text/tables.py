@@ -39,11 +39,19 @@ class Table:
     decimal_comma: bool
 
     def find(self, name: str) -> Column | None:
-        """The column of that name, capitals apart, or None."""
+        """The column of that name, capitals apart, or None.
+
+        Args:
+            name: of the variable.
+        """
         return next((c for c in self.columns if c.name.lower() == name.lower()), None)
 
     def column(self, name: str) -> Column:
-        """The column of that name; raises BadInput with the nearest name if there is none."""
+        """The column of that name; raises BadInput with the nearest name if there is none.
+
+        Args:
+            name: of the variable.
+        """
         found = self.find(name)
         if found is None:
             present = [c.name for c in self.columns]
@@ -51,7 +59,11 @@ class Table:
         return found
 
     def numbers(self, column: Column) -> FloatArray:
-        """The finite numbers of a column, (n,); raises BadInput naming line and column."""
+        """The finite numbers of a column, (n,); raises BadInput naming line and column.
+
+        Args:
+            column: of the table.
+        """
         return np.array(
             [
                 parse_number(
@@ -65,12 +77,19 @@ class Table:
         )
 
     def texts(self, column: Column) -> tuple[str, ...]:
-        """The cells of a column as they stand."""
+        """The cells of a column as they stand.
+
+        Args:
+            column: of the table.
+        """
         return tuple(row[column.index] for row in self.cells)
 
 
 def read_text(path: Path) -> str:
     """The text of a file, UTF-8 or, failing that, Latin-1 (older instruments' micro sign).
+
+    Args:
+        path: of the file.
 
     Raises:
         BadInput: no such file, a folder, or not readable.
@@ -90,7 +109,11 @@ def read_text(path: Path) -> str:
 
 
 def read_table(path: Path) -> Table:
-    """Read a delimited table whose first line that is not a ``#`` comment is the header."""
+    """Read a delimited table whose first line that is not a ``#`` comment is the header.
+
+    Args:
+        path: of the file.
+    """
     return parse_table(path, enumerate(read_text(path).splitlines(), start=1))
 
 
@@ -99,6 +122,10 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
 
     Delimiter ';' or tab where the header has one, else ','. With ';' or tab a comma within a number
     is the decimal sign. Lines that are empty or start with ``#`` are passed over.
+
+    Args:
+        path: of the file.
+        numbered: lines with their numbers in the file, from one.
 
     Raises:
         BadInput: no header, no rows, a row with another number of cells, a column name twice.
@@ -136,12 +163,23 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
 
 
 def split_line(text: str, delimiter: str) -> tuple[str, ...]:
-    """Cells of one line, quotes and surrounding blanks removed."""
+    """Cells of one line, quotes and surrounding blanks removed.
+
+    Args:
+        text: as it was written.
+        delimiter: between the cells of a line.
+    """
     return tuple(cell.strip() for cell in next(csv.reader([text], delimiter=delimiter)))
 
 
 def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float:
-    """A finite number; raises BadInput that starts with ``where`` and shows what was found."""
+    """A finite number; raises BadInput that starts with ``where`` and shows what was found.
+
+    Args:
+        text: as it was written.
+        where: file, row or key, for complaints.
+        decimal_comma: whether numbers are written with a decimal comma.
+    """
     plain = text.replace(",", ".") if decimal_comma and "." not in text else text
     if _NUMBER.fullmatch(plain):
         value = float(plain)
@@ -151,7 +189,13 @@ def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float
 
 
 def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:
-    """A hint to append to a complaint: the nearest name, else (``listed``) what there is."""
+    """A hint to append to a complaint: the nearest name, else (``listed``) what there is.
+
+    Args:
+        name: of the variable.
+        candidates: words that would have been understood.
+        listed: whether all candidates are listed where none is alike.
+    """
     lowered = {c.lower(): c for c in candidates}
     near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)
     if near:

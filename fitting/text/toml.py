@@ -38,6 +38,9 @@ Tables = MutableMapping[str, Any]
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.
 
+    Args:
+        path: of the file.
+
     Raises:
         BadInput: no such file, or not TOML; names the line.
     """
@@ -51,6 +54,10 @@ def toml_text(tables: Mapping[str, Any], head: Sequence[str] = ()) -> str:
     """TOML of plain tables, lists and scalars; ``head`` are lines of remarks in front of it.
 
     Floats are written with as many digits as it takes to read the same number back.
+
+    Args:
+        tables: of the TOML file.
+        head: lines that go before, without comment signs.
     """
     return _headed(tomlkit.dumps(tables), head)
 
@@ -83,6 +90,12 @@ def put(tables: Tables, key: str, value: Any, remark: str = "") -> None:
     """Set a value or a whole table, with a ``remark`` behind the value or the table's header.
 
     Remarks between a table that is replaced and the next one stay: they belong to the next.
+
+    Args:
+        tables: of the TOML file.
+        key: key of the table.
+        value: the value.
+        remark: comment behind the value.
     """
     item = tomlkit.item(value)
     if remark:
@@ -95,7 +108,11 @@ def put(tables: Tables, key: str, value: Any, remark: str = "") -> None:
 
 
 def inline(values: Mapping[str, Any]) -> Any:
-    """A table that is written on one line, as ``{ before = 1, after = 2 }``."""
+    """A table that is written on one line, as ``{ before = 1, after = 2 }``.
+
+    Args:
+        values: keys and values of the table.
+    """
     table = tomlkit.inline_table()
     table.update(values)
     return table

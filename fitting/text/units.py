@@ -48,6 +48,10 @@ def _unit(text: str) -> pint.Unit | None:
 def parse_quantity(text: str, *, where: str) -> tuple[float, str | None]:
     """Number and unit of a written quantity: "6.94016 MHz" -> (6.94016, "MHz"), "3" -> (3.0, None).
 
+    Args:
+        text: as it was written.
+        where: file, row or key, for complaints.
+
     Raises BadInput, beginning with ``where``, if it is not a finite number followed by a unit that
     exists.
     """
@@ -92,7 +96,11 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
 
 
 def base_unit(unit: str) -> str:
-    """SI base units of a unit that exists, as text: "mN" -> "kg·m/s²"."""
+    """SI base units of a unit that exists, as text: "mN" -> "kg·m/s²".
+
+    Args:
+        unit: of the values.
+    """
     found = _unit(unit)
     return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
 
@@ -113,7 +121,12 @@ def _angles(unit: Any) -> Any:
 
 
 def checked_accuracy(value: float, where: str) -> float:
-    """The accuracy, if it is one; BadInput, beginning with ``where``, if it is none."""
+    """The accuracy, if it is one; BadInput, beginning with ``where``, if it is none.
+
+    Args:
+        value: the number.
+        where: file, row or key, for complaints.
+    """
     if not (math.isfinite(value) and 0.0 < value < 1.0):
         raise BadInput(f"{where}: found {value!r}, wanted a relative accuracy above 0 and below 1")
     return value

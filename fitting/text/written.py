@@ -26,7 +26,12 @@ class Written:
 
 
 def as_written(value: Any, where: str) -> Written:
-    """Check that a TOML value is a scalar: finite number, Boolean or text."""
+    """Check that a TOML value is a scalar: finite number, Boolean or text.
+
+    Args:
+        value: the value.
+        where: file, row or key, for complaints.
+    """
     if isinstance(value, float) and not math.isfinite(value):
         raise BadInput(f"{where}: found {value!r}, wanted a finite number")
     if not isinstance(value, bool | int | float | str):
@@ -36,6 +41,10 @@ def as_written(value: Any, where: str) -> Written:
 
 def written_values(values: Mapping[str, Scalar], where: str) -> dict[str, Written]:
     """Plain values by name as if they were written at ``where``.
+
+    Args:
+        values: numbers and words, by name.
+        where: file, row or key, for complaints.
 
     Raises:
         BadInput: a value that is no finite number, Boolean or text.
@@ -47,6 +56,10 @@ def in_unit(written: Written, unit: str | None) -> float:
     """The number of a written value in ``unit``; a bare number is in ``unit`` already.
 
     With ``unit`` None (nobody knows the unit wanted) a written unit is taken to SI base units.
+
+    Args:
+        written: number or quantity as the file has it.
+        unit: of the values.
 
     Raises:
         BadInput: not a number, or a unit of another dimension.
@@ -63,6 +76,10 @@ def in_unit(written: Written, unit: str | None) -> float:
 
 def positive_in(written: Written, unit: str) -> float:
     """A quantity above zero with its unit, as "100 Hz", converted to ``unit``.
+
+    Args:
+        written: number or quantity as the file has it.
+        unit: of the values.
 
     Raises:
         BadInput: a bare number, another dimension, zero or less.

@@ -69,7 +69,11 @@ class Layout:
 
 
 def own_estimates(notes: Mapping[str, str]) -> dict[str, float]:
-    """What the instrument itself made of its sweep: "frequency_hz" and "q", as far as it says."""
+    """What the instrument itself made of its sweep: "frequency_hz" and "q", as far as it says.
+
+    Args:
+        notes: the file's own remarks, by name.
+    """
     found = {}
     for name, key in OWN_ESTIMATES.items():
         try:
@@ -80,7 +84,11 @@ def own_estimates(notes: Mapping[str, str]) -> dict[str, float]:
 
 
 def check_axis(trace: RawTrace) -> None:
-    """BadInput for frequencies that are too few or do not rise strictly."""
+    """BadInput for frequencies that are too few or do not rise strictly.
+
+    Args:
+        trace: as the file has it.
+    """
     if trace.frequency.size < MIN_POINTS:
         raise BadInput(f"{trace.path}: {trace.frequency.size} points; wanted at least {MIN_POINTS}")
     for i in np.flatnonzero(np.diff(trace.frequency) <= 0.0)[:1]:
@@ -93,7 +101,13 @@ def check_axis(trace: RawTrace) -> None:
 
 
 def unit_of(table: Table, column: Column, example: str) -> str:
-    """The unit written in a column's header; raises BadInput if there is none."""
+    """The unit written in a column's header; raises BadInput if there is none.
+
+    Args:
+        table: as it was read.
+        column: of the table.
+        example: a unit that would do, for the complaint.
+    """
     if column.unit is None:
         raise BadInput(
             f"{table.path}: column '{column.name}' has no unit in its header; "

@@ -16,6 +16,12 @@ def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int
     """Values to hold over each of ``steps`` communication steps, shape (steps,).
 
     Σ a cos(2π f (t + h/2) + φ) / sinc(f h), t = start + k h, as `InputSignal` explains.
+
+    Args:
+        tones: frequency in Hz, amplitude and phase of each.
+        start_s: time of the first step, s.
+        step_s: time between samples, s.
+        steps: number of steps.
     """
     middle = np.asarray(start_s + (np.arange(steps) + 0.5) * step_s, dtype=np.float64)
     values = np.zeros(steps)

@@ -103,7 +103,12 @@ class FmuInstance:
         self.check(self._exit(self.instance), "ExitInitializationMode")
 
     def access(self, verb: str, group: Group) -> VariableAccess:
-        """Function and buffers to get or set ("Get", "Set") a group of variables."""
+        """Function and buffers to get or set ("Get", "Set") a group of variables.
+
+        Args:
+            verb: "get" or "set".
+            group: value references of one type.
+        """
         n = len(group.references)
         element = self.boolean if group.fmi_type == "Boolean" else _CTYPES[group.fmi_type]
         return VariableAccess(
@@ -116,7 +121,12 @@ class FmuInstance:
         )
 
     def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:
-        """Set the variables of a group."""
+        """Set the variables of a group.
+
+        Args:
+            access: variables of one kind.
+            values: one per variable.
+        """
         if access.name == "SetString":
             access.buffer[:] = [str(text).encode() for text in values]
         else:
@@ -129,18 +139,33 @@ class FmuInstance:
         )
 
     def check(self, status: int, function: str) -> None:
-        """Raise CallFailed unless the status is OK or a warning."""
+        """Raise CallFailed unless the status is OK or a warning.
+
+        Args:
+            status: FMI status of a call.
+            function: name of the FMI call.
+        """
         if status > WARNING:
             text = f"{self.prefix}{function} returned '{label(status)}'"
             raise CallFailed(self.with_log(text))
 
     def with_log(self, text: str) -> str:
-        """What the FMU logged, and behind it a text on what it did."""
+        """What the FMU logged, and behind it a text on what it did.
+
+        Args:
+            text: as it was written.
+        """
         said = self.log.sentences()
         return f"{said}; {text}" if said else f"{text}, and the FMU logged nothing"
 
     def stopped(self, reached: float, wanted: float, why: str) -> CallFailed:
-        """The failure of a step that did not arrive."""
+        """The failure of a step that did not arrive.
+
+        Args:
+            reached: time that was reached, s.
+            wanted: time that was wanted, s.
+            why: as the FMU gave it.
+        """
         at = f"at t = {reached!r} s" if math.isfinite(reached) else "at a time it does not tell"
         return CallFailed(self.with_log(f"stopped early {at}, wanted {wanted!r} s ({why})"))
 
@@ -153,11 +178,20 @@ class FmuInstance:
         raise NotImplementedError
 
     def enter_initialisation(self, start_time: float) -> None:
-        """Set up the experiment and go to initialisation mode; no stop time, no tolerance."""
+        """Set up the experiment and go to initialisation mode; no stop time, no tolerance.
+
+        Args:
+            start_time: of the run, s.
+        """
         raise NotImplementedError
 
     def step(self, at: float, step: float) -> None:
-        """One communication step from ``at``; raises CallFailed as well if it ends early."""
+        """One communication step from ``at``; raises CallFailed as well if it ends early.
+
+        Args:
+            at: time at which the step begins, s.
+            step: length of the step, s.
+        """
         raise NotImplementedError
 
 
@@ -257,6 +291,10 @@ class FmuInstance3(FmuInstance):
 
 def load(unpacked: UnpackedFmu, log: Log) -> FmuInstance:
     """The library of an unpacked FMU, loaded; no instance yet.
+
+    Args:
+        unpacked: FMU with the folder that holds its files.
+        log: of the FMU.
 
     Raises CallFailed if it cannot be loaded or lacks a function.
     """

@@ -28,7 +28,12 @@ class Log:
         self._warned: dict[str, None] = {}
 
     def receive(self, status: int, message: bytes | None) -> None:
-        """One call of the FMU's logger."""
+        """One call of the FMU's logger.
+
+        Args:
+            status: FMI status of a call.
+            message: bytes that the FMU logged, None for none.
+        """
         text = " ".join((message or b"").decode("utf-8", "replace").split())
         if not text:
             return
@@ -60,5 +65,9 @@ class Log:
 
 
 def label(status: int) -> str:
-    """The name of a status."""
+    """The name of a status.
+
+    Args:
+        status: FMI status of a call.
+    """
     return LABELS[status] if 0 <= status < len(LABELS) else f"status {status}"

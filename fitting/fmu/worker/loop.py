@@ -111,7 +111,11 @@ class _Holder:
 
 
 def serve(pipe: connection.Connection) -> None:
-    """Take the task, answer batches until the caller sends None; leave when the caller is gone."""
+    """Take the task, answer batches until the caller sends None; leave when the caller is gone.
+
+    Args:
+        pipe: the worker's end.
+    """
     messages = _messages(pipe)
     task: Task = messages.get()
     log_file = _divert_output(task.log_path)

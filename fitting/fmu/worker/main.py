@@ -14,7 +14,11 @@ from multiprocessing import connection
 
 
 def main(handle: int) -> None:
-    """Ignore Ctrl-C, take over the caller's import path, and serve."""
+    """Ignore Ctrl-C, take over the caller's import path, and serve.
+
+    Args:
+        handle: file descriptor of the pipe.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller to deal with
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, False)  # not for the processes that an FMU may start

@@ -59,7 +59,11 @@ class WorkerProcess:
         return self._process.pid
 
     def send(self, batch: Batch) -> None:
-        """Hand over a batch; that the process has ended is found out by `receive`."""
+        """Hand over a batch; that the process has ended is found out by `receive`.
+
+        Args:
+            batch: runs, and how they are simulated.
+        """
         self._begun, self._since = -1, time.monotonic()
         self._pulse.numbers[AT_RUN] = 0
         self._hand_over(batch)
@@ -87,6 +91,9 @@ class WorkerProcess:
         """Whether the process began something longer than that ago; its own start is not counted.
 
         A start has a limit of its own: on a busy machine, Python alone may take seconds.
+
+        Args:
+            timeout_s: longest silence, s.
         """
         begun = self._pulse.numbers[BEGUN]
         if begun != self._begun:
@@ -114,7 +121,11 @@ class WorkerProcess:
         self._hand_over(None)
 
     def end(self, within_s: float = 0.0) -> None:
-        """Wait for the process to end by itself, then kill it."""
+        """Wait for the process to end by itself, then kill it.
+
+        Args:
+            within_s: time that the process is given to end by itself, s.
+        """
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(within_s)
         self._process.kill()

@@ -30,13 +30,21 @@ class Pulse(NamedTuple):
 
 
 def new_pulse(path: Path) -> Pulse:
-    """A pulse at zero, in a new file."""
+    """A pulse at zero, in a new file.
+
+    Args:
+        path: of the file.
+    """
     path.write_bytes(bytes(PLACES * SIZE))
     return open_pulse(path)
 
 
 def open_pulse(path: Path) -> Pulse:
-    """The pulse that the other process has made."""
+    """The pulse that the other process has made.
+
+    Args:
+        path: of the file.
+    """
     with path.open("r+b") as file:
         mapped = mmap.mmap(file.fileno(), PLACES * SIZE)
     return Pulse(mapped, memoryview(mapped).cast("q"))

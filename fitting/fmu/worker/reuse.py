@@ -43,7 +43,11 @@ class ReuseDecision:
     trials: dict[int, Trial] = field(default_factory=dict)
 
     def refuse(self, reason: str) -> None:
-        """From now on every run gets a new instance."""
+        """From now on every run gets a new instance.
+
+        Args:
+            reason: as a sentence.
+        """
         self.reused = False
         self.note = f"every run has a new instance: {reason}"
         self.trials.clear()
@@ -59,6 +63,13 @@ def run_with_reuse(
     """Result of a run, on a reset instance where that is proven to be as good as a new one.
 
     ``fresh`` runs an order on a new instance, ``again`` on the present one after a reset.
+
+    Args:
+        verdict: what is known about reuse.
+        layouts: of runs, met so far.
+        request: a run, in value references.
+        fresh: simulates in a new instance.
+        again: simulates in the same instance after a reset.
     """
     if verdict.reused is False:
         return fresh(request)

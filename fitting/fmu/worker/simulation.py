@@ -31,7 +31,12 @@ class Binding(NamedTuple):
 
 
 def bind(fmu: FmuInstance, layout: Layout) -> Binding:
-    """Functions and buffers for a layout, made once for many runs."""
+    """Functions and buffers for a layout, made once for many runs.
+
+    Args:
+        fmu: an instance that is set up.
+        layout: of the run: which variables it sets and reads.
+    """
     return Binding(
         layout,
         tuple(fmu.access("Set", group) for group in layout.sets),
@@ -43,6 +48,11 @@ def bind(fmu: FmuInstance, layout: Layout) -> Binding:
 
 def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatArray:
     """One run of a new or reset instance, shape (samples, outputs).
+
+    Args:
+        fmu: an instance that is set up.
+        binding: access to the variables of a run.
+        request: a run, in value references.
 
     Raises CallFailed for a status that is not OK or a warning, for a step that ends early and,
     unless ``request.allow_nan``, for an output that is not a finite number.
@@ -66,7 +76,11 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
 
 
 def steps_of(request: RunRequest) -> int:
-    """Communication steps of a run."""
+    """Communication steps of a run.
+
+    Args:
+        request: a run, in value references.
+    """
     if request.step_s:
         lead, each = _whole_steps(request)
         return lead + each * (request.samples - 1)

@@ -9,7 +9,13 @@ from fitting.lab.bench import Cell, Reading
 
 
 def peak_columns(reading: Reading, peaks: Sequence[str], sigmas: Sequence[str]) -> dict[str, Cell]:
-    """Cells by header, of peaks and then of their standard deviations, in microvolts."""
+    """Cells by header, of peaks and then of their standard deviations, in microvolts.
+
+    Args:
+        reading: what the instrument read.
+        peaks: column heads of the peaks.
+        sigmas: column heads of the standard deviations.
+    """
     pairs = [
         *zip(peaks, reading.arrays["peaks_v"], strict=True),
         *zip(sigmas, reading.arrays["sigmas_v"], strict=True),
@@ -18,7 +24,13 @@ def peak_columns(reading: Reading, peaks: Sequence[str], sigmas: Sequence[str]) 
 
 
 def peak_table(file: str, peaks: Sequence[str], sigmas: Sequence[str]) -> dict[str, Any]:
-    """The table [experiments] of a campaign with these columns."""
+    """The table [experiments] of a campaign with these columns.
+
+    Args:
+        file: name of the file.
+        peaks: column heads of the peaks.
+        sigmas: column heads of the standard deviations.
+    """
     return {
         "file": file,
         "peaks": list(peaks),

@@ -47,11 +47,20 @@ class Bench:
         self.warm(scene.values_of(first, first.resolutions[0]))
 
     def warm(self, values: dict[str, Scalar]) -> None:
-        """Let the workers prove that these values may vary between resets, on a short run."""
+        """Let the workers prove that these values may vary between resets, on a short run.
+
+        Args:
+            values: start values, by name.
+        """
         self.idle(values, 0.0)
 
     def idle(self, values: dict[str, Scalar], length_s: float) -> float:
-        """One run of that length with a single sample, which is handed back."""
+        """One run of that length with a single sample, which is handed back.
+
+        Args:
+            values: start values, by name.
+            length_s: length of the run, s.
+        """
         drive = self.scene.drives[0]
         run = Run(
             start_values={**drive.start_values, **values},
@@ -65,7 +74,12 @@ class Bench:
     def amplitudes(
         self, setting: Setting, drives: Sequence[Drive] | None = None
     ) -> list[FloatArray]:
-        """Amplitudes (tones,) of every drive (the scene's own)."""
+        """Amplitudes (tones,) of every drive (the scene's own).
+
+        Args:
+            setting: of the simulation: solver, settling, samples.
+            drives: each with tones and amplitudes.
+        """
         driven = self.scene.drives if drives is None else drives
         seen = [self.window(setting, drive) for drive in driven]
         pairs = list(zip(driven, seen, strict=True))
@@ -77,12 +91,20 @@ class Bench:
         ]
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
-        """Outputs of runs, counted."""
+        """Outputs of runs, counted.
+
+        Args:
+            runs: to be simulated.
+        """
         self._reads += sum(run.samples for run in runs)
         return self.workers.run(runs)
 
     def timed(self, work: Callable[[], Result]) -> tuple[Result, Cost]:
-        """Result of some work, and its cost: medians of the times, counts of one repeat."""
+        """Result of some work, and its cost: medians of the times, counts of one repeat.
+
+        Args:
+            work: is called and timed.
+        """
         walls: list[float] = []
         cpus: list[float] = []
         patience = self.patience
@@ -106,7 +128,12 @@ class Bench:
         )
 
     def window(self, setting: Setting, drive: Drive) -> Window:
-        """When a drive is sampled at a setting; a single tone over one period of its own."""
+        """When a drive is sampled at a setting; a single tone over one period of its own.
+
+        Args:
+            setting: of the simulation: solver, settling, samples.
+            drive: tones and amplitudes that drive.
+        """
         held = int(setting.resolution) if setting.resolution_kind == HELD else self.scene.held
         if len(drive.tones_hz) == 1 and setting.reader == COHERENT:
             return window_of(drive.tones_hz, setting.settle_s, COHERENT, 0.0, 0, held)
@@ -120,7 +147,12 @@ class Bench:
         )
 
     def substeps(self, setting: Setting, window: Window) -> int:
-        """Steps of a solver with a fixed substep, doStep calls for others."""
+        """Steps of a solver with a fixed substep, doStep calls for others.
+
+        Args:
+            setting: of the simulation: solver, settling, samples.
+            window: settling and samples of a run.
+        """
         if setting.resolution_kind != SUBSTEPS:
             return window.samples - 1 + bool(window.settle_s)
         longest = 1.0 / (setting.resolution * self.scene.fastest_hz)
@@ -144,6 +176,14 @@ def window_of(
     fit. The other readers place the tones amid the band, over about `window_s`. `held` > 0: input
     steps per period of the fastest tone, of which a step and the settling take a whole number. Kept
     for who asks again: no cost of a simulation that is repeated.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        settle_s: time before the first sample, s.
+        reader: how amplitudes are read of samples.
+        window_s: length of the window, s.
+        samples: number of samples.
+        held: steps in a period of the fastest tone for which an input is held; 0: none is.
     """
     if reader == COHERENT:
         spare = samples - 2 * len(tones_hz) - 1 if samples else SPARE_SAMPLES
@@ -172,7 +212,13 @@ def window_of(
 
 
 def read(reader: str, window: Window, samples: FloatArray) -> FloatArray:
-    """Amplitudes (tones,) in the sampled values (samples,)."""
+    """Amplitudes (tones,) in the sampled values (samples,).
+
+    Args:
+        reader: how amplitudes are read of samples.
+        window: settling and samples of a run.
+        samples: values (samples, outputs).
+    """
     if reader == COHERENT:
         return window.read(samples).amplitudes
     return largest_lines(samples, window.step_s, window.tones_hz, flat=reader == FLAT_TOP)
@@ -188,6 +234,12 @@ def largest_lines(
 
     Source: G. Heinzel, A. Ruediger, R. Schilling, Spectrum and spectral density estimation by the
     DFT, 2002, section 8.
+
+    Args:
+        samples: values (samples, outputs).
+        step_s: time between samples, s.
+        tones_hz: frequencies of the tones, Hz.
+        flat: whether the window is tapered with a flat top.
     """
     n = samples.size
     taper = windows.flattop(n, sym=False) if flat else np.ones(n)
@@ -208,6 +260,9 @@ def cpu_seconds(workers: FmuWorkers) -> float:
 
     NaN where the system does not tell, or where several processes share the work: then the sum of
     their times is none that anybody waits for.
+
+    Args:
+        workers: processes that run the FMU.
     """
     if len(workers.pids) != 1:
         return math.nan

@@ -30,6 +30,11 @@ def scene_of_campaign(
 
     Its FMU is taken as it is; what [accuracy] names of tolerance, substep and reductions is tried.
 
+    Args:
+        bound: campaign, bound to its FMU.
+        fmu: what the campaign says of its FMU.
+        variables: of the FMU, by name.
+
     Raises:
         BadInput: no way to know the campaign's line width.
     """
@@ -101,6 +106,11 @@ def solvers_of(
 
     All of them set the same variables; what one does not name has the campaign's value, or the
     FMU's own.
+
+    Args:
+        annotation: what the FMU says of its own accuracy.
+        values: start values, by name.
+        variables: of the FMU, by name.
     """
     knobs = [
         (TOLERANCE, annotation.tolerance, TOLERANCES, QUICK_TOLERANCES),

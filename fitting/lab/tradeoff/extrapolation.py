@@ -34,7 +34,14 @@ SAMPLES = 64
 def stepped_setting(
     scene: Scene, substeps: float, settle_s: float, *, periodic: bool = False
 ) -> Setting:
-    """Amplitudes by the solver with that many substeps in a period of the fastest mode."""
+    """Amplitudes by the solver with that many substeps in a period of the fastest mode.
+
+    Args:
+        scene: an FMU with start values, tones and truth.
+        substeps: substeps in a period.
+        settle_s: time before the first sample, s.
+        periodic: whether the run begins on its periodic orbit.
+    """
     solver = next(solver for solver in scene.solvers if solver.kind == SUBSTEPS)
     return setting_of(scene, solver, substeps, (periodic, settle_s), SAMPLES)
 
@@ -44,6 +51,10 @@ def closed_orbits(bench: Bench, substeps: float) -> FloatArray:
 
     So many substeps in a period of the tone. One period holds the whole orbit, so no quality factor
     is too high for it.
+
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        substeps: substeps in a period.
     """
     scene = bench.scene
     per_fastest = substeps * min(scene.tones_hz) / scene.fastest_hz
@@ -61,7 +72,11 @@ class Extrapolation:
     _errors: dict[float, float] = field(default_factory=dict)
 
     def expected_s(self, setting: Setting) -> float:
-        """Wall time that a setting of amplitudes would take, s; 0 where steps are not counted."""
+        """Wall time that a setting of amplitudes would take, s; 0 where steps are not counted.
+
+        Args:
+            setting: of the simulation: solver, settling, samples.
+        """
         if setting.resolution_kind != SUBSTEPS or setting.quantity != AMPLITUDES:
             return 0.0
         return self._cost(setting).seconds
@@ -71,6 +86,10 @@ class Extrapolation:
 
         The error is the method's own (linear: where its recursion stands still; with cubic terms:
         that of each tone alone on its closed orbit) and what is left of the transient.
+
+        Args:
+            setting: of the simulation: solver, settling, samples.
+            reference: truth, or the best that is known.
         """
         scene = self.bench.scene
         if setting.reader != COHERENT or scene.sample is None:

@@ -44,6 +44,9 @@ def pareto(measurements: Sequence[Measurement]) -> list[Measurement]:
     """Those that nobody beats in one of error and cost without losing in the other, by cost.
 
     Of equals the first stays. Failed settings (infinite error) have no place.
+
+    Args:
+        measurements: of error and cost, one per setting.
     """
     front: list[Measurement] = []
     best = math.inf
@@ -55,13 +58,22 @@ def pareto(measurements: Sequence[Measurement]) -> list[Measurement]:
 
 
 def cheapest(measurements: Sequence[Measurement], accuracy: float) -> Measurement | None:
-    """The cheapest setting whose error is at most the accuracy, None if there is none."""
+    """The cheapest setting whose error is at most the accuracy, None if there is none.
+
+    Args:
+        measurements: of error and cost, one per setting.
+        accuracy: relative error that is wanted.
+    """
     good = [m for m in measurements if m.error <= accuracy]
     return min(good, key=lambda m: m.cost_s, default=None)
 
 
 def choices(study: Study) -> list[Choice]:
-    """For every quantity and accuracy: the cheapest setting and the plan's."""
+    """For every quantity and accuracy: the cheapest setting and the plan's.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     found = []
     for quantity in QUANTITIES:
         grid, planned = study.of(quantity), study.of(quantity, planned=True)

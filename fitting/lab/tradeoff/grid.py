@@ -59,7 +59,12 @@ FEW_JACOBIAN_STEPS, FEW_ITERATIONS = (1e-2, 1e-4), (1, 2, 3)
 
 
 def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
-    """The whole grid of a scene, each setting once, quantity by quantity."""
+    """The whole grid of a scene, each setting once, quantity by quantity.
+
+    Args:
+        scene: an FMU with start values, tones and truth.
+        quick: whether few settings will do.
+    """
     grid = _Grid(scene, QUICK if quick else Fineness(), quick)
     found = [s for solver in scene.solvers for s in grid.amplitudes(solver)]
     found += grid.held_amplitudes()
@@ -73,7 +78,15 @@ def settings_of(scene: Scene, *, quick: bool = False) -> list[Setting]:
 def setting_of(
     scene: Scene, solver: Solver, resolution: float, start: Start, samples: int
 ) -> Setting:
-    """Amplitudes by whole periods, so many samples in each."""
+    """Amplitudes by whole periods, so many samples in each.
+
+    Args:
+        scene: an FMU with start values, tones and truth.
+        solver: settings that choose a solver.
+        resolution: of the solver: substep or samples, as its kind says.
+        start: how the run begins.
+        samples: number of samples.
+    """
     return Setting(
         quantity=AMPLITUDES,
         solver=solver.name,

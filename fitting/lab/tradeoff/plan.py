@@ -43,13 +43,21 @@ class Planned:
         return [f"Accuracy {self.accuracy:g}: {line}" for line in said]
 
     def amplitudes(self, bench: Bench) -> FloatArray:
-        """Amplitudes at the tones of all drives by the runs that were planned."""
+        """Amplitudes at the tones of all drives by the runs that were planned.
+
+        Args:
+            bench: the laboratory: sample, drives, instrument, noise.
+        """
         answers = bench.run([plan.runs[0] for plan in self.plans])
         pairs = zip(self.plans, answers, strict=True)
         return np.concatenate([plan.read(values)[:, 0] for plan, values in pairs])
 
     def setting(self, scene: Scene) -> Setting:
-        """The choice in the words of the grid, for tables: that of the first drive."""
+        """The choice in the words of the grid, for tables: that of the first drive.
+
+        Args:
+            scene: an FMU with start values, tones and truth.
+        """
         plan, window = self.plans[0], self.plans[0].windows[0]
         values = plan.runs[0].start_values
         own = {solver.variable for solver in scene.solvers}
@@ -77,6 +85,10 @@ def plan_scene(bench: Bench, accuracy: float) -> Planned:
     """Plan every drive of a scene for an accuracy, each by itself.
 
     What may be left out and what sets the accuracy is known from the campaign and the FMU itself.
+
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        accuracy: relative error that is wanted.
 
     Raises:
         BadInput, FmuFailure: as `fitting.simulate.planner.plan_drives`.

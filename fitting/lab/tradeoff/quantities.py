@@ -26,6 +26,11 @@ def values_of(bench: Bench, setting: Setting, reference: Reference | None) -> Fl
 
     A fit to amplitudes takes the reference of the amplitudes as its data.
 
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        setting: of the simulation: solver, settling, samples.
+        reference: truth, or the best that is known.
+
     Raises:
         BadInput: a sweep in which no line can be found.
         FmuFailure: the FMU failed.
@@ -40,12 +45,22 @@ def values_of(bench: Bench, setting: Setting, reference: Reference | None) -> Fl
 
 
 def error_of(values: FloatArray, reference: Reference) -> float:
-    """Largest relative deviation of values from the reference."""
+    """Largest relative deviation of values from the reference.
+
+    Args:
+        values: as they were simulated, any shape.
+        reference: truth, or the best that is known.
+    """
     return largest_change(values, np.array(reference.values))
 
 
 def largest_change(values: FloatArray, truth: FloatArray) -> float:
-    """Largest relative deviation of values from others."""
+    """Largest relative deviation of values from others.
+
+    Args:
+        values: as they were simulated, any shape.
+        truth: true values, of the same shape.
+    """
     return float(np.max(np.abs(values / truth - 1.0)))
 
 

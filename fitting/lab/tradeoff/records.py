@@ -149,7 +149,12 @@ class Study:
         return "processor" if counted else "wall"
 
     def of(self, quantity: str, *, planned: bool = False) -> list[Measurement]:
-        """Measurements of a quantity, the grid's or the plan's."""
+        """Measurements of a quantity, the grid's or the plan's.
+
+        Args:
+            quantity: what is measured of a response.
+            planned: whether the plan's are wanted instead of the grid's.
+        """
         return [
             m
             for m in self.measurements

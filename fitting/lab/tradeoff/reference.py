@@ -39,6 +39,9 @@ CAMPAIGN_FINEST = ((1e-13, 129, 640.0, 201, 4), (1e-11, 65, 320.0, 101, 2))
 def references_of(bench: Bench) -> list[Reference]:
     """References of every quantity of the bench's scene; of a sample none that took an FMU.
 
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+
     Raises:
         FmuFailure: the FMU failed.
         BadInput: no line in a campaign's sweep.
@@ -52,7 +55,12 @@ def references_of(bench: Bench) -> list[Reference]:
 
 
 def exact_references(modes: TwoModes, tones_hz: list[float]) -> list[Reference]:
-    """What linear modes give, from 50-digit arithmetic."""
+    """What linear modes give, from 50-digit arithmetic.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        tones_hz: frequencies of the tones, Hz.
+    """
     peaks = exact.amplitudes(modes, 0, tones_hz)
     width = exact.line_width_hz(modes, 0)
     found = {
@@ -75,6 +83,10 @@ def balanced_references(sample: CubicModes, scene: Scene) -> list[Reference]:
 
     The width is the one that the data are made with; their error shifts it by error over
     sensitivity.
+
+    Args:
+        sample: the oscillators.
+        scene: an FMU with start values, tones and truth.
     """
     value, before = (_balanced(sample, scene, order) for order in (ORDER, COARSE_ORDER))
     error = max(largest_change(value, before), CLOSED)

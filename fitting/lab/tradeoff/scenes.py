@@ -121,18 +121,30 @@ class Scene:
         return max(p if p <= LONGEST_PERIOD_S else BEATS * self.beat_s for p in periods)
 
     def settling_s(self, left: float) -> float:
-        """Time after which exp(-pi w t) is that, s."""
+        """Time after which exp(-pi w t) is that, s.
+
+        Args:
+            left: share that may be left of a transient.
+        """
         return math.log(1.0 / left) / (math.pi * self.width_hz)
 
     def single_tone(self, tone_hz: float) -> Drive:
-        """The drive by one tone alone, as at a point of a sweep."""
+        """The drive by one tone alone, as at a point of a sweep.
+
+        Args:
+            tone_hz: frequency of the tone, Hz.
+        """
         values: dict[str, Scalar] = {}
         if self.tone:
             values = {self.tone: convert(tone_hz, "Hz", self.tone_unit, where="sweep")}
         return replace(_with(self.single, values), tones_hz=(tone_hz,))
 
     def scaled(self, factor: float) -> Scene:
-        """The scene with all damping, and so the line width, times a factor."""
+        """The scene with all damping, and so the line width, times a factor.
+
+        Args:
+            factor: by which amplitudes are multiplied.
+        """
         start = self.single.start_values
         widths = {name: float(start[name]) * factor for name in self.damping}
         return replace(
@@ -148,6 +160,11 @@ class Scene:
         """Start values of a solver at a resolution; every setting of a scene sets the same ones.
 
         Then all runs share one layout, and the workers prove only once that a reset may vary them.
+
+        Args:
+            solver: settings that choose a solver.
+            resolution: of the solver: substep or samples, as its kind says.
+            periodic: whether the run begins on its periodic orbit.
         """
         values: dict[str, Scalar] = {other.variable: 0.0 for other in self.solvers}
         for other in reversed(self.solvers):
@@ -236,6 +253,9 @@ BUILT_IN = tuple(_SCENES)
 
 def scene_named(name: str) -> Scene:
     """A built-in scene.
+
+    Args:
+        name: of the scene.
 
     Raises:
         BadInput: no such scene.

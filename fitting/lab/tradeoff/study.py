@@ -93,6 +93,13 @@ def run_study(
     spoil one kind of them, and an interrupted study has some of each. Ctrl-C ends it as
     "interrupted" with all that is finished.
 
+    Args:
+        scene: an FMU with start values, tones and truth.
+        workers: processes that run the FMU.
+        options: accuracies, quantities, seed.
+        memory: what earlier runs have left.
+        tell: is called with a line of progress.
+
     Raises:
         FmuFailure: the FMU failed for the reference.
         BadInput: names or values that do not fit the FMU.
@@ -158,6 +165,13 @@ def again(
 
     The cheapest of hundreds of timings is a lucky one; and what is compared with each other should
     have met the same machine.
+
+    Args:
+        bench: the laboratory: sample, drives, instrument, noise.
+        found: measurements so far.
+        planned: plan for each accuracy.
+        accuracies: relative errors that are wanted.
+        rounds: how often each is measured again.
     """
     peaks = [m for m in found if m.setting.quantity == AMPLITUDES and not m.extrapolated]
     finalists = [m for m in peaks if m.planned_for in planned]

@@ -20,13 +20,22 @@ from fitting.text.notation import plain
 
 
 def save_figures(design: Design, folder: Path) -> list[FigureFile]:
-    """Draw and write the figures of a design."""
+    """Draw and write the figures of a design.
+
+    Args:
+        design: the proposed next measurement.
+        folder: where the files go.
+    """
     with style():
         return [save(drawing, folder) for drawing in (draw_steps(design), draw_kinds(design))]
 
 
 def draw_steps(design: Design) -> Drawing:
-    """Expected sigma of the target over the number of proposed measurements."""
+    """Expected sigma of the target over the number of proposed measurements.
+
+    Args:
+        design: the proposed next measurement.
+    """
     title = f"Expected error of {plain(design.target)} with the proposed measurements"
     figure = new_figure(title, design.title, synthetic=design.synthetic, height=3.9)
     axes = plot.expected_errors(design, ax=figure.subplots())
@@ -40,7 +49,11 @@ def draw_steps(design: Design) -> Drawing:
 
 
 def draw_kinds(design: Design) -> Drawing:
-    """Expected sigma of the target by kinds of candidates, alone and beside the proposed."""
+    """Expected sigma of the target by kinds of candidates, alone and beside the proposed.
+
+    Args:
+        design: the proposed next measurement.
+    """
     title = f"Candidates: {plain(design.target)} after one of them"
     height = 1.9 + 0.23 * len(best_kinds(design))
     figure = new_figure(title, design.title, synthetic=design.synthetic, height=height)

@@ -23,6 +23,10 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
 
     A parameter alone in its unit is drawn as its value, several of one unit as corrections
     p - p_ref, which makes them comparable.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
     """
     title = "Convergence over the regularisation ν"
     groups, outputs = _groups(result), list(result.derived)
@@ -74,7 +78,12 @@ def _groups(result: Result) -> list[list[str]]:
 
 
 def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
-    """Derived outputs of every experiment with mean and spread, and whether the data give them."""
+    """Derived outputs of every experiment with mean and spread, and whether the data give them.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     title = "Derived quantities per experiment"
     columns = min(PER_ROW, len(result.derived))
     rows = math.ceil(len(result.derived) / columns)

@@ -20,7 +20,13 @@ MOST_PROFILES, MOST_TOGETHER, MOST_OUTPUTS = 18, 4, 4
 
 
 def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> list[Drawing]:
-    """Every figure that there is something for, in order."""
+    """Every figure that there is something for, in order.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+        title: of the campaign.
+        synthetic: whether the data are synthetic, which the figure then says.
+    """
     drawn = [draw_profiles(knowledge, title, synthetic=synthetic)]
     if len(_together(knowledge)) > 1:
         drawn.append(draw_together(knowledge, title, synthetic=synthetic))
@@ -32,7 +38,13 @@ def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> l
 
 
 def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
-    """Profile likelihood of every value with the thresholds of its intervals."""
+    """Profile likelihood of every value with the thresholds of its intervals.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+        campaign: title of the campaign.
+        synthetic: whether the data are synthetic, which the figure then says.
+    """
     title = "Profile likelihood: how far each value can go"
     shown = dict(list(knowledge.profiles.items())[:MOST_PROFILES])
     rows = math.ceil(len(shown) / PER_ROW)
@@ -76,7 +88,13 @@ def _together(knowledge: Knowledge) -> list[str]:
 
 
 def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
-    """Parameters against each other over all fits that the profiles went through."""
+    """Parameters against each other over all fits that the profiles went through.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+        campaign: title of the campaign.
+        synthetic: whether the data are synthetic, which the figure then says.
+    """
     title = "Which parameter values go together"
     pairs = list(itertools.combinations(_together(knowledge), 2))
     rows = math.ceil(len(pairs) / PER_ROW)
@@ -115,7 +133,13 @@ def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
 
 
 def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
-    """Derived outputs over the least determined parameter, with their prior and data intervals."""
+    """Derived outputs over the least determined parameter, with their prior and data intervals.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+        campaign: title of the campaign.
+        synthetic: whether the data are synthetic, which the figure then says.
+    """
     title = "What the least determined parameter leaves open"
     chosen = _along(knowledge)
     if chosen is None:
@@ -139,7 +163,13 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
 
 
 def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
-    """L-curve, discrepancy, and the result at every nu against the prior."""
+    """L-curve, discrepancy, and the result at every nu against the prior.
+
+    Args:
+        nu: choices of ν, and what each is based on.
+        campaign: title of the campaign.
+        synthetic: whether the data are synthetic, which the figure then says.
+    """
     title = "The regularisation ν that the data would choose"
     figure = new_figure(title, campaign, synthetic=synthetic, height=3.4)
     curve, squares, ways = figure.subplots(1, 3)

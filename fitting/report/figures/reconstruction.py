@@ -30,6 +30,11 @@ def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Fi
 
     The same result gives the same bytes.
 
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+        out_dir: where the files go.
+
     Raises:
         BadInput: the folder cannot be written.
     """
@@ -59,7 +64,12 @@ def _named(drawing: Drawing, series: str) -> Drawing:
 def figures_of(
     result: Result, data: ShownCampaign
 ) -> list[Callable[[Result, ShownCampaign], Drawing]]:
-    """The figures to draw, in order: those of peaks need experiments, the last one a sweep."""
+    """The figures to draw, in order: those of peaks need experiments, the last one a sweep.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     draws: list[Callable[[Result, ShownCampaign], Drawing]] = []
     if result.peaks:
         draws += [draw_drive, draw_spectra, draw_over_frequency, draw_improvement]

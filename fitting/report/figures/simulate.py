@@ -25,7 +25,15 @@ MOST_MIXED = 4
 def save_figures(
     result: DriveResponse, model: str, units: Sequence[str], folder: Path, mixed: Named = ()
 ) -> list[Path]:
-    """Draw and write both figures; the files written."""
+    """Draw and write both figures; the files written.
+
+    Args:
+        result: of the drive.
+        model: name of the model, for the titles.
+        units: of the outputs, in their order.
+        folder: where the files go.
+        mixed: amplitudes at combinations of the tones, by name.
+    """
     with style():
         drawings = draw_trace(result, model, units), draw_spectrum(result, model, units, mixed)
         saved = [save(drawing, folder) for drawing in drawings]
@@ -33,7 +41,13 @@ def save_figures(
 
 
 def draw_trace(result: DriveResponse, model: str, units: Sequence[str]) -> Drawing:
-    """The envelope over two beats, beside it some periods at the envelope's maximum."""
+    """The envelope over two beats, beside it some periods at the envelope's maximum.
+
+    Args:
+        result: of the drive.
+        model: name of the model.
+        units: of the outputs, in their order.
+    """
     outputs = _oscillating(result)
     beats = result.beating is not None
     title = "Beating under a two-tone drive" if beats else "Steady response to the drive"
@@ -66,6 +80,12 @@ def draw_spectrum(
     """Amplitudes over frequency, a panel per output, the tones labelled with their peaks.
 
     The first of the lines ``mixed``, at combinations of the tones, are marked by their names.
+
+    Args:
+        result: of the drive.
+        model: name of the model.
+        units: of the outputs, in their order.
+        mixed: amplitudes at combinations of the tones, by name.
     """
     outputs = _oscillating(result)
     title = "Amplitude spectrum of the response"
@@ -102,14 +122,27 @@ def _tones_text(result: DriveResponse) -> str:
 
 
 def save_frf(result: SweepResponse, model: str, unit: str, folder: Path) -> list[Path]:
-    """Draw and write the figure; the files written."""
+    """Draw and write the figure; the files written.
+
+    Args:
+        result: of the sweep.
+        model: name of the model.
+        unit: of the values.
+        folder: where the files go.
+    """
     with style():
         file = save(draw_frf(result, model, unit), folder)
     return [file.png, file.svg]
 
 
 def draw_frf(result: SweepResponse, model: str, unit: str) -> Drawing:
-    """Amplitude over frequency, each way with a marker of its own."""
+    """Amplitude over frequency, each way with a marker of its own.
+
+    Args:
+        result: of the sweep.
+        model: name of the model.
+        unit: of the values.
+    """
     sweep = result.sweep
     title = f"Amplitude of {sweep.output} under a moved tone"
     figure = new_figure(title, model, synthetic=False, height=3.4)

@@ -95,7 +95,15 @@ def style() -> Iterator[None]:
 def new_figure(
     title: str, campaign: str, *, synthetic: bool, height: float, width: float = WIDTH
 ) -> Figure:
-    """An empty figure of that size in inches under its title, with the synthetic mark if due."""
+    """An empty figure of that size in inches under its title, with the synthetic mark if due.
+
+    Args:
+        title: of the campaign.
+        campaign: title of the campaign.
+        synthetic: whether the data are synthetic, which the figure then says.
+        height: of the figure, inch.
+        width: of the figure, inch.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     room = int(width * 13) - (24 if synthetic else 0)
     shown = textwrap.shorten(campaign, room, placeholder=" …").replace("$", r"\$")
@@ -118,6 +126,10 @@ def new_figure(
 
 def save(drawing: Drawing, folder: Path) -> FigureFile:
     """Write a drawing as SVG and PNG, whole or not at all.
+
+    Args:
+        drawing: figure with its name, title and caption.
+        folder: where the files go.
 
     Raises:
         BadInput: the folder cannot be written.
@@ -143,7 +155,13 @@ def save(drawing: Drawing, folder: Path) -> FigureFile:
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:
-    """So many axes in rows of at most ``most``."""
+    """So many axes in rows of at most ``most``.
+
+    Args:
+        figure: to draw into.
+        count: number of axes.
+        most: axes in a row at most.
+    """
     columns = min(most, count)
     grid = list(figure.subplots(math.ceil(count / columns), columns, squeeze=False).flat)
     for unused in grid[count:]:
@@ -152,7 +170,11 @@ def panels(figure: Figure, count: int, most: int) -> list[Axes]:
 
 
 def handles_of(axes: Axes) -> list[Artist]:
-    """What axes want in a legend."""
+    """What axes want in a legend.
+
+    Args:
+        axes: axes to draw into.
+    """
     return list(axes.get_legend_handles_labels()[0])
 
 
@@ -160,6 +182,11 @@ def legend_below(figure: Figure, handles: Sequence[Artist], *, ncols: int) -> No
     """A legend of the whole figure, under its panels, where it can hide nothing.
 
     Long names get fewer columns, many rows a taller figure.
+
+    Args:
+        figure: to draw into.
+        handles: what the legend explains.
+        ncols: columns of the legend.
     """
     bare = (re.sub(r"\\mathrm|[${}_\\]", "", str(handle.get_label())) for handle in handles)
     longest = max(map(len, bare))

@@ -12,7 +12,12 @@ from fitting.result.result import Result, SweepCurves
 
 
 def draw_response(result: Result, data: ShownCampaign) -> Drawing:
-    """The laboratory's frequency response with its resonance fit, and the simulated sweep."""
+    """The laboratory's frequency response with its resonance fit, and the simulated sweep.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     sweep, curves = data.sweep, result.sweep
     if sweep is None or curves is None:
         raise ValueError("a campaign without a sweep has no frequency response to draw")

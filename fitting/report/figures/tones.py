@@ -37,7 +37,12 @@ SPECTRUM_WIDTH = 2.05
 
 
 def draw_drive(result: Result, data: ShownCampaign) -> Drawing:
-    """The drive of every experiment over time: envelope of its beating, and a close-up of it."""
+    """The drive of every experiment over time: envelope of its beating, and a close-up of it.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     shown = data.tones[:MOST_DRIVES]
     title = "Drive over time"
     height = 1.6 + max(2.2, 0.72 * len(shown))
@@ -86,7 +91,12 @@ def _beat_words(experiment: ShownTones) -> str:
 
 
 def draw_spectra(result: Result, data: ShownCampaign) -> Drawing:
-    """Spectra as measured, and simulated amplitudes at the tones, before and after the fit."""
+    """Spectra as measured, and simulated amplitudes at the tones, before and after the fit.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     shown = data.tones[:MOST_SPECTRA]
     columns = min(len(shown), SPECTRA_PER_ROW)
     title = "Spectra, measured and simulated"
@@ -173,6 +183,10 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
 
     The range through which a drifting variable moved is shaded where it lies among the drive
     frequencies.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
     """
     title = "Deviation over drive frequency"
     figure = new_figure(title, data.title, synthetic=data.synthetic, height=4.7)
@@ -197,7 +211,12 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
 
 
 def draw_improvement(result: Result, data: ShownCampaign) -> Drawing:
-    """Final deviation in percent of the initial one, for every tone."""
+    """Final deviation in percent of the initial one, for every tone.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     title = "Improvement: deviation after the fit, in % of the one before"
     figure = new_figure(title, data.title, synthetic=data.synthetic, height=4.3)
     axes = plot.improvement(result, ax=figure.subplots())
@@ -222,6 +241,10 @@ def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
 
     Error bars are sigma/z*; the lower panel is (chi z - z*)/sigma, so that one wrong peak stands
     out however large the deviations are.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
     """
     title = "Deviation per experiment"
     figure = new_figure(title, data.title, synthetic=data.synthetic, height=5.8)

@@ -52,13 +52,22 @@ HEADINGS = {
 
 
 def save_figures(study: Study, folder: Path) -> list[FigureFile]:
-    """Draw and write the figure of a study."""
+    """Draw and write the figure of a study.
+
+    Args:
+        study: errors and costs of every setting.
+        folder: where the files go.
+    """
     with style():
         return [save(draw(study), folder)]
 
 
 def draw(study: Study) -> Drawing:
-    """Error over cost, a panel per quantity; the plan's choices joined to what was asked."""
+    """Error over cost, a panel per quantity; the plan's choices joined to what was asked.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     shown = [q for q in QUANTITIES if study.of(q)]
     title = "Accuracy against cost"
     figure = new_figure(

@@ -32,7 +32,11 @@ LONGEST_NAME = 24
 
 
 def axes_of(ax: Axes | None) -> Axes:
-    """The axes that were given, else pyplot's current ones."""
+    """The axes that were given, else pyplot's current ones.
+
+    Args:
+        ax: axes to draw into, None for new ones.
+    """
     if ax is not None:
         return ax
     from matplotlib import pyplot  # opens a window system: only where the axes are left to it
@@ -49,6 +53,10 @@ def short(text: str, longest: int) -> str:
     """A name cut to so many characters, dollar signs escaped for matplotlib.
 
     The middle goes: names in a row mostly differ at their ends.
+
+    Args:
+        text: as it was written.
+        longest: characters at most.
     """
     tail = longest // 2
     cut = text if len(text) <= longest else f"{text[: longest - 1 - tail]}…{text[-tail:]}"
@@ -56,17 +64,31 @@ def short(text: str, longest: int) -> str:
 
 
 def marker_of(index: int) -> str:
-    """Marker shape of an experiment, the same in all figures."""
+    """Marker shape of an experiment, the same in all figures.
+
+    Args:
+        index: place in the series of looks.
+    """
     return MARKERS[index % len(MARKERS)]
 
 
 def series_look(index: int) -> tuple[str, str]:
-    """Colour and marker of a series within a panel."""
+    """Colour and marker of a series within a panel.
+
+    Args:
+        index: place in the series of looks.
+    """
     return SERIES[index % len(SERIES)], SERIES_MARKERS[index % len(SERIES_MARKERS)]
 
 
 def plain_ticks(axes: Axes, *, x: int = 5, y: int = 5) -> None:
-    """Few round ticks written in full: offsets and powers are named in the axis label instead."""
+    """Few round ticks written in full: offsets and powers are named in the axis label instead.
+
+    Args:
+        axes: axes to draw into.
+        x: ticks of the horizontal axis at most, 0: as they are.
+        y: ticks of the vertical axis at most, 0: as they are.
+    """
     for axis, count in ((axes.xaxis, x), (axes.yaxis, y)):
         plain = ScalarFormatter(useOffset=False)
         plain.set_scientific(False)
@@ -75,7 +97,11 @@ def plain_ticks(axes: Axes, *, x: int = 5, y: int = 5) -> None:
 
 
 def log_axis(axes: Axes) -> None:
-    """A logarithmic y axis whose ticks are written as numbers, not as bare powers."""
+    """A logarithmic y axis whose ticks are written as numbers, not as bare powers.
+
+    Args:
+        axes: axes to draw into.
+    """
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0,), numticks=8))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
@@ -83,12 +109,21 @@ def log_axis(axes: Axes) -> None:
 
 
 def say_empty(axes: Axes, words: str = "the model has no value here") -> None:
-    """Say in the middle of an empty panel why it is empty."""
+    """Say in the middle of an empty panel why it is empty.
+
+    Args:
+        axes: axes to draw into.
+        words: as they are shown.
+    """
     axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes, color=GREY)
 
 
 def experiment_handles(labels: Sequence[str]) -> list[Line2D]:
-    """Legend entries that tell which marker is which experiment."""
+    """Legend entries that tell which marker is which experiment.
+
+    Args:
+        labels: of the experiments.
+    """
     return [
         Line2D(
             [],
@@ -104,7 +139,12 @@ def experiment_handles(labels: Sequence[str]) -> list[Line2D]:
 
 
 def label_experiments(axes: Axes, labels: Sequence[str]) -> None:
-    """An x axis with a tick per experiment, turned where the labels would meet."""
+    """An x axis with a tick per experiment, turned where the labels would meet.
+
+    Args:
+        axes: axes to draw into.
+        labels: of the experiments.
+    """
     width = _width_inches(axes)
     step = math.ceil(0.17 * len(labels) / (width - 0.9))  # turned labels need that many inches
     shown = range(0, len(labels), max(1, step))

@@ -95,7 +95,11 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
 
 
 def best_kinds(design: Design) -> list[Kind]:
-    """The kinds of candidates that are drawn, the best last."""
+    """The kinds of candidates that are drawn, the best last.
+
+    Args:
+        design: the proposed next measurement.
+    """
     return sorted(design.kinds, key=lambda kind: kind.beside)[:MOST_KINDS][::-1]
 
 

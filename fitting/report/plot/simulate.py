@@ -92,7 +92,11 @@ def drive_periods(
 
 
 def beats_s(experiments: Sequence[ShownTones]) -> float:
-    """Time of two beats of the drive that beats slowest, s; of twenty periods if none beats."""
+    """Time of two beats of the drive that beats slowest, s; of twenty periods if none beats.
+
+    Args:
+        experiments: as they are shown.
+    """
     gaps = [max(e.tones_hz) - min(e.tones_hz) for e in experiments if len(e.tones_hz) > 1]
     gaps = [gap for gap in gaps if gap > 0.0]
     return BEATS / min(gaps) if gaps else 20.0 / min(max(e.tones_hz) for e in experiments)
@@ -277,7 +281,11 @@ def _mark_mixed(axes: Axes, k: int, at: float, height: float, label: str) -> Non
 
 
 def tone_text(tone_hz: float) -> str:
-    """A tone in a unit that reads well: "6.94016 MHz"."""
+    """A tone in a unit that reads well: "6.94016 MHz".
+
+    Args:
+        tone_hz: frequency of the tone, Hz.
+    """
     factor, unit = prefixed(tone_hz, "Hz")
     return f"{number(tone_hz / factor, 10)} {unit}"
 

@@ -113,7 +113,11 @@ def response_residuals(
 
 
 def resonance_words(resonance: Resonance) -> list[str]:
-    """Eigenfrequency, full width and Q of a fitted mode, each with its standard deviation."""
+    """Eigenfrequency, full width and Q of a fitted mode, each with its standard deviation.
+
+    Args:
+        resonance: fitted to the sweep.
+    """
     return [
         f"η = {with_error(resonance.eta_hz, resonance.eta_std_hz, 'Hz')}",
         f"full width = {with_error(resonance.width_hz, resonance.width_std_hz, 'Hz')}",

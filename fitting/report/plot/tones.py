@@ -92,7 +92,12 @@ def spectrum(
 def spectrum_scales(
     experiments: Sequence[ShownTones], peaks: Sequence[Peak] = ()
 ) -> tuple[Scaling, Scaling]:
-    """Scales of frequency and amplitude that suit several spectra."""
+    """Scales of frequency and amplitude that suit several spectra.
+
+    Args:
+        experiments: as they are shown.
+        peaks: measured and simulated peaks.
+    """
     along = scaling_for([tone for e in experiments for tone in e.read_hz], "Hz")
     factor, unit = prefixed(_highest(experiments, peaks), experiments[0].unit)
     return along, Scaling(offset=0.0, factor=factor, unit=unit)
@@ -214,12 +219,20 @@ def improvement(result: Result, *, ax: Axes | None = None) -> Axes:
 
 
 def improvement_percent(result: Result) -> list[float]:
-    """100 final/initial deviation per peak; nan where a peak was matched exactly before."""
+    """100 final/initial deviation per peak; nan where a peak was matched exactly before.
+
+    Args:
+        result: of a reconstruction.
+    """
     return [_share(before, after) for _, before, after in _pairs(result)]
 
 
 def mean_improvement_percent(result: Result) -> float:
-    """100 final/initial mean deviation; nan where all peaks were matched exactly before."""
+    """100 final/initial mean deviation; nan where all peaks were matched exactly before.
+
+    Args:
+        result: of a reconstruction.
+    """
     return _share(result.deviations.initial.mean, result.deviations.final.mean)
 
 
@@ -311,7 +324,11 @@ def residuals(result: Result, *, ax: Axes | None = None) -> Axes:
 
 
 def residuals_in_sigmas(result: Result) -> list[float]:
-    """(chi z - z*)/sigma per peak after the fit; nan where sigma is not known."""
+    """(chi z - z*)/sigma per peak after the fit; nan where sigma is not known.
+
+    Args:
+        result: of a reconstruction.
+    """
     return [
         (p.final_v - p.measured_v) / p.sigma_v if p.sigma_v > 0.0 else math.nan
         for p in result.peaks
@@ -319,7 +336,11 @@ def residuals_in_sigmas(result: Result) -> list[float]:
 
 
 def notable(residuals: Sequence[float]) -> list[int]:
-    """Places of residuals beyond the notable number of sigmas, worst first."""
+    """Places of residuals beyond the notable number of sigmas, worst first.
+
+    Args:
+        residuals: one per point, relative.
+    """
     found = [k for k, r in enumerate(residuals) if math.isfinite(r) and abs(r) > NOTABLE_SIGMA]
     return sorted(found, key=lambda k: -abs(residuals[k]))
 
@@ -327,7 +348,12 @@ def notable(residuals: Sequence[float]) -> list[int]:
 def drift_among(
     tones_hz: Sequence[float], drift_hz: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Drifting frequencies that lie among the tones or within their range of them."""
+    """Drifting frequencies that lie among the tones or within their range of them.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        drift_hz: range of the drift of each value, Hz.
+    """
     margin = max(max(tones_hz) - min(tones_hz), 1e-9 * max(tones_hz))
     low, high = min(tones_hz) - margin, max(tones_hz) + margin
     return {n: ends for n, ends in drift_hz.items() if low <= min(ends) and max(ends) <= high}

@@ -17,7 +17,11 @@ Ending = tuple[tuple[str, str], list[str]]
 
 
 def history_table(result: Result) -> Table:
-    """A row per level of nu of the reported chain."""
+    """A row per level of nu of the reported chain.
+
+    Args:
+        result: of a reconstruction.
+    """
     columns: list[Column[HistoryRow]] = [
         Column("level", lambda row: "start" if row.level < 0 else str(row.level), role="name"),
         Column("ν", lambda row: row.nu, write=on_log_axis),
@@ -64,7 +68,11 @@ ENDINGS: tuple[Column[Ending], ...] = (
 
 
 def ending_table(result: Result) -> Table:
-    """How the levels ended, those with the same words together."""
+    """How the levels ended, those with the same words together.
+
+    Args:
+        result: of a reconstruction.
+    """
     groups: dict[tuple[str, str], list[str]] = {}
     for row in result.history:
         if row.level >= 0:
@@ -73,7 +81,11 @@ def ending_table(result: Result) -> Table:
 
 
 def alternative_table(result: Result) -> Table:
-    """Every discrete alternative with where it ended."""
+    """Every discrete alternative with where it ended.
+
+    Args:
+        result: of a reconstruction.
+    """
     columns: list[Column[AlternativeResult]] = [
         Column("alternative", lambda a: settings_words(a.settings) or "the only one", role="name")
     ]
@@ -97,7 +109,11 @@ def _rank(alternative: AlternativeResult) -> str:
 
 
 def start_table(result: Result) -> Table:
-    """Every start of every alternative: where it began and where it led."""
+    """Every start of every alternative: where it began and where it led.
+
+    Args:
+        result: of a reconstruction.
+    """
     names = list(result.parameters)
     columns: tuple[Column[Start], ...] = (
         Column(

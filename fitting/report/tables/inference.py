@@ -24,7 +24,11 @@ Named = tuple[str, Profile]
 
 
 def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
-    """Profiles, directions, equivalent minima, choice of nu, bootstrap: those that exist."""
+    """Profiles, directions, equivalent minima, choice of nu, bootstrap: those that exist.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     made = [profile_table(knowledge), direction_table(knowledge), equivalent_table(knowledge)]
     if knowledge.nu is not None and knowledge.nu.rows:
         made.append(nu_table(knowledge.nu))
@@ -52,7 +56,11 @@ PROFILES: tuple[Column[Named], ...] = (
 
 
 def profile_table(knowledge: Knowledge) -> Table:
-    """A row per parameter and output: intervals, how they end, shrinkage, verdict."""
+    """A row per parameter and output: intervals, how they end, shrinkage, verdict.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     return tabulate(
         "Profile likelihood",
         PROFILES,
@@ -64,7 +72,11 @@ def profile_table(knowledge: Knowledge) -> Table:
 
 
 def direction_table(knowledge: Knowledge) -> Table | None:
-    """Singular values with their directions; what was tried along those that nothing sees."""
+    """Singular values with their directions; what was tried along those that nothing sees.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     if not knowledge.directions:
         return None
     columns: list[Column[tuple[int, Direction]]] = [
@@ -101,14 +113,22 @@ EQUIVALENTS: tuple[Column[tuple[int, Equivalent]], ...] = (
 
 
 def equivalent_table(knowledge: Knowledge) -> Table | None:
-    """Other points that fit as well; None without any."""
+    """Other points that fit as well; None without any.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     if not knowledge.equivalents:
         return None
     return tabulate("Equivalent minima", EQUIVALENTS, enumerate(knowledge.equivalents, start=1))
 
 
 def nu_table(nu: NuChoice) -> Table:
-    """The result at every nu, with what the criteria say of it."""
+    """The result at every nu, with what the criteria say of it.
+
+    Args:
+        nu: choices of ν, and what each is based on.
+    """
     columns: list[Column[NuRow]] = [
         Column("ν", lambda row: row.nu, write=on_log_axis),
         Column("J_fit", lambda row: row.j_fit, digits=6),
@@ -139,7 +159,11 @@ def _criteria(nu: NuChoice, row: NuRow) -> str:
 
 
 def bootstrap_table(knowledge: Knowledge) -> Table | None:
-    """Percentile intervals of the bootstrap beside those of the profiles; None without one."""
+    """Percentile intervals of the bootstrap beside those of the profiles; None without one.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     found = knowledge.bootstrap
     if found is None or not found.values:
         return None

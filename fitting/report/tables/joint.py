@@ -23,7 +23,11 @@ SERIES: tuple[Column[SeriesPart], ...] = (
 
 
 def joint_tables(result: Result) -> tuple[Table, ...]:
-    """Campaigns of a joint fit: scale and fit of each, and what each determines alone."""
+    """Campaigns of a joint fit: scale and fit of each, and what each determines alone.
+
+    Args:
+        result: of a reconstruction.
+    """
     if result.joint is None:
         return ()
     series = result.joint.series

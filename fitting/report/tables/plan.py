@@ -17,7 +17,11 @@ DECISIONS: tuple[Column[Decision], ...] = (
 
 
 def plan_table(plan: PlanRecord) -> Table:
-    """A row per decision, the sum of the bounds against the wanted accuracy below."""
+    """A row per decision, the sum of the bounds against the wanted accuracy below.
+
+    Args:
+        plan: settings, settling and windows, with what they promise.
+    """
     kept = plan.promised <= plan.wanted
     made = tabulate(
         "Decisions and their bounds",

@@ -37,7 +37,11 @@ LINE: tuple[Column[Quantity], ...] = (
 
 
 def line_table(line: SweepLine) -> Table | None:
-    """The resonance of the sweep by itself beside the instrument's own estimate."""
+    """The resonance of the sweep by itself beside the instrument's own estimate.
+
+    Args:
+        line: that the sweep shows by itself.
+    """
     if math.isnan(line.frequency_hz):
         return None
     factor, unit = prefixed(abs(line.amplitude), line.unit)

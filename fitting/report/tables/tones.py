@@ -19,7 +19,12 @@ def _percent(before: float, after: float) -> float:
 
 
 def deviation_table(result: Result, data: ShownCampaign) -> Table | None:
-    """Every peak: measured, simulated before and after, deviations; None without peaks."""
+    """Every peak: measured, simulated before and after, deviations; None without peaks.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     if not result.peaks:
         return None
     unit, top = data.unit, max(p.measured_v for p in result.peaks)
@@ -62,7 +67,12 @@ MEANS: tuple[Column[Mean], ...] = (
 
 
 def mean_deviation_table(result: Result, data: ShownCampaign) -> Table:
-    """Mean deviations per experiment and overall, before and after."""
+    """Mean deviations per experiment and overall, before and after.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     first, last = result.deviations.initial, result.deviations.final
     labels = data.labels or ("sweep",)
     means = [*zip(labels, first.per_experiment, last.per_experiment, strict=False)]

@@ -21,7 +21,11 @@ from fitting.text.notation import number, prefixed
 
 
 def words(setting: Setting) -> str:
-    """A setting in words."""
+    """A setting in words.
+
+    Args:
+        setting: of the simulation: solver, settling, samples.
+    """
     parts = [setting.solver]
     if setting.resolution_kind == TOLERANCE:
         parts.append(f"tolerance {number(setting.resolution, 3)}")
@@ -43,7 +47,11 @@ def words(setting: Setting) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """A time with a prefix, three digits; minutes and hours in s."""
+    """A time with a prefix, three digits; minutes and hours in s.
+
+    Args:
+        seconds: time, s.
+    """
     if not math.isfinite(seconds):
         return "–"
     factor, unit = prefixed(seconds, "s") if seconds < 1.0 else (1.0, "s")
@@ -51,19 +59,32 @@ def time_text(seconds: float) -> str:
 
 
 def error_text(m: Measurement | None) -> str:
-    """An error; one that is the reference's own as a bound."""
+    """An error; one that is the reference's own as a bound.
+
+    Args:
+        m: error and cost, None where it was not measured.
+    """
     return "–" if m is None else f"{'≤ ' if m.bounded else ''}{number(m.error, 2)}"
 
 
 def cost_text(m: Measurement | None) -> str:
-    """A cost; one that was not run is called so."""
+    """A cost; one that was not run is called so.
+
+    Args:
+        m: error and cost, None where it was not measured.
+    """
     if m is None:
         return "–"
     return time_text(m.cost_s) + (" (extrapolated)" if m.extrapolated else "")
 
 
 def reference_sentence(study: Study, quantity: str) -> str:
-    """What errors of a quantity are measured from."""
+    """What errors of a quantity are measured from.
+
+    Args:
+        study: errors and costs of every setting.
+        quantity: what is measured of a response.
+    """
     for reference in study.references:
         if reference.quantity == quantity:
             return f"Errors from: {reference.source}; its own error {number(reference.error, 2)}."
@@ -74,7 +95,11 @@ def reference_sentence(study: Study, quantity: str) -> str:
 
 
 def csv_of(study: Study) -> str:
-    """A row per setting; cells that have no number are empty."""
+    """A row per setting; cells that have no number are empty.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     fronts = {id(m) for quantity in QUANTITIES for m in pareto(study.of(quantity))}
     columns: tuple[Column[Measurement], ...] = (
         Column("scene", lambda m: study.scene),
@@ -151,7 +176,11 @@ def _planned_error(choice: Choice) -> Cell:
 
 
 def choice_tables(study: Study) -> dict[str, Table]:
-    """For this accuracy: these settings, by quantity; the plan's where it was asked."""
+    """For this accuracy: these settings, by quantity; the plan's where it was asked.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     rows: dict[str, list[Choice]] = {}
     for choice in choices(study):
         rows.setdefault(choice.quantity, []).append(choice)
@@ -167,7 +196,11 @@ def choice_tables(study: Study) -> dict[str, Table]:
 
 
 def front_tables(study: Study) -> list[Table]:
-    """The Pareto front of every quantity."""
+    """The Pareto front of every quantity.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     return [
         tabulate(f"Pareto front ({quantity})", FRONT, pareto(study.of(quantity)))
         for quantity in QUANTITIES
@@ -176,7 +209,11 @@ def front_tables(study: Study) -> list[Table]:
 
 
 def markdown(study: Study) -> str:
-    """All tables as Markdown, a heading per quantity."""
+    """All tables as Markdown, a heading per quantity.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     lines = [f"# {study.title}: accuracy against cost", "", f"{study.description}.", ""]
     if study.synthetic:
         lines += ["Synthetic: simulated, not measured on a device.", ""]
@@ -190,7 +227,11 @@ def markdown(study: Study) -> str:
 
 
 def terminal(study: Study) -> list[str]:
-    """The tables in lines of text."""
+    """The tables in lines of text.
+
+    Args:
+        study: errors and costs of every setting.
+    """
     lines = [f"{study.title}: accuracy against cost ({study.description})", ""]
     for quantity, table in choice_tables(study).items():
         lines.append(quantity)

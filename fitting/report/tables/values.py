@@ -48,18 +48,30 @@ class Value:
 
 
 def verdict(identifiable: str) -> Cell:
-    """A verdict with its colour."""
+    """A verdict with its colour.
+
+    Args:
+        identifiable: how far the data determine it.
+    """
     marks = dict(zip(IDENTIFIABLE, ("yes", "partly", "no"), strict=True))
     return Cell(identifiable, mark=marks.get(identifiable, ""))
 
 
 def interval(bounds: tuple[float, float]) -> Cell:
-    """An interval, a dash where it has no ends."""
+    """An interval, a dash where it has no ends.
+
+    Args:
+        bounds: lower and upper end.
+    """
     return Cell(span(*bounds)) if all(map(math.isfinite, bounds)) else Cell("–")
 
 
 def values_of(result: Result) -> list[Value]:
-    """Every value of a result: parameters, derived outputs, values of single experiments."""
+    """Every value of a result: parameters, derived outputs, values of single experiments.
+
+    Args:
+        result: of a reconstruction.
+    """
     found = [
         Value(name=name, digits=8, low=p.lower, high=p.upper, reference=p.reference, found=p)
         for name, p in result.parameters.items()
@@ -97,7 +109,11 @@ VALUES: tuple[Column[Value], ...] = (
 
 
 def values_table(result: Result) -> Table:
-    """Everything that was fitted or derived, and what the data say of it, in short."""
+    """Everything that was fitted or derived, and what the data say of it, in short.
+
+    Args:
+        result: of a reconstruction.
+    """
     return tabulate(result.title, VALUES, values_of(result))
 
 
@@ -116,7 +132,11 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
 
 
 def parameter_table(result: Result) -> Table:
-    """Fitted parameters with unit, error, interval, prior, and what the data say of them."""
+    """Fitted parameters with unit, error, interval, prior, and what the data say of them.
+
+    Args:
+        result: of a reconstruction.
+    """
     return tabulate(
         "Fitted parameters",
         PARAMETERS,
@@ -128,7 +148,11 @@ def parameter_table(result: Result) -> Table:
 
 
 def correlation_table(result: Result) -> Table | None:
-    """Correlations of the parameters' errors; None for a single parameter."""
+    """Correlations of the parameters' errors; None for a single parameter.
+
+    Args:
+        result: of a reconstruction.
+    """
     names = list(result.parameters)
     if len(names) < 2 or len(result.correlation) != len(names):
         return None
@@ -164,7 +188,11 @@ DERIVED: tuple[Column[Output], ...] = (
 
 
 def derived_table(result: Result) -> Table:
-    """Derived outputs: mean, spread over the experiments, error, prior, what the data say."""
+    """Derived outputs: mean, spread over the experiments, error, prior, what the data say.
+
+    Args:
+        result: of a reconstruction.
+    """
     return tabulate(
         "Derived outputs",
         DERIVED,
@@ -176,7 +204,12 @@ def derived_table(result: Result) -> Table:
 
 
 def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
-    """Derived outputs of each experiment; None without experiments or outputs."""
+    """Derived outputs of each experiment; None without experiments or outputs.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+    """
     outputs = {n: d for n, d in result.derived.items() if len(d.values) == len(data.labels)}
     if not data.labels or not outputs:
         return None
@@ -220,7 +253,11 @@ OFFSETS: tuple[Column[OffsetResult], ...] = (
 
 
 def offset_table(result: Result) -> Table | None:
-    """Offset, error and prior of every state of the sample; None without fitted ones."""
+    """Offset, error and prior of every state of the sample; None without fitted ones.
+
+    Args:
+        result: of a reconstruction.
+    """
     if not result.offsets:
         return None
     return tabulate(

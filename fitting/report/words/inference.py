@@ -21,7 +21,12 @@ ENDS = {
 
 
 def profile_words(name: str, profile: Profile) -> str:
-    """One value: its 95 % interval, or that it is not determined and what it could be."""
+    """One value: its 95 % interval, or that it is not determined and what it could be.
+
+    Args:
+        name: of the value.
+        profile: profile likelihood of a value.
+    """
     if not math.isfinite(profile.best):
         return f"{name}: {profile.verdict}, {profile.reason}; {_range(profile)}"
     if profile.verdict == IDENTIFIABLE[2]:
@@ -55,7 +60,11 @@ def _range(profile: Profile) -> str:
 
 
 def knowledge_lines(knowledge: Knowledge) -> list[str]:
-    """Lines for a terminal: a line per value, then what was found about directions and minima."""
+    """Lines for a terminal: a line per value, then what was found about directions and minima.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     lines = ["What the data determine (profile likelihood):"]
     lines += [f"  {profile_words(name, p)}" for name, p in knowledge.profiles.items()]
     lines += [f"  {said}" for said in knowledge.sentences]
@@ -69,7 +78,11 @@ def knowledge_lines(knowledge: Knowledge) -> list[str]:
 
 
 def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
-    """The bootstrap's sentence and the interval of every value."""
+    """The bootstrap's sentence and the interval of every value.
+
+    Args:
+        bootstrap: resampled fits.
+    """
     lines = [bootstrap.sentence]
     for name, found in bootstrap.values.items():
         low, high = found.interval95
@@ -81,7 +94,11 @@ def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
 
 
 def knowledge_words(knowledge: Knowledge) -> tuple[str, ...]:
-    """Paragraphs of the report's section."""
+    """Paragraphs of the report's section.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     first = (
         "Intervals and verdicts below come from the profile likelihood: every value is moved away "
         "from the most likely point, all other parameters follow it as well as they can, until the "
@@ -97,19 +114,31 @@ def knowledge_words(knowledge: Knowledge) -> tuple[str, ...]:
 
 
 def typeset(said: str) -> str:
-    """A sentence of the terminal with the signs of print."""
+    """A sentence of the terminal with the signs of print.
+
+    Args:
+        said: a sentence in plain text.
+    """
     for plain, printed in (("chi^2", "χ²"), (" sigma", " σ"), (" nu ", " ν "), (" nu:", " ν:")):
         said = said.replace(plain, printed)
     return said
 
 
 def end_words(end: str) -> str:
-    """What ended a branch of a profile."""
+    """What ended a branch of a profile.
+
+    Args:
+        end: how an end of an interval came about.
+    """
     return ENDS.get(end, end)
 
 
 def open_values_sentence(knowledge: Knowledge) -> str:
-    """What the data leave open."""
+    """What the data leave open.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
     names = [n for n, p in knowledge.profiles.items() if p.verdict != IDENTIFIABLE[0]]
     if not names:
         return "These data determine every value."

@@ -16,7 +16,11 @@ KINDS = {
 
 
 def scale_sentence(scale: Scale) -> str:
-    """How the scale was found, its values, and what may bias it."""
+    """How the scale was found, its values, and what may bias it.
+
+    Args:
+        scale: χ before and after.
+    """
     if scale.kind not in KINDS:
         return "Simulated amplitudes are compared as they are, without a scale."
     said = (

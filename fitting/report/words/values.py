@@ -19,19 +19,31 @@ TIED = 0.95
 
 
 def settings_words(settings: Mapping[str, Scalar]) -> str:
-    """Settings as "name = value, ..."."""
+    """Settings as "name = value, ...".
+
+    Args:
+        settings: values of FMU variables, by name.
+    """
     return ", ".join(f"{name} = {scalar_words(value)}" for name, value in settings.items())
 
 
 def scalar_words(value: Scalar) -> str:
-    """A setting as a campaign file writes it."""
+    """A setting as a campaign file writes it.
+
+    Args:
+        value: the value.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     return number(value, 12) if isinstance(value, float) else str(value)
 
 
 def box_words(derived: DerivedResult) -> str:
-    """What a derived output could be without data: "63 to 781 kHz"."""
+    """What a derived output could be without data: "63 to 781 kHz".
+
+    Args:
+        derived: a derived output.
+    """
     low, high = derived.box
     if not (math.isfinite(low) and math.isfinite(high)):
         return "any value to any other"
@@ -46,6 +58,11 @@ def verdict_words(
 
     Where they leave it open: the range `box` that it has without them, and the `value` (as written)
     at which the optimiser stopped.
+
+    Args:
+        found: value with its verdict.
+        box: lower and upper end without data.
+        value: the value.
     """
     said = f"{found.identifiable} ({found.shrinkage:.2f})"
     if isinstance(found, OffsetResult) or found.identifiable != IDENTIFIABLE[2]:
@@ -57,7 +74,12 @@ def verdict_words(
 
 
 def value_sentence(name: str, value: ParameterResult | DerivedResult) -> str:
-    """One value: how well it is known, or that it is not, and what it could be."""
+    """One value: how well it is known, or that it is not, and what it could be.
+
+    Args:
+        name: of the value.
+        value: the value.
+    """
     shown = quantity(value.value, value.std, value.unit)
     if value.identifiable == IDENTIFIABLE[0]:
         return f"{plain(name)} is determined by these data: {shown}."
@@ -92,7 +114,11 @@ def _with_prefix(value: float, unit: str) -> str:
 
 
 def tied_sentences(result: Result) -> list[str]:
-    """Pairs of parameters whose errors hang together, a sentence each."""
+    """Pairs of parameters whose errors hang together, a sentence each.
+
+    Args:
+        result: of a reconstruction.
+    """
     names = list(result.parameters)
     return [
         f"The errors of {plain(names[j])} and {plain(names[i])} are tied (correlation "
@@ -104,7 +130,11 @@ def tied_sentences(result: Result) -> list[str]:
 
 
 def deviation_sentence(result: Result) -> str:
-    """How far simulation and laboratory are apart, before and after."""
+    """How far simulation and laboratory are apart, before and after.
+
+    Args:
+        result: of a reconstruction.
+    """
     first, last = result.deviations.initial.mean, result.deviations.final.mean
     what = f"{len(result.peaks)} peaks" if result.peaks else "the sweep"
     share = f" ({number(100.0 * last / first, 3)} % of it)" if first > 0.0 else ""
@@ -116,7 +146,11 @@ def deviation_sentence(result: Result) -> str:
 
 
 def equal_alternatives_sentence(result: Result) -> str:
-    """Alternatives that fit as well as the reported one; empty without any."""
+    """Alternatives that fit as well as the reported one; empty without any.
+
+    Args:
+        result: of a reconstruction.
+    """
     equal = [a for a in result.alternatives if a.equal_to_best and not a.reported]
     if not equal:
         return ""
