@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
-from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings, WrittenParameter
+from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings
 from fitting.campaign.measured import MeasuredExperiment, Spectrum
 from fitting.campaign.noise import (
     Noise,
@@ -34,20 +36,47 @@ from fitting.text.written import Written, in_unit
 class Drive:
     """How the FMU is driven, in its own units.
 
-    kind "tones": ``frequency_names`` and ``amplitude_names`` are FMU parameters, the first in
-    ``frequency_unit``; kind "input": the tool applies the tones to the FMU's ``input``, held
+    Either the FMU drives itself: ``frequency_names`` and ``amplitude_names`` are its parameters,
+    one each per tone, the first in ``frequency_unit``. Or tones are applied to its ``input``, held
     ``samples_per_period`` times per period. ``amplitude`` is that of every active tone;
     combinations of tones up to ``highest_order`` may be in the response.
+
+    Raises:
+        BadInput: neither parameters nor an input, or both; numbers that no drive has.
     """
 
-    kind: str
-    frequency_names: tuple[str, ...]
-    amplitude_names: tuple[str, ...]
-    input: str | None
-    amplitude: float
-    samples_per_period: int
+    frequency_names: tuple[str, ...] = ()
+    amplitude_names: tuple[str, ...] = ()
+    input: str | None = None
+    amplitude: float = 1.0
+    samples_per_period: int = SAMPLES_PER_PERIOD
     frequency_unit: str = "Hz"
     highest_order: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("frequency_names", "amplitude_names"):
+            value = getattr(self, name)
+            if isinstance(value, str):
+                raise BadInput(f"drive: {name} is {value!r}, wanted a sequence of names")
+            object.__setattr__(self, name, tuple(value))
+        if self.input is None and not self.frequency_names:
+            raise BadInput(
+                "drive: neither frequency_names nor an input; wanted what drives the FMU"
+            )
+        if self.input is None and len(self.amplitude_names) != len(self.frequency_names):
+            raise BadInput(
+                f"drive: {len(self.amplitude_names)} amplitude_names, wanted "
+                f"{len(self.frequency_names)}, one per frequency"
+            )
+        if self.input is not None and self.amplitude_names:
+            raise BadInput(f"drive: amplitude_names have no meaning for the input '{self.input}'")
+        if not 0.0 <= self.amplitude < math.inf:
+            raise BadInput(f"drive: amplitude is {self.amplitude!r}, wanted an amplitude")
+
+    @property
+    def kind(self) -> str:
+        """Who makes the tones: "tones", the FMU; "input", its input is driven."""
+        return "tones" if self.input is None else "input"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,20 +211,21 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         annotation=bind_annotation(campaign, binder),
         source=top,
     )
+    sweep, labels = _bind_sweep(campaign, binder), [e.label for e in experiments]
     bound = BoundCampaign(
         title=file.title,
         path=campaign.path,
         synthetic=file.synthetic,
         setup=setup,
         experiments=experiments,
-        sweep=_bind_sweep(campaign, binder),
+        sweep=sweep,
         parameters=(
-            *_bind_parameters(campaign, binder),
+            *bind_parameters(file.parameters, binder, campaign.path, labels),
             *drift.parameters,
-            *_free_scale(campaign, noise),
+            *free_scale(sweep, noise),
         ),
         derived=file.derived.outputs,
-        alternatives=_bind_alternatives(campaign, binder),
+        alternatives=bind_alternatives(file.alternatives, binder),
         continuation=file.continuation,
         amplitude_unit=campaign.amplitude_unit,
         notes=tuple(binder.notes),
@@ -203,7 +233,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
         noise=noise,
     )
-    _check_conflicts(bound)
+    check_conflicts(bound)
     return bound
 
 
@@ -245,14 +275,13 @@ def _bind_noise(campaign: Campaign) -> Noise:
     return noise
 
 
-def _free_scale(campaign: Campaign, noise: Noise) -> list[Parameter]:
-    """The parameter of a scale that is fitted with the rest."""
-    choice, sweep = campaign.file.sweep, campaign.sweep
-    if choice is None or sweep is None or choice.scale != "free":
+def free_scale(sweep: SweepData | None, noise: Noise) -> list[Parameter]:
+    """The parameter of a scale that is fitted with the rest; none for any other scale."""
+    if sweep is None or sweep.scale != "free":
         return []
     spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
     sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
-    return [scale_parameter(sigma, swept=choice.use == "fit")]
+    return [scale_parameter(sigma, swept=sweep.use == "fit")]
 
 
 def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
@@ -273,7 +302,6 @@ def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     if amplitude <= 0.0:
         raise BadInput(f"{choice.level.where}: found {amplitude:.6g}, wanted a positive amplitude")
     return Drive(
-        kind=choice.kind,
         frequency_names=choice.frequencies,
         amplitude_names=choice.amplitudes or (),
         input=choice.input,
@@ -293,26 +321,36 @@ def _bind_experiments(
 ) -> tuple[Experiment, ...]:
     bound = []
     for measured, position in zip(campaign.experiments, drift.positions, strict=True):
-        settings = _experiment_settings(measured, binder, drive)
+        experiment = bind_experiment(measured, binder, drive, output)
+        settings = dict(experiment.settings)
         for name, (before, after) in drift.ends.items():
             if name in settings:
                 where = measured.settings[name].where
                 raise BadInput(f"{where}: '{name}' is set here and by [drift]; wanted one of them")
             settings[name] = before + position * (after - before)
-        bound.append(
-            Experiment(
-                label=measured.label,
-                settings=settings,
-                tones_hz=measured.tones_hz,
-                peaks_v=measured.peaks_v,
-                sigmas_v=measured.sigmas_v,
-                floor_v=measured.floor_v,
-                spectrum=measured.spectrum,
-                lines_hz=measured.lines_hz,
-                output=_observed(measured, binder, output),
-            )
-        )
+        bound.append(replace(experiment, settings=settings))
     return tuple(bound)
+
+
+def bind_experiment(
+    measured: MeasuredExperiment, binder: Binder, drive: Drive, output: VariableLike
+) -> Experiment:
+    """One experiment in the names and units of the FMU.
+
+    Raises:
+        BadInput: a variable that is not there or cannot be set, another unit of what is observed.
+    """
+    return Experiment(
+        label=measured.label,
+        settings=_experiment_settings(measured, binder, drive),
+        tones_hz=measured.tones_hz,
+        peaks_v=measured.peaks_v,
+        sigmas_v=measured.sigmas_v,
+        floor_v=measured.floor_v,
+        spectrum=measured.spectrum,
+        lines_hz=measured.lines_hz,
+        output=_observed(measured, binder, output),
+    )
 
 
 def _observed(measured: MeasuredExperiment, binder: Binder, output: VariableLike) -> str:
@@ -359,29 +397,50 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
     )
 
 
-def _bind_parameters(campaign: Campaign, binder: Binder) -> list[Parameter]:
-    """The file's parameters; one of the scope "experiment" is as many as there are experiments."""
+class AskedParameter(Protocol):
+    """A parameter as it was asked for, in a file or in a program."""
+
+    @property
+    def name(self) -> str:
+        """The FMU's variable."""
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of its bare numbers, None for the FMU's."""
+
+    @property
+    def scope(self) -> str:
+        """One value for the "campaign", or one for every "experiment"."""
+
+    @property
+    def numbers(self) -> Mapping[str, Written]:
+        """What was said of it: lower, upper, start and any of reference, scale, period, prior."""
+
+
+def bind_parameters(
+    asked: Sequence[AskedParameter], binder: Binder, path: Path, labels: Sequence[str]
+) -> list[Parameter]:
+    """Parameters in the FMU's units; of the scope "experiment" one for each of the labels.
+
+    Raises:
+        BadInput: no such variable, or numbers that it cannot have.
+    """
     made = []
-    for choice in campaign.file.parameters:
-        parameter = _bind_parameter(
-            choice, binder, f"{campaign.path}: [parameters '{choice.name}']"
-        )
+    for choice in asked:
+        parameter = _bind_parameter(choice, binder, f"{path}: [parameters '{choice.name}']")
         if choice.scope == "campaign":
             made.append(parameter)
             continue
         made += [
             replace(
-                parameter,
-                name=f"{choice.name}[{e.label}]",
-                variable=choice.name,
-                experiment=e.label,
+                parameter, name=f"{choice.name}[{label}]", variable=choice.name, experiment=label
             )
-            for e in campaign.experiments
+            for label in labels
         ]
     return made
 
 
-def _bind_parameter(choice: WrittenParameter, binder: Binder, where: str) -> Parameter:
+def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Parameter:
     variable = binder.real(choice.name, where, ("parameter",), "fitted")
     numbers = {}
     for key, written in choice.numbers.items():
@@ -407,18 +466,22 @@ def _bind_parameter(choice: WrittenParameter, binder: Binder, where: str) -> Par
         raise BadInput(f"{where}: {error}") from error
 
 
-def _bind_alternatives(campaign: Campaign, binder: Binder) -> tuple[Mapping[str, Scalar], ...]:
-    tried = {
-        name: [binder.setting(name, w) for w in values]
-        for name, values in campaign.file.alternatives.items()
-    }
+def bind_alternatives(
+    asked: Mapping[str, Sequence[Written]], binder: Binder
+) -> tuple[Mapping[str, Scalar], ...]:
+    """Every combination of the values to try; one empty mapping without any.
+
+    Raises:
+        BadInput: a variable that cannot be set, or a value that it cannot have.
+    """
+    tried = {name: [binder.setting(name, w) for w in values] for name, values in asked.items()}
     return tuple(
         dict(zip(tried, combination, strict=True))
         for combination in itertools.product(*tried.values())
     )
 
 
-def _check_conflicts(bound: BoundCampaign) -> None:
+def check_conflicts(bound: BoundCampaign) -> None:
     """A fitted or alternated variable must not be set per experiment or sweep as well."""
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):

@@ -104,7 +104,6 @@ def problem_of_a_lock_in(seed: int, noise: float) -> Problem:
     """One mode (theta = 0 leaves d1 to the first) seen by a lock-in with synthetic noise."""
     setup = Setup(
         drive=Drive(
-            kind="tones",
             frequency_names=("u1", "u2"),
             amplitude_names=("A1", "A2"),
             input=None,

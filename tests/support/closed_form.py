@@ -235,12 +235,8 @@ def string_campaign(data: Dataset, response: ClosedFormResponse, folder: Path) -
         synthetic=True,
         setup=Setup(
             drive=Drive(
-                kind="tones",
                 frequency_names=("u1", "u2"),
                 amplitude_names=("A1", "A2"),
-                input=None,
-                amplitude=1.0,
-                samples_per_period=0,
             ),
             output="q1_hybrid",
             steady_start=True,

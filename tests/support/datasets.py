@@ -25,12 +25,8 @@ from fitting.text.arrays import FloatArray, Scalar
 #: Of a drive that nothing in such a test applies.
 SETUP = Setup(
     Drive(
-        kind="tones",
         frequency_names=("u1", "u2"),
         amplitude_names=("A1", "A2"),
-        input=None,
-        amplitude=1.0,
-        samples_per_period=0,
     ),
     "q1_hybrid",
 )

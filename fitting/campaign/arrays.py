@@ -1,0 +1,447 @@
+"""Data without files: parameters, tones and sweeps as a program has them, checked as files are.
+
+What is nonsense is refused where it is made; what only the FMU can tell (names, units, ranges) when
+`bind_arrays` meets its variables. Plain numbers are in the FMU's unit, texts such as "6.94 MHz"
+have their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign import parameters as bound_parameters
+from fitting.campaign.binder import Binder
+from fitting.campaign.binding import (
+    BoundCampaign,
+    Drive,
+    Setup,
+    SweepData,
+    bind_alternatives,
+    bind_experiment,
+    bind_parameters,
+    check_conflicts,
+    free_scale,
+)
+from fitting.campaign.file import ContinuationSettings
+from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
+from fitting.campaign.noise import Noise
+from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.signal.peaks import BACKGROUNDS
+from fitting.signal.scale import SCALES
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+from fitting.text.units import checked_accuracy, convert
+from fitting.text.written import Written, as_written, written_values
+
+SCOPES = ("campaign", "experiment")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
+
+    Args:
+        name: The FMU's variable.
+        start: Where the search begins, inside the box, in ``unit``.
+        bounds: Lower and upper end of the box, in ``unit``.
+        unit: Of all numbers here; None: the FMU's.
+        reference: Where the Tikhonov term pulls to, in ``unit``; None: the start.
+        scale: The change that counts as one in the search vector, in ``unit``; None: half the box.
+        period: Values that far apart are the same system, in ``unit``; None: none are.
+        prior: Standard deviation of a Gaussian prior about ``reference``, in ``unit``; None: all
+            values in the box are equally likely.
+        scope: "campaign": one value for all data; "experiment": every experiment has its own.
+
+    Raises:
+        BadInput: bounds reversed, a start outside, numbers that are not finite or not positive.
+    """
+
+    name: str
+    start: float
+    _: KW_ONLY
+    bounds: tuple[float, float]
+    unit: str | None = None
+    reference: float | None = None
+    scale: float | None = None
+    period: float | None = None
+    prior: float | None = None
+    scope: str = "campaign"
+
+    def __post_init__(self) -> None:
+        if self.scope not in SCOPES:
+            raise BadInput(
+                f"parameter '{self.name}': scope is {self.scope!r}, wanted one of "
+                f"{', '.join(SCOPES)}"
+            )
+        if np.shape(self.bounds) != (2,):
+            raise BadInput(
+                f"parameter '{self.name}': bounds are {self.bounds!r}, wanted (lower, upper)"
+            )
+        lower, upper = self.bounds
+        bound_parameters.Parameter(
+            name=self.name,
+            unit=self.unit or "",
+            lower=lower,
+            upper=upper,
+            start=self.start,
+            reference=self.start if self.reference is None else self.reference,
+            scale=max(0.5 * (upper - lower), 1e-300) if self.scale is None else self.scale,
+            period=self.period,
+            prior_sigma=self.prior,
+        )
+
+    @property
+    def numbers(self) -> dict[str, Written]:
+        """What was said of it by key, in ``unit``."""
+        said = {
+            "lower": self.bounds[0],
+            "upper": self.bounds[1],
+            "start": self.start,
+            "reference": self.reference,
+            "scale": self.scale,
+            "period": self.period,
+            "prior": self.prior,
+        }
+        return {
+            key: Written(float(value), self.unit, f"parameter '{self.name}': {key}")
+            for key, value in said.items()
+            if value is not None
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Tones:
+    """Amplitudes of a steady response, read under some tones at a time: m experiments.
+
+    Args:
+        setup: How the FMU is driven and what is observed.
+        drive_hz: Frequencies of the tones, shape (m, k), Hz.
+        peaks_v: Measured peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``.
+        sigmas_v: Their standard deviations, shape (m, l), in ``amplitude_unit``; NaN or None where
+            nobody knows them.
+        lines_hz: Frequencies of the lines, shape (m, l), Hz; None: the tones.
+        settings: Start values of the FMU by variable, one for all experiments or (m,) of them, in
+            the FMU's units.
+        labels: Names of the experiments, m of them; None: "1", "2", ...
+        output: The FMU's output that these experiments observe; empty: the setup's.
+        amplitude_unit: The detector's.
+        series: Measurements of one series share their scale and setup.
+
+    Raises:
+        BadInput: shapes that do not fit, amplitudes or frequencies that are not positive.
+    """
+
+    setup: Setup
+    drive_hz: npt.ArrayLike
+    peaks_v: npt.ArrayLike
+    _: KW_ONLY
+    sigmas_v: npt.ArrayLike | None = None
+    lines_hz: npt.ArrayLike | None = None
+    settings: Mapping[str, Scalar | Sequence[Scalar] | npt.NDArray[np.float64]] = field(
+        default_factory=dict
+    )
+    labels: Sequence[str] | None = None
+    output: str = ""
+    amplitude_unit: str = "V"
+    series: str = ""
+    experiments: tuple[MeasuredExperiment, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        drive_hz = _table(self.drive_hz, "drive_hz", None)
+        count = len(drive_hz)
+        names = self.setup.drive.frequency_names
+        if self.setup.drive.kind == "tones" and drive_hz.shape[1] != len(names):
+            raise BadInput(
+                f"tones: drive_hz has the shape {drive_hz.shape}, wanted ({count}, {len(names)}), "
+                f"a column for each of {', '.join(names)}"
+            )
+        lines_hz = drive_hz if self.lines_hz is None else _table(self.lines_hz, "lines_hz", count)
+        peaks_v = _table(self.peaks_v, "peaks_v", count)
+        sigmas_v = np.full(peaks_v.shape, np.nan)
+        if self.sigmas_v is not None:
+            sigmas_v = _table(self.sigmas_v, "sigmas_v", count)
+        labels = self.labels if self.labels is not None else [str(k + 1) for k in range(count)]
+        if len(labels) != count:
+            raise BadInput(f"tones: {len(labels)} labels, wanted {count}, one per experiment")
+        columns = {name: _column(values, count, name) for name, values in self.settings.items()}
+        made = tuple(
+            MeasuredExperiment(
+                label=str(label),
+                tones_hz=tuple(map(float, drive_hz[i])),
+                lines_hz=tuple(map(float, lines_hz[i])),
+                peaks_v=peaks_v[i],
+                sigmas_v=sigmas_v[i],
+                settings=self._settings(drive_hz[i], {n: c[i] for n, c in columns.items()}, label),
+                output=Written(self.output, None, "tones: output") if self.output else None,
+            )
+            for i, label in enumerate(labels)
+        )
+        object.__setattr__(self, "experiments", made)
+
+    def _settings(
+        self, tones_hz: npt.NDArray[np.float64], own: Mapping[str, Scalar], label: str
+    ) -> dict[str, Written]:
+        where = f"experiment '{label}'"
+        drive = self.setup.drive
+        held = written_values(own, where)
+        if drive.kind == "tones":
+            for name, tone in zip(drive.frequency_names, tones_hz, strict=True):
+                held[name] = Written(float(tone), "Hz", f"{where}: {name}")
+        return held
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Amplitudes of a steady response to one tone after another: n points.
+
+    Args:
+        setup: How the FMU is driven and what is observed.
+        frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
+        amplitude_v: Measured peak amplitudes, shape (n,), in ``amplitude_unit``.
+        phase_rad: Measured phases, shape (n,), rad, for the figures; None: not measured.
+        settings: Start values of the FMU during the sweep by variable, in the FMU's units.
+        use: "fit": every point is fitted; "scale": the sweep gives the scale alone.
+        scale: The factor between simulated and measured amplitudes: "fit": least squares over the
+            points; "maximum": ratio of the maxima; "robust": Huber's estimate over the points;
+            "free": a fitted one; "none": 1.
+        background: Of the line that is fitted to it without the FMU: "none" or "complex".
+        amplitude_unit: The detector's.
+        series: Measurements of one series share their scale and setup.
+
+    Raises:
+        BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, negative
+            amplitudes, a ``use``, ``scale`` or ``background`` that there is not.
+    """
+
+    setup: Setup
+    frequency_hz: npt.ArrayLike
+    amplitude_v: npt.ArrayLike
+    _: KW_ONLY
+    phase_rad: npt.ArrayLike | None = None
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    use: str = "fit"
+    scale: str = "fit"
+    background: str = "none"
+    amplitude_unit: str = "V"
+    series: str = ""
+    measured: MeasuredSweep = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name, known in (
+            ("use", ("fit", "scale")),
+            ("scale", SCALES),
+            ("background", BACKGROUNDS),
+        ):
+            if getattr(self, name) not in known:
+                raise BadInput(
+                    f"sweep: {name} is {getattr(self, name)!r}, wanted one of {', '.join(known)}"
+                )
+        measured = MeasuredSweep(
+            frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
+            amplitude_v=self.amplitude_v,  # type: ignore[arg-type]
+            phase_rad=self.phase_rad,  # type: ignore[arg-type]
+            unit=self.amplitude_unit,
+        )
+        object.__setattr__(self, "measured", measured)
+
+
+def _table(values: npt.ArrayLike, name: str, rows: int | None) -> npt.NDArray[np.float64]:
+    """An array of numbers (m, k)."""
+    try:
+        table = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(f"tones: {name} is not an array of numbers") from None
+    if table.ndim != 2 or table.size == 0 or (rows is not None and len(table) != rows):
+        wanted = "(experiments, tones)" if rows is None else f"({rows}, lines)"
+        raise BadInput(f"tones: {name} has the shape {table.shape}, wanted {wanted}")
+    return table
+
+
+def _column(values: object, count: int, name: str) -> list[Scalar]:
+    """One value per experiment."""
+    found = np.asarray(values)
+    if found.ndim > 1 or (found.ndim == 1 and found.size != count):
+        raise BadInput(
+            f"tones: settings '{name}' have the shape {found.shape}, wanted one value or ({count},)"
+        )
+    column: list[Scalar] = np.broadcast_to(found, count).tolist()
+    return column
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayData:
+    """Everything that a campaign file would say, of a program.
+
+    ``alternatives`` hold values to try by variable, in all combinations; ``derived`` names outputs
+    of the FMU that are reported; ``noise`` is what is declared beside the ``sigmas_v``.
+    """
+
+    parameters: Sequence[Parameter]
+    measurements: Sequence[Tones | Sweep]
+    derived: Sequence[str] = ()
+    alternatives: Mapping[str, Sequence[Scalar]] = field(default_factory=dict)
+    noise: Noise = field(default_factory=Noise)
+    title: str = ""
+
+
+def bind_arrays(
+    data: ArrayData, variables: Mapping[str, VariableLike]
+) -> tuple[BoundCampaign, ...]:
+    """The campaigns that such data are, one for each series, in the FMU's names and units.
+
+    Args:
+        data: parameters and measurements.
+        variables: of the FMU, by name.
+
+    Raises:
+        BadInput: nothing to fit, unknown variables, units or kinds that do not match, one series
+            with two setups or two sweeps.
+    """
+    if not data.parameters:
+        raise BadInput("problem: no parameters, wanted at least one")
+    if not any(isinstance(m, Tones) or m.use == "fit" for m in data.measurements):
+        raise BadInput('problem: nothing to fit, wanted tones, or a sweep with use = "fit"')
+    names = dict.fromkeys(m.series for m in data.measurements)
+    return tuple(_Series(data, name, Binder(variables)).bound() for name in names)
+
+
+@dataclass(frozen=True)
+class _Series:
+    """The measurements of one series, and the variables of its FMU."""
+
+    data: ArrayData
+    name: str
+    binder: Binder
+
+    @property
+    def path(self) -> Path:
+        """What complaints and results name it by."""
+        return NO_FILE / self.name
+
+    @property
+    def mine(self) -> list[Tones | Sweep]:
+        """Its measurements."""
+        return [m for m in self.data.measurements if m.series == self.name]
+
+    def bound(self) -> BoundCampaign:
+        """The series as a campaign."""
+        given, binder = self._setup(), self.binder
+        output = binder.real(given.output, f"{self.path}: output", READABLE, "observed")
+        swept, factor, unit = self._sweep(), *self._unit(output)
+        setup = replace(
+            given,
+            drive=self._drive(given.drive),
+            start_values={
+                name: binder.setting(name, as_written(value, f"{self.path}: start value {name}"))
+                for name, value in given.start_values.items()
+            },
+            accuracy=checked_accuracy(given.accuracy, f"{self.path}: accuracy"),
+            source=str(self.path),
+        )
+        measured = [e for m in self.mine if isinstance(m, Tones) for e in m.experiments]
+        experiments = tuple(
+            bind_experiment(
+                replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v),
+                binder,
+                setup.drive,
+                output,
+            )
+            for e in measured
+        )
+        labels = [e.label for e in experiments]
+        if len(set(labels)) < len(labels):
+            raise BadInput(f"{self.path}: labels {', '.join(labels)}; wanted one for each of them")
+        for name in self.data.derived:
+            binder.real(name, f"{self.path}: derived", READABLE, "reported")
+        sweep = None if swept is None else self._sweep_data(swept, factor, unit)
+        bound = BoundCampaign(
+            title=self.data.title or "Data from arrays",
+            path=self.path,
+            synthetic=False,
+            setup=setup,
+            experiments=experiments,
+            sweep=sweep,
+            parameters=(
+                *bind_parameters(self.data.parameters, binder, self.path, labels),
+                *free_scale(sweep, self.data.noise),
+            ),
+            derived=tuple(self.data.derived),
+            alternatives=self._alternatives(),
+            continuation=ContinuationSettings(),
+            amplitude_unit=unit,
+            notes=tuple(binder.notes),
+            files=(),
+            noise=self.data.noise,
+        )
+        check_conflicts(bound)
+        return bound
+
+    def _setup(self) -> Setup:
+        setups = [m.setup for m in self.mine]
+        if any(setup != setups[0] for setup in setups):
+            raise BadInput(
+                f"{self.path}: measurements with different setups; wanted a series for each setup"
+            )
+        return setups[0]
+
+    def _sweep(self) -> Sweep | None:
+        found = [m for m in self.mine if isinstance(m, Sweep)]
+        if len(found) > 1:
+            raise BadInput(f"{self.path}: {len(found)} sweeps, wanted a series for each of them")
+        return found[0] if found else None
+
+    def _unit(self, output: VariableLike) -> tuple[float, str]:
+        """Factor and unit of the amplitudes: the output's where no scale stands between the two."""
+        units = list(dict.fromkeys(m.amplitude_unit for m in self.mine))
+        if len(units) > 1:
+            raise BadInput(f"{self.path}: amplitudes in {' and '.join(units)}, wanted one unit")
+        sweep = self._sweep()
+        if output.unit is None or (sweep is not None and sweep.scale != "none"):
+            return 1.0, units[0]
+        try:
+            return convert(1.0, units[0], output.unit, where=str(self.path)), output.unit
+        except BadInput as error:
+            raise BadInput(
+                f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
+            ) from error
+
+    def _drive(self, drive: Drive) -> Drive:
+        where = f"{self.path}: drive"
+        if drive.input is not None:
+            self.binder.real(drive.input, where, ("input",), "driven")
+            return drive
+        for name in drive.amplitude_names:
+            self.binder.real(name, where, SETTABLE, "set")
+        units = [
+            self.binder.real(name, where, SETTABLE, "set").unit or "Hz"
+            for name in drive.frequency_names
+        ]
+        if len(set(units)) > 1:
+            raise BadInput(f"{where}: the FMU has the frequencies in different units: {units}")
+        return replace(drive, frequency_unit=units[0])
+
+    def _sweep_data(self, sweep: Sweep, factor: float, unit: str) -> SweepData:
+        written = written_values(sweep.settings, f"{self.path}: sweep")
+        return SweepData(
+            frequency_hz=sweep.measured.frequency_hz,
+            amplitude_v=factor * sweep.measured.amplitude_v,
+            phase_rad=sweep.measured.phase_rad,
+            settings={name: self.binder.setting(name, w) for name, w in written.items()},
+            use=sweep.use,
+            scale=sweep.scale,
+            source=self.path,
+            background=sweep.background,
+            unit=unit,
+        )
+
+    def _alternatives(self) -> tuple[Mapping[str, Scalar], ...]:
+        asked = {
+            name: [as_written(value, f"{self.path}: alternative {name}") for value in values]
+            for name, values in self.data.alternatives.items()
+        }
+        return bind_alternatives(asked, self.binder)
