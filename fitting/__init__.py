@@ -3,4 +3,99 @@
 Knows FMI and a campaign file; everything about the model comes from its modelDescription.xml.
 """
 
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING
+
 __version__ = "0.2.0"
+
+if TYPE_CHECKING:
+    from fitting.api import plot
+    from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
+    from fitting.api.fmu import Fmu, simulate, sweep
+    from fitting.api.jobs import example, identify, report
+    from fitting.api.problem import Problem
+    from fitting.campaign.arrays import Parameter, Sweep, Tones
+    from fitting.campaign.binding import Drive, Setup
+    from fitting.campaign.data import read_campaign
+    from fitting.campaign.noise import Noise
+    from fitting.lab.synthesis import synthesize
+    from fitting.text.errors import BadInput, FmuFailure
+
+#: Where each public name is; it is loaded when it is first used, so that importing this costs
+#: nothing and a worker process or ``--help`` loads no more than it needs.
+_HOMES = {
+    "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
+    "api.fmu": ("Fmu", "simulate", "sweep"),
+    "api.jobs": ("example", "identify", "report"),
+    "api.problem": ("Problem",),
+    "campaign.arrays": ("Parameter", "Sweep", "Tones"),
+    "campaign.binding": ("Drive", "Setup"),
+    "campaign.data": ("read_campaign",),
+    "campaign.noise": ("Noise",),
+    "lab.synthesis": ("synthesize",),
+    "text.errors": ("BadInput", "FmuFailure"),
+}
+
+__all__ = [
+    "BadInput",
+    "Drive",
+    "Fit",
+    "Fmu",
+    "FmuFailure",
+    "Inference",
+    "Noise",
+    "Parameter",
+    "Problem",
+    "Setup",
+    "Sweep",
+    "Tikhonov",
+    "Tones",
+    "Value",
+    "__version__",
+    "example",
+    "fit",
+    "identify",
+    "plot",
+    "profile",
+    "read_campaign",
+    "report",
+    "simulate",
+    "sweep",
+    "synthesize",
+]
+
+
+class _FrontDoor(ModuleType):
+    """The package, in which `fit`, `report`, `design` and `simulate` are functions.
+
+    They have the names of rooms. Importing a room binds it as an attribute of its package; that is
+    not let happen to a public name, so that ``fitting.fit`` does not depend on what was imported
+    before. ``from fitting.fit.problem import ...`` does not go by that attribute.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _ROOMS_OF_VERBS and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+    def __getattr__(self, name: str) -> object:
+        found: object
+        if name == "plot":
+            found = importlib.import_module("fitting.api.plot")
+        else:
+            home = next((home for home, names in _HOMES.items() if name in names), None)
+            if home is None:
+                raise AttributeError(f"module 'fitting' has no attribute '{name}'")
+            found = getattr(importlib.import_module(f"fitting.{home}"), name)
+        globals()[name] = found
+        return found
+
+    def __dir__(self) -> list[str]:
+        return sorted({*globals(), *__all__})
+
+
+_ROOMS_OF_VERBS = ("design", "fit", "report", "simulate")
+sys.modules[__name__].__class__ = _FrontDoor

@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import importlib
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
-from fitting.campaign import bind, read_campaign
-from fitting.cli.options import default_workers, whole_number
-from fitting.fmu import FmuWorkers
-from fitting.fmu.models import provide_fmu
+from fitting.api.jobs import identify
+from fitting.api.problem import Problem
+from fitting.campaign import read_campaign
+from fitting.cli.campaign_fmu import fmu_for
+from fitting.cli.options import whole_number
 from fitting.inference.determine import BUDGET
-from fitting.inference.identification import IdentificationOptions, identify
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table
@@ -74,34 +75,19 @@ def run(args: argparse.Namespace) -> int:
     campaign = read_campaign(args.campaign)
     out: Path = args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
     fitted = read_result(args.at) if args.at is not None else None
-    fmu = provide_fmu(campaign.file.fmu, out / "fmu")
-    count = args.workers or default_workers()
-    with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
-        variables = workers.description.variables
-        bound = bind(campaign, variables)
-        units = {name: variables[name].unit or "" for name in bound.derived}
-        options = IdentificationOptions(
-            values=None if fitted is None else fitted.fitted_values,
-            alternative=None if fitted is None else fitted.alternative,
+    with fmu_for([campaign], out, args.workers) as fmu:
+        found = identify(
+            Problem.of(campaign, fmu),
+            fitted,
             expected=args.expected,
             bootstrap=args.bootstrap,
             seed=args.seed,
             budget=args.budget,
         )
-        knowledge = identify(bound, workers, units, options)
-        provenance = {
-            "command": _command(args),
-            "FMU": workers.description.model_name,
-            "FMU sha256": workers.description.sha256,
-            "seed": str(args.seed),
-        }
-    at = "the campaign's start and reference values" if fitted is None else args.at.as_posix()
-    found = Identification(
-        title=bound.title,
-        synthetic=bound.synthetic,
-        at=at,
-        knowledge=knowledge,
-        provenance=provenance,
+    found = replace(
+        found,
+        at=found.at if fitted is None else args.at.as_posix(),
+        provenance={"command": _command(args), **found.provenance},
     )
     write_json(out / JSON_NAME, found)
     print("\n".join(table(found)))

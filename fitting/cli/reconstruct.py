@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import shlex
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.campaign import Campaign, ContinuationSettings, bind, read_campaign
-from fitting.cli.options import default_workers, relative_accuracy, whole_number
+from fitting.api.fitted import Tikhonov, fit, identity_of, profile, search_options
+from fitting.api.jobs import draw_report
+from fitting.api.problem import Problem
+from fitting.campaign import read_campaign
+from fitting.cli.campaign_fmu import fmu_for
+from fitting.cli.options import relative_accuracy, whole_number
 from fitting.fit import checkpoint
-from fitting.fit.fit import Hooks, Progress
-from fitting.fit.options import Options, options_of
-from fitting.fit.problem import Problem, problem_of
+from fitting.fit.fit import Progress
 from fitting.fit.solver.evaluator import MISFITS
-from fitting.fmu import FmuWorkers
-from fitting.fmu.models import provide_fmu
 from fitting.inference.sweep_line import line_sentences
-from fitting.report.shown import shown_problem
 from fitting.report.table import text_lines
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
@@ -28,9 +25,7 @@ from fitting.report.words.inference import knowledge_lines
 from fitting.report.words.plan import plan_line
 from fitting.result.external import check_external, with_external
 from fitting.result.provenance import job_of
-from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
 from fitting.result.result import Result, write_result
-from fitting.text.errors import BadInput
 
 NAME = "reconstruct"
 SUMMARY = "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a report"
@@ -88,29 +83,16 @@ def run(args: argparse.Namespace) -> int:
     """
     check_external(args.external)
     campaigns = [read_campaign(path) for path in args.campaign]
-    campaign = one_fmu(campaigns)
     folders = [path.resolve().parent.name for path in args.campaign]
     out: Path = args.out or Path("out") / "+".join(dict.fromkeys(folders))
-    fmu = provide_fmu(campaign.file.fmu, out / "fmu")
-    count = args.workers or default_workers()
-    with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
-        problem = _problem(args, campaigns, workers)
-        check_external(args.external, [*(p.name for p in problem.parameters), *problem.outputs])
-        identity = identify_fmu(workers.description, _command(args))
-        options = _options(args, campaigns[0].file.continuation)
-        job = job_of(problem, identity, options)
-        memory = checkpoint.resume(out, job) if args.resume else checkpoint.begin(out, job)
-        if args.resume:
-            print(memory.resumed("levels"))
+    with fmu_for(campaigns, out, args.workers) as fmu:
+        problem = Problem.of(campaigns, fmu, accuracy=args.accuracy)
+        record = problem.record
+        check_external(args.external, [*(p.name for p in record.parameters), *record.outputs])
+        memory = _memory(args, problem, out)
         shown = _Line(sys.stderr.isatty())
         try:
-            request = ReconstructionOptions(
-                options=options,
-                hooks=Hooks(progress=shown, memory=memory),
-                profiles=not args.no_profiles,
-                bootstrap=args.bootstrap or 0,
-            )
-            result = reconstruct_through(workers, problem, identity, request)
+            result = _result(args, problem, shown, memory)
         except KeyboardInterrupt:
             shown.end()
             print("interrupted before the first level was finished: nothing to report")
@@ -125,51 +107,46 @@ def run(args: argparse.Namespace) -> int:
         return 1
     memory.remove()
     if not args.no_report:
-        _report(result, problem, out)
+        print(f"report: {draw_report(problem, result, out)}")
     return 0 if result.status == "converged" else 1
 
 
-def _problem(
-    args: argparse.Namespace, campaigns: Sequence[Campaign], workers: FmuWorkers
-) -> Problem:
-    """The campaigns together, in the units of the FMU."""
-    bounds = [bind(campaign, workers.description.variables) for campaign in campaigns]
-    if args.accuracy is not None:
-        bounds = [
-            replace(bound, setup=replace(bound.setup, accuracy=args.accuracy)) for bound in bounds
-        ]
-    return problem_of(bounds)
+def _method(args: argparse.Namespace, problem: Problem) -> Tikhonov:
+    """As the campaign says, but for what the options change."""
+    method = replace(Tikhonov.of(problem.options), quick=args.quick)
+    return method if args.misfit is None else replace(method, misfit=args.misfit)
 
 
-def one_fmu(campaigns: Sequence[Campaign]) -> Campaign:
-    """The first campaign; raises BadInput where another one wants another FMU.
-
-    Args:
-        campaigns: campaigns as they were read.
-    """
-    first = campaigns[0]
-    for other in campaigns[1:]:
-        one, two = first.file.fmu, other.file.fmu
-        if (one.model, one.file and one.file.resolve()) != (
-            two.model,
-            two.file and two.file.resolve(),
-        ):
-            raise BadInput(
-                f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
-                f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
-            )
-    return first
+def _starts(args: argparse.Namespace) -> int | None:
+    return 1 if args.quick and args.starts is None else args.starts
 
 
-def _options(args: argparse.Namespace, chosen: ContinuationSettings) -> Options:
-    options = options_of(chosen, quick=args.quick)
-    schedule = options.schedule
-    if args.seed is not None:
-        schedule = replace(schedule, seed=args.seed)
-    if args.starts is not None:
-        schedule = replace(schedule, starts=args.starts)
-    solve = options.solve if args.misfit is None else replace(options.solve, misfit=args.misfit)
-    return replace(options, schedule=schedule, solve=solve)
+def _memory(args: argparse.Namespace, problem: Problem, out: Path) -> checkpoint.Checkpoint:
+    """Finished levels of this very job: those of an interrupted run, or none yet."""
+    options = search_options(problem, _method(args, problem), _starts(args), args.seed)
+    job = job_of(problem.record, identity_of(problem, _command(args)), options)
+    if not args.resume:
+        return checkpoint.begin(out, job)
+    memory = checkpoint.resume(out, job)
+    print(memory.resumed("levels"))
+    return memory
+
+
+def _result(
+    args: argparse.Namespace, problem: Problem, shown: _Line, memory: checkpoint.Checkpoint
+) -> Result:
+    found = fit(
+        problem,
+        _method(args, problem),
+        starts=_starts(args),
+        seed=args.seed,
+        progress=shown,
+        memory=memory,
+    )
+    found.command = _command(args)
+    if args.no_profiles:
+        return found.result
+    return profile(found, bootstrap=args.bootstrap or 0).result
 
 
 def _command(args: argparse.Namespace) -> str:
@@ -185,12 +162,6 @@ def _command(args: argparse.Namespace) -> str:
     ]
     words += [f"--{name.replace('_', '-')}" for name in flags]
     return shlex.join(words)
-
-
-def _report(result: Result, problem: Problem, out: Path) -> None:
-    # matplotlib takes a second to import: only where something is drawn
-    report = importlib.import_module("fitting.report.reconstruction")
-    print(f"report: {report.write_report(result, shown_problem(problem), out)}")
 
 
 class _Line:
@@ -227,7 +198,7 @@ def table(result: Result) -> list[str]:
     """
     marked = result.synthetic and "synthetic" not in result.title.lower()
     lines = [result.title + (" [synthetic]" if marked else ""), ""]
-    lines += text_lines(values_table(result))
+    lines += text_lines(values_table(result, result.title))
     agreement = agreement_sentences(result)
     lines += ["", *agreement] if agreement else []
     before, after = result.deviations.initial.mean, result.deviations.final.mean

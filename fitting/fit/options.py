@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from fitting.campaign import ContinuationSettings
 from fitting.fit.solver.continuation import Schedule
-from fitting.fit.solver.interior_point import SolveSettings
+from fitting.fit.solver.interior_point import SolveSettings, quick_settings
 
 
 @dataclass(frozen=True)
@@ -30,5 +30,5 @@ def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
     solve = SolveSettings(misfit=chosen.misfit)
     if quick:
         schedule = replace(schedule, starts=1)
-        solve = replace(solve, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
+        solve = quick_settings(solve)
     return Options(schedule, solve)

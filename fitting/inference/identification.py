@@ -1,25 +1,23 @@
-"""What a campaign's data determine, through its FMU, without a reconstruction or around one."""
+"""What the data of a problem determine, without a reconstruction or around one."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import references, search_bounds, starts, to_model, to_search
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.outputs import output_means
-from fitting.fit.planned_fmu import plan_problem
-from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers
+from fitting.fit.problem import Problem
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.descent import most_likely
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
 from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.likelihood.profiles import ROOT_95
+from fitting.measurements.measurement import Response
 from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -43,36 +41,34 @@ class IdentificationOptions:
 
 
 def identify(
-    bound: BoundCampaign,
-    workers: FmuWorkers,
+    problem: Problem,
+    respond: Callable[[Mapping[str, Scalar]], Response],
     units: Mapping[str, str],
     request: IdentificationOptions,
 ) -> Knowledge:
-    """Knowledge of one campaign; alternatives that fit as well are named beside it.
+    """Knowledge of one problem; alternatives that fit as well are named beside it.
 
     Args:
-        bound: the campaign.
-        workers: of its FMU.
+        problem: parameters and measurements.
+        respond: makes the response of one alternative.
         units: of the derived outputs, by name.
         request: where to set out from, and limits.
 
     Raises:
-        BadInput: the campaign cannot be planned, or the result is another campaign's.
+        BadInput: the result is another problem's.
         FmuFailure: the FMU failed.
     """
-    problem = problem_of([bound])
-    planned = plan_problem(problem, workers)
 
     def objective_of(alternative: Mapping[str, Scalar]) -> Objective:
-        return make_objective(planned.response(alternative), problem.parameters, problem.data)
+        return make_objective(respond(alternative), problem.parameters, problem.data)
 
-    chosen = request.alternative if request.alternative is not None else bound.alternatives[0]
+    chosen = request.alternative if request.alternative is not None else problem.alternatives[0]
     objective = objective_of(chosen)
-    begins = _beginnings(bound, request.values)
+    begins = _beginnings(problem, request.values)
     if request.expected:
         begins = begins[:1]
     noise = _noise(objective, begins[0], request.expected)
-    others = [a for a in bound.alternatives if dict(a) != dict(chosen)]
+    others = [a for a in problem.alternatives if dict(a) != dict(chosen)]
     equal_fits = (
         ()
         if request.expected
@@ -94,22 +90,22 @@ def identify(
     return determine(objective, begins[0], noise, options)
 
 
-def _beginnings(bound: BoundCampaign, values: Mapping[str, float] | None) -> list[FloatArray]:
+def _beginnings(problem: Problem, values: Mapping[str, float] | None) -> list[FloatArray]:
     """Search vectors to set out from: a result's values, or the campaign's starts and references.
 
     Raises:
         BadInput: the result has other parameters.
     """
-    parameters = bound.parameters
+    parameters = problem.parameters
     lower, upper = search_bounds(parameters)
     if values is None:
         own = [to_search(parameters, p) for p in (starts(parameters), references(parameters))]
         return [np.clip(x, lower, upper) for x in own]
     missing = [p.name for p in parameters if p.name not in values]
     if missing:
+        source = ", ".join(str(bound.path) for bound in problem.campaigns.values())
         raise BadInput(
-            f"--at: the result has no value for {', '.join(missing)}; wanted a result of "
-            f"{bound.path}"
+            f"--at: the result has no value for {', '.join(missing)}; wanted a result of {source}"
         )
     x = to_search(parameters, np.array([values[p.name] for p in parameters]))
     for i, parameter in enumerate(parameters):

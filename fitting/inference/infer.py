@@ -54,13 +54,15 @@ class InferenceRequest:
     """How much is asked of the data.
 
     `units` are those of the derived outputs; without `profiles` intervals are those of the
-    linearised problem; `budget` is of evaluations; `bootstrap` synthetic data sets are fitted anew.
+    linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
+    is of evaluations; `bootstrap` synthetic data sets are fitted anew.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
     profiles: bool = True
     budget: int = BUDGET
     bootstrap: int = 0
+    only: tuple[str, ...] = ()
 
 
 def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
@@ -82,7 +84,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     derived = derived_results(solution, request.units, fit.options.schedule.seed)
     offsets = offset_results(solution)
     joint = consistency(problem, solution) if problem.is_joint else None
-    only = (*parameters, *derived)  # what one experiment holds has a table
+    only = request.only or (*parameters, *derived)  # what one experiment holds has a table
     knowledge, missing = _knowledge(fit, request, only)
     profiles = knowledge.profiles if knowledge is not None else {}
     parameters = {name: _of_profile(v, profiles.get(name)) for name, v in parameters.items()}

@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from fitting.campaign.parameters import canonical
 from fitting.fit.fit import Fit, Hooks, solve_problem
 from fitting.fit.options import Options
-from fitting.fit.planned_fmu import plan_problem
+from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.inference.infer import Inference, InferenceRequest, infer
@@ -109,11 +109,32 @@ def reconstruct_through(
     planned = plan_problem(problem, workers)
     fit = solve_problem(problem, planned.response, request.options, request.hooks)
     inference = _inferred(fit, identity, request)
+    return result_through(planned, fit, inference, identity, request.hooks.clock() - begun)
+
+
+def result_through(
+    planned: PlannedFmu, fit: Fit, inference: Inference, identity: Identity, seconds: float
+) -> Result:
+    """The result of a fit through an FMU, with the plan and the FMU's warnings.
+
+    Only what the FMU warns of at the solution is a warning; what it said elsewhere is a note.
+
+    Args:
+        planned: the FMU, and how it was driven.
+        fit: the solved problem.
+        inference: what its data determine.
+        identity: what is said of the FMU.
+        seconds: what planning, fit and inference took, s.
+
+    Raises:
+        FmuFailure: the FMU failed at the solution.
+    """
+    workers, problem = planned.workers, planned.problem
     response, p = planned.response(fit.alternative), _canonical(fit)
     here = _said_at(response, p, workers)
     reuse = workers.reuse_note
     provenance = replace(
-        provenance_of(problem, identity, request.options),
+        provenance_of(problem, identity, fit.options),
         plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
         notes=_notes_of_other_parameters(workers.warnings, here),
     )
@@ -132,7 +153,7 @@ def reconstruct_through(
         ),
     ]
     result = result_of(fit, inference, provenance, further, plans[0].record)
-    return replace(result, seconds=request.hooks.clock() - begun)
+    return replace(result, seconds=seconds)
 
 
 def _canonical(fit: Fit) -> FloatArray:

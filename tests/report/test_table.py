@@ -122,7 +122,7 @@ def test_a_terminal_s_number_is_the_number_to_its_digits(value: float, digits: i
 
 def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
     data = records.campaign()
-    lines = text_lines(values_table(records.result_for(data)))
+    lines = text_lines(values_table(records.result_for(data), ""))
     assert lines[0].split()[:5] == ["parameter", "value", "unit", "std", "prior"]
     told = {line.split()[0]: line.split() for line in lines[1:]}
     assert told["theta"][1] == "-"

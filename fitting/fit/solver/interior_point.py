@@ -55,6 +55,11 @@ class SolveSettings:
     restarts: int = 1
 
 
+def quick_settings(settings: SolveSettings) -> SolveSettings:
+    """The same with looser tolerances and no second try."""
+    return replace(settings, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Solve:
     """Outcome of one regularised problem.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
@@ -66,11 +67,27 @@ def interval(bounds: tuple[float, float]) -> Cell:
     return Cell(span(*bounds)) if all(map(math.isfinite, bounds)) else Cell("–")
 
 
-def values_of(result: Result) -> list[Value]:
+class Valued(Protocol):
+    """What has values: a result, or what was inferred of a fit."""
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterResult]:
+        """Fitted parameters by name."""
+
+    @property
+    def derived(self) -> Mapping[str, DerivedResult]:
+        """Derived outputs by name."""
+
+    @property
+    def offsets(self) -> tuple[OffsetResult, ...]:
+        """Values of single experiments."""
+
+
+def values_of(result: Valued) -> list[Value]:
     """Every value of a result: parameters, derived outputs, values of single experiments.
 
     Args:
-        result: of a reconstruction.
+        result: of a reconstruction, or what was inferred of a fit.
     """
     found = [
         Value(name=name, digits=8, low=p.lower, high=p.upper, reference=p.reference, found=p)
@@ -108,13 +125,14 @@ VALUES: tuple[Column[Value], ...] = (
 )
 
 
-def values_table(result: Result) -> Table:
+def values_table(result: Valued, title: str) -> Table:
     """Everything that was fitted or derived, and what the data say of it, in short.
 
     Args:
-        result: of a reconstruction.
+        result: of a reconstruction, or what was inferred of a fit.
+        title: over the table.
     """
-    return tabulate(result.title, VALUES, values_of(result))
+    return tabulate(title, VALUES, values_of(result))
 
 
 PARAMETERS: tuple[Column[Parameter], ...] = (

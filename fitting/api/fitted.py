@@ -1,0 +1,481 @@
+"""A fit and what its data determine, with values by name; thin around the records that hold them.
+
+A value that the data leave open is nan here: the number at which the optimiser stopped would be
+taken for one.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from fitting.api.problem import Problem
+from fitting.fit.fit import Fit as FitRecord
+from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
+from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.fit.options import Options
+from fitting.fit.path import HistoryRow
+from fitting.fit.solver.continuation import Schedule
+from fitting.fit.solver.evaluator import MISFITS
+from fitting.fit.solver.interior_point import SolveSettings, quick_settings
+from fitting.inference.determine import BUDGET
+from fitting.inference.infer import Inference as InferenceRecord
+from fitting.inference.infer import InferenceRequest, infer
+from fitting.inference.likelihood.knowledge import Knowledge, Profile
+from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.report.table import Table, html_table, terminal_text, text_lines
+from fitting.report.tables.values import values_table
+from fitting.result.provenance import Identity
+from fitting.result.reconstruction import identify_fmu, result_through
+from fitting.result.result import Result
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import quantity, span
+from fitting.text.tables import did_you_mean
+
+Found = ParameterResult | DerivedResult | OffsetResult
+#: Levels at which intervals are known.
+LEVELS = (0.68, 0.95)
+
+
+@dataclass(frozen=True)
+class Tikhonov:
+    """Algorithm 2: a sum of |r| and nu/2 |x|^2, nu taken back level by level.
+
+        nu_l = nu beta^l,  l < levels        x = (p - reference)/scale
+
+    Args:
+        nu: First weight of the Tikhonov term, without unit, zero or more.
+        beta: Factor from one weight to the next, above 0 and below 1.
+        levels: How many weights, at least 1.
+        tolerance: Levels end early where |x_(l+1) - x_l| + |J_fit - J_reg| falls to it.
+        misfit: "slack": |r| with slack variables; "absolute": |r| as it is; "squares": r^2.
+        quick: Looser tolerances of each solve.
+
+    Raises:
+        BadInput: a number out of its range, an unknown misfit.
+
+    Source: the paper, Algorithm 2.
+    """
+
+    nu: float = 0.1
+    beta: float = 0.1
+    levels: int = 9
+    tolerance: float = 2.22e-16
+    misfit: str = "slack"
+    quick: bool = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.nu < math.inf:
+            raise BadInput(f"Tikhonov: nu is {self.nu!r}, wanted zero or more")
+        if not 0.0 < self.beta < 1.0:
+            raise BadInput(f"Tikhonov: beta is {self.beta!r}, wanted a factor between 0 and 1")
+        if self.levels < 1:
+            raise BadInput(f"Tikhonov: levels is {self.levels!r}, wanted at least 1")
+        if not self.tolerance > 0.0:
+            raise BadInput(f"Tikhonov: tolerance is {self.tolerance!r}, wanted more than zero")
+        if self.misfit not in MISFITS:
+            raise BadInput(
+                f"Tikhonov: misfit is {self.misfit!r}, wanted one of {', '.join(MISFITS)}"
+            )
+
+    @classmethod
+    def of(cls, options: Options) -> Tikhonov:
+        """The method that a problem brings with it.
+
+        Args:
+            options: As a campaign has them.
+        """
+        s = options.schedule
+        return cls(s.nu_start, s.beta, s.levels, s.tolerance, options.solve.misfit)
+
+    def options(self, starts: int, seed: int) -> Options:
+        """All settings of a search.
+
+        Args:
+            starts: How many starts, at least 1.
+            seed: Of the starts, at least 0.
+        """
+        if starts < 1 or seed < 0:
+            raise BadInput(f"starts = {starts}, seed = {seed}: wanted at least 1 and at least 0")
+        schedule = Schedule(
+            nu_start=self.nu,
+            beta=self.beta,
+            levels=self.levels,
+            tolerance=self.tolerance,
+            starts=starts,
+            seed=seed,
+        )
+        solve = SolveSettings(misfit=self.misfit)
+        return Options(schedule, quick_settings(solve) if self.quick else solve)
+
+
+@dataclass(frozen=True, repr=False)
+class Value:
+    """One parameter or derived output: what the data say of it, all numbers in ``unit``.
+
+    ``value`` and ``std`` are nan where the data leave it open; ``verdict`` is "determined", "partly
+    determined" or "not determined", ``shrinkage`` the share of the variance that the data answer
+    for; ``range`` is what it could be without any data, ``stopped_at`` where the optimiser ended.
+    ``profile`` is its profile likelihood, None where none was walked.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    value: float
+    std: float
+    verdict: str
+    shrinkage: float
+    range: tuple[float, float]
+    stopped_at: float
+    reference: float
+    interval95: tuple[float, float]
+    profile: Profile | None = None
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Lower and upper end of what the data allow, in ``unit``.
+
+        Args:
+            level: 0.95 or 0.68.
+
+        Raises:
+            BadInput: any other level.
+        """
+        if level not in LEVELS:
+            raise BadInput(f"interval: level is {level!r}, wanted 0.68 or 0.95")
+        if self.profile is not None:
+            return self.profile.interval95 if level == LEVELS[1] else self.profile.interval68
+        low, high = self.interval95
+        if level == LEVELS[1] or math.isnan(self.std):
+            return low, high
+        return max(low, self.stopped_at - self.std), min(high, self.stopped_at + self.std)
+
+    def to_dict(self) -> dict[str, str | float]:
+        """The value as a flat row."""
+        low, high = self.interval()
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "value": self.value,
+            "unit": self.unit,
+            "std": self.std,
+            "low95": low,
+            "high95": high,
+            "range_low": self.range[0],
+            "range_high": self.range[1],
+            "reference": self.reference,
+            "shrinkage": self.shrinkage,
+            "verdict": self.verdict,
+        }
+
+    def __repr__(self) -> str:
+        if math.isnan(self.value):
+            text = f"{self.name}: {self.verdict}, anything from {span(*self.range, self.unit)}"
+        else:
+            text = f"{self.name} = {quantity(self.value, self.std, self.unit)}, {self.verdict}"
+        return text.replace("\u00a0", " ")
+
+
+class Valued(ABC):
+    """What has values by name: a fit with its linearised errors, or an inference."""
+
+    @property
+    @abstractmethod
+    def inferred(self) -> InferenceRecord:
+        """All values with intervals, verdicts and warnings, as records."""
+
+    @property
+    @abstractmethod
+    def source(self) -> Fit:
+        """The fit that they are of."""
+
+    @property
+    @abstractmethod
+    def seconds(self) -> float:
+        """How long it took, s."""
+
+    @cached_property
+    def values(self) -> dict[str, Value]:
+        """Every value by name: parameters, derived outputs, values of single experiments."""
+        found = self.inferred
+        profiles = found.knowledge.profiles if found.knowledge is not None else {}
+        values = {
+            name: _value(name, "parameter", p, (p.lower, p.upper), profiles.get(name))
+            for name, p in found.parameters.items()
+        }
+        values |= {
+            name: _value(name, "derived", d, d.box, profiles.get(name))
+            for name, d in found.derived.items()
+        }
+        for o in found.offsets:
+            values[o.parameter] = _value(o.parameter, "offset", o, (math.nan, math.nan), None)
+        return values
+
+    def __getitem__(self, name: str) -> Value:
+        if name not in self.values:
+            raise KeyError(f"no value '{name}'{did_you_mean(name, sorted(self.values))}")
+        return self.values[name]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that a reader must know."""
+        return tuple(warned.sentence for warned in self.inferred.warnings)
+
+    @cached_property
+    def result(self) -> Result:
+        """Everything as the one record that `result.json` holds.
+
+        Raises:
+            BadInput: the model is no FMU.
+            FmuFailure: the FMU failed at the solution.
+        """
+        fit = self.source
+        return result_through(
+            fit.problem.planned, fit.record, self.inferred, fit.identity, self.seconds
+        )
+
+    def to_dict(self) -> list[dict[str, str | float]]:
+        """A flat row per value, as ``pandas.DataFrame`` takes them."""
+        return [value.to_dict() for value in self.values.values()]
+
+    @property
+    def table(self) -> Table:
+        """The values as a table."""
+        return values_table(self.inferred, self.source.problem.record.title)
+
+    def __repr__(self) -> str:
+        fit = self.source
+        lines = [
+            self.table.caption,
+            "",
+            *text_lines(self.table),
+            "",
+            f"{fit.status}: {fit.message}",
+        ]
+        return terminal_text("\n".join(lines))
+
+    def _repr_html_(self) -> str:
+        return html_table(self.table)
+
+
+class Fit(Valued):
+    """A solved problem; its values have the errors of the problem linearised at its solution.
+
+    ``record`` is all that the search found, ``problem`` what was solved, ``command`` what a result
+    says that it was made by.
+    """
+
+    command = "fitting.fit"
+
+    def __init__(self, problem: Problem, record: FitRecord, taken: float) -> None:
+        self.problem, self.record = problem, record
+        self._taken = taken
+
+    @property
+    def identity(self) -> Identity:
+        """What a result says of the model."""
+        return identity_of(self.problem, self.command)
+
+    @cached_property
+    def inferred(self) -> InferenceRecord:
+        """All values with linearised errors, as records."""
+        return infer(self.record, InferenceRequest(units=self.identity.units, profiles=False))
+
+    @property
+    def source(self) -> Fit:
+        """The fit itself."""
+        return self
+
+    @property
+    def seconds(self) -> float:
+        """What planning and search took, s."""
+        return self._taken
+
+    @property
+    def success(self) -> bool:
+        """Whether a linearised step promises no further decrease."""
+        return self.record.success
+
+    @property
+    def status(self) -> str:
+        """How it ended: "converged", "not converged" or "interrupted"."""
+        return self.record.status.value
+
+    @property
+    def message(self) -> str:
+        """How it ended, in a sentence."""
+        return self.record.message
+
+    @property
+    def x(self) -> FloatArray:
+        """Where the optimiser stopped, shape (n,), in the parameters' units: see `values`."""
+        return self.record.x
+
+    @property
+    def fun(self) -> float:
+        """J_fit, the sum of |r|, there."""
+        return self.record.fun
+
+    @property
+    def nfev(self) -> int:
+        """Evaluations of the objective."""
+        return self.record.nfev
+
+    @property
+    def njev(self) -> int:
+        """Jacobians."""
+        return self.record.njev
+
+    @property
+    def path(self) -> tuple[HistoryRow, ...]:
+        """A row for every nu: where it led, and at what misfit."""
+        return self.record.path
+
+
+class Inference(Valued):
+    """What the data of a fit determine: its values have the intervals of profile likelihoods.
+
+    ``fit`` is what it is of, ``record`` all that was inferred.
+    """
+
+    def __init__(self, fit: Fit, record: InferenceRecord, taken: float) -> None:
+        self.fit, self.record = fit, record
+        self._taken = taken
+
+    @property
+    def inferred(self) -> InferenceRecord:
+        """All values with intervals, verdicts and warnings, as records."""
+        return self.record
+
+    @property
+    def source(self) -> Fit:
+        """The fit."""
+        return self.fit
+
+    @property
+    def seconds(self) -> float:
+        """What planning, search and profiles took, s."""
+        return self.fit.seconds + self._taken
+
+    @property
+    def knowledge(self) -> Knowledge | None:
+        """Profiles, directions, other minima; None where the profiles failed: see `warnings`."""
+        return self.record.knowledge
+
+
+def fit(
+    problem: Problem,
+    method: Tikhonov | None = None,
+    *,
+    starts: int | None = None,
+    seed: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    memory: Memory | None = None,
+) -> Fit:
+    """Solve a problem by Algorithms 1 and 2 from several starts, for every alternative.
+
+    Args:
+        problem: What is looked for, and from what.
+        method: How; None: as the campaign says, `Tikhonov` without one.
+        starts: How many starts, the problem's own and seeded ones in its box; None: as the campaign
+            says, 3 without one.
+        seed: Of the further starts; None: as the campaign says, 1 without one.
+        progress: Called before and after every level with the state of the search.
+        memory: Where finished levels are kept, to go on after an interruption.
+
+    Returns:
+        The best that was found: ``fit["name"]`` is a value with its error and verdict.
+
+    Raises:
+        BadInput: the problem cannot be planned, or settings out of their range.
+        FmuFailure: the FMU failed inside the box.
+    """
+    begun = time.perf_counter()
+    options = search_options(problem, method, starts, seed)
+    hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
+    record = solve_problem(problem.record, problem.respond, options, hooks)
+    return Fit(problem, record, time.perf_counter() - begun)
+
+
+def search_options(
+    problem: Problem, method: Tikhonov | None, starts: int | None, seed: int | None
+) -> Options:
+    """All settings of a search: what is said, else what the problem brings; see `fit`."""
+    own = problem.options.schedule
+    return (method or Tikhonov.of(problem.options)).options(
+        own.starts if starts is None else starts, own.seed if seed is None else seed
+    )
+
+
+def identity_of(problem: Problem, command: str) -> Identity:
+    """What a result says of the model of a problem.
+
+    Args:
+        problem: With or without an FMU.
+        command: What is said to have made the result.
+    """
+    if not problem.has_fmu:
+        return Identity(command=command)
+    return identify_fmu(problem.fmu.description, command)
+
+
+def profile(
+    fit: Fit, names: Sequence[str] | None = None, *, budget: int = BUDGET, bootstrap: int = 0
+) -> Inference:
+    """Walk profile likelihoods: intervals and verdicts that do not rest on a linearisation.
+
+        Dchi^2(c) = min { chi^2(p) : g(p) = c } - min chi^2        <= 1 (68 %), <= 3.84 (95 %)
+
+    A failure on the way costs the profiles, not the values: `Inference.warnings` then says so.
+
+    Args:
+        fit: A solved problem.
+        names: Parameters and derived outputs that are profiled; None: all. The rest keeps
+            linearised errors.
+        budget: Evaluations of the model at most.
+        bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
+
+    Raises:
+        BadInput: a name that the fit has not.
+        FmuFailure: the FMU failed at the solution.
+
+    Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87.
+    """
+    begun = time.perf_counter()
+    asked = (names,) if isinstance(names, str) else tuple(names or ())
+    record = fit.problem.record
+    own = [p.name for p in record.parameters if not p.experiments]
+    known = [*own, *record.outputs] if record.campaigns else list(fit.values)
+    for name in asked:
+        if name not in known:
+            raise BadInput(f"profile: no value '{name}'{did_you_mean(name, sorted(known))}")
+    request = InferenceRequest(
+        units=fit.identity.units, budget=budget, bootstrap=bootstrap, only=asked
+    )
+    found = infer(fit.record, request)
+    return Inference(fit, found, time.perf_counter() - begun)
+
+
+def _value(
+    name: str, kind: str, found: Found, box: tuple[float, float], profile: Profile | None
+) -> Value:
+    is_open = found.identifiable == IDENTIFIABLE[2] and not isinstance(found, OffsetResult)
+    return Value(
+        name=name,
+        kind=kind,
+        unit=found.unit,
+        value=math.nan if is_open else found.value,
+        std=math.nan if is_open else found.std,
+        verdict=found.identifiable,
+        shrinkage=found.shrinkage,
+        range=box,
+        stopped_at=found.value,
+        reference=0.0 if isinstance(found, OffsetResult) else found.reference,
+        interval95=found.ci95,
+        profile=profile,
+    )

@@ -1,0 +1,128 @@
+"""Whole jobs besides the fit: what data determine, a report, a shipped example."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from fitting.api.fitted import Valued
+from fitting.api.problem import Problem
+from fitting.inference.determine import BUDGET
+from fitting.inference.identification import IdentificationOptions
+from fitting.inference.identification import identify as identify_through
+from fitting.inference.likelihood.knowledge import Identification
+from fitting.report.shown import shown_problem
+from fitting.result.external import with_external
+from fitting.result.result import Result, write_result
+from fitting.text.errors import BadInput
+from fitting.text.shipped import shipped
+
+CAMPAIGN = "campaign.toml"
+
+
+def identify(
+    problem: Problem,
+    at: Valued | Result | None = None,
+    *,
+    expected: bool = False,
+    seed: int = 1,
+    budget: int = BUDGET,
+    bootstrap: int = 0,
+) -> Identification:
+    """What data determine, before any fit or around one: directions, profiles, verdicts.
+
+    Args:
+        problem: What is looked for, and from what.
+        at: A fit to set out from; None: the problem's start and reference values.
+        expected: Not the measured data, but those that the model expects there, with their noise.
+        seed: Of further starts and of synthetic data sets, at least 0.
+        budget: Evaluations of the model at most.
+        bootstrap: Synthetic data sets that are fitted anew; 0: none.
+
+    Returns:
+        ``knowledge`` holds the profiles and sentences, ``at`` says where it set out from.
+
+    Raises:
+        BadInput: the problem cannot be planned, or the fit is of another one.
+        FmuFailure: the FMU failed.
+    """
+    fitted = at.result if isinstance(at, Valued) else at
+    asked = IdentificationOptions(
+        values=None if fitted is None else fitted.fitted_values,
+        alternative=None if fitted is None else fitted.alternative,
+        expected=expected,
+        bootstrap=bootstrap,
+        seed=seed,
+        budget=budget,
+    )
+    record = problem.record
+    provenance: dict[str, str] = {}
+    units: dict[str, str] = {}
+    if problem.has_fmu:
+        description = problem.fmu.description
+        units = {name: description.variables[name].unit or "" for name in record.outputs}
+        provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
+    knowledge = identify_through(record, problem.respond, units, asked)
+    provenance["seed"] = str(seed)
+    return Identification(
+        title=record.title,
+        synthetic=record.synthetic,
+        at="the campaign's start and reference values" if fitted is None else "a fit",
+        knowledge=knowledge,
+        provenance=provenance,
+    )
+
+
+def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> Path:
+    """Write what the command line writes: result.json, history.csv, figures, report.html.
+
+    Args:
+        found: A fit, or what was inferred of one.
+        out: Folder, made where there is none.
+        external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
+
+    Returns:
+        The path of report.html.
+
+    Raises:
+        BadInput: the folder cannot be written, or a value that the result has not.
+    """
+    result = with_external(found.result, external)
+    write_result(result, Path(out))
+    return draw_report(found.source.problem, result, Path(out))
+
+
+def draw_report(problem: Problem, result: Result, out: Path) -> Path:
+    """Figures and report.html of a result; the path of the page.
+
+    Args:
+        problem: What was solved.
+        result: What was found.
+        out: Folder.
+    """
+    # matplotlib takes a second to import: only where something is drawn
+    page = importlib.import_module("fitting.report.reconstruction")
+    written: Path = page.write_report(result, shown_problem(problem.record), out)
+    return written
+
+
+def example(name: str = "string_q1") -> Path:
+    """Path of the campaign.toml of a shipped example, to be read as it stands.
+
+    Args:
+        name: Which one, as ``fmu-fit example`` lists them.
+
+    Raises:
+        BadInput: there is none of that name.
+    """
+    known = examples()
+    if name not in known:
+        raise BadInput(f"example {name!r}: wanted one of {', '.join(known)}")
+    return known[name] / CAMPAIGN
+
+
+def examples() -> dict[str, Path]:
+    """Name and folder of every shipped campaign, by name."""
+    found = sorted(shipped("data").glob(f"*/{CAMPAIGN}"))
+    return {path.parent.name: path.parent for path in found}

@@ -1,0 +1,118 @@
+"""The plots of `fitting.report.plot`, which take fits, inferences and values as well as records."""
+
+from __future__ import annotations
+
+from fitting.api.fitted import Value, Valued
+from fitting.inference.likelihood.knowledge import Profile
+from fitting.report import plot
+from fitting.report.plot import (
+    amplitude_spectrum,
+    beating,
+    candidates,
+    drive_envelope,
+    drive_periods,
+    expected_errors,
+    periods,
+    spectrum,
+    swept_tone,
+)
+from fitting.report.plot.axes import Axes
+from fitting.result.result import Result
+from fitting.text.errors import BadInput
+
+__all__ = [
+    "amplitude_spectrum",
+    "beating",
+    "candidates",
+    "deviations",
+    "drive_envelope",
+    "drive_periods",
+    "expected_errors",
+    "frequency_response",
+    "objective_path",
+    "parameter_path",
+    "periods",
+    "profile",
+    "residuals",
+    "spectrum",
+    "swept_tone",
+]
+
+
+def profile(found: Value | Profile, name: str = "", *, ax: Axes | None = None) -> Axes:
+    """Draw a profile likelihood: the least Δχ² that fits reach at each value.
+
+    Args:
+        found: A value of an inference, or its profile; drawn in its unit.
+        name: Of the value; empty: its own.
+        ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: a value whose profile was not walked.
+    """
+    record = found.profile if isinstance(found, Value) else found
+    if record is None:
+        raise BadInput(f"plot: '{found!r}' has no profile, wanted a value of fitting.profile(fit)")
+    own = found.name if isinstance(found, Value) else "value"
+    return plot.profile(record, name or own, ax=ax)
+
+
+def parameter_path(found: Valued | Result, *names: str, ax: Axes | None = None) -> Axes:
+    """Draw parameters over the weight nu of the Tikhonov term.
+
+    Args:
+        found: A fit, an inference, or a result.
+        names: Of the parameters; none: all.
+        ax: Where to draw; None: pyplot's current axes.
+    """
+    return plot.parameter_path(_result(found), *names, ax=ax)
+
+
+def objective_path(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+    """Draw J_fit and J_reg over the weight nu of the Tikhonov term.
+
+    Args:
+        found: A fit, an inference, or a result.
+        ax: Where to draw; None: pyplot's current axes.
+    """
+    return plot.objective_path(_result(found), ax=ax)
+
+
+def residuals(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+    """Draw the residuals of the peaks, in standard deviations.
+
+    Args:
+        found: A fit, an inference, or a result.
+        ax: Where to draw; None: pyplot's current axes.
+    """
+    return plot.residuals(_result(found), ax=ax)
+
+
+def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+    """Draw the relative deviations of the peaks over frequency, before and after.
+
+    Args:
+        found: A fit, an inference, or a result.
+        ax: Where to draw; None: pyplot's current axes.
+    """
+    return plot.deviations(_result(found), ax=ax)
+
+
+def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
+    """Draw the sweep, measured and simulated.
+
+    Args:
+        found: A fit, an inference, or a result, of a problem with one sweep.
+        ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: there is no sweep, or one for each of several series.
+    """
+    curves = _result(found).sweep
+    if curves is None:
+        raise BadInput("plot: the result has no sweep of its own, wanted one with a single sweep")
+    return plot.frequency_response(curves, ax=ax)
+
+
+def _result(found: Valued | Result) -> Result:
+    return found.result if isinstance(found, Valued) else found

@@ -1,0 +1,354 @@
+"""What is to be found and from what, as a function of the parameters that other programs may take.
+
+    ln L(p) = -1/2 r^T V^-1 r - 1/2 ln det(2 pi V)        V = diag(sigma^2) + U U^T
+
+r are the residual rows at p, sigma their standard deviations, U the error that rows share through a
+scale which the sweep gives. V does not depend on p.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.api.fmu import Fmu
+from fitting.campaign import Campaign, WrittenFmu, bind, read_campaign
+from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
+from fitting.campaign.noise import Noise
+from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
+from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
+from fitting.fit.options import Options, options_of
+from fitting.fit.planned_fmu import PlannedFmu, plan_problem
+from fitting.fit.problem import Problem as Record
+from fitting.fit.problem import problem_of
+from fitting.measurements.measurement import Response
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
+from fitting.text.units import checked_accuracy
+
+#: Makes the model of one discrete alternative.
+Respond = Callable[[Mapping[str, Scalar]], Response]
+
+
+class Problem:
+    """Parameters of an FMU that are looked for, and the measurements to find them from.
+
+    Its functions of the parameters take p of the shape (n,) or any stack of such, (..., n), in the
+    parameters' units and in the order of ``names``; they have no memory and change nothing. They
+    are those of one of the ``alternatives``: the first, or what `with_alternative` says.
+
+    Args:
+        fmu: The FMU.
+        parameters: What is looked for.
+        measurements: `Tones` and `Sweep`, at least one that is fitted.
+        derived: Outputs of the FMU that are reported with their errors.
+        alternatives: Values to try by variable, in all combinations; a fit reports the best one.
+        noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.
+
+    Raises:
+        BadInput: nothing to fit, or names, units or shapes that fit neither FMU nor each other.
+    """
+
+    def __init__(
+        self,
+        fmu: Fmu,
+        parameters: Sequence[Parameter],
+        measurements: Sequence[Tones | Sweep],
+        *,
+        derived: Sequence[str] = (),
+        alternatives: Mapping[str, Sequence[Scalar]] | None = None,
+        noise: Noise | None = None,
+    ) -> None:
+        data = ArrayData(
+            parameters=parameters,
+            measurements=measurements,
+            derived=derived,
+            alternatives=alternatives or {},
+            noise=noise or Noise(),
+        )
+        self._take(problem_of(bind_arrays(data, fmu.variables)), Options(), fmu)
+
+    @classmethod
+    def of(
+        cls,
+        campaigns: str | Path | Campaign | Sequence[str | Path | Campaign],
+        fmu: Fmu | None = None,
+        *,
+        accuracy: float | None = None,
+    ) -> Problem:
+        """The problem of one campaign, or of several of one sample together.
+
+        Args:
+            campaigns: A campaign, its path, or several of them.
+            fmu: The FMU; None: the one that the campaigns name.
+            accuracy: Wanted relative accuracy of simulated amplitudes, between 0 and 1; None: the
+                campaigns' own.
+
+        Raises:
+            BadInput: campaigns that cannot be read, contradict each other or do not fit the FMU.
+        """
+        given = [campaigns] if isinstance(campaigns, str | Path | Campaign) else campaigns
+        read = [c if isinstance(c, Campaign) else read_campaign(c) for c in given]
+        if not read:
+            raise BadInput("problem: no campaigns, wanted at least one")
+        if fmu is None:
+            named = one_fmu(read)
+            fmu = Fmu(named.file or str(named.model), timeout_s=named.timeout_s)
+        bound = [bind(campaign, fmu.variables) for campaign in read]
+        if accuracy is not None:
+            accuracy = checked_accuracy(accuracy, "accuracy")
+            bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+        made = cls.__new__(cls)
+        made._take(problem_of(bound), options_of(read[0].file.continuation), fmu, read)
+        return made
+
+    @classmethod
+    def answered_by(cls, respond: Respond, record: Record) -> Problem:
+        """A problem whose model is another program than an FMU.
+
+        Args:
+            respond: Makes the model of one alternative, a
+                `fitting.measurements.measurement.Response`.
+            record: Parameters and measurements, a `fitting.fit.problem.Problem`.
+        """
+        made = cls.__new__(cls)
+        made._take(record, Options(), None, respond=respond)
+        return made
+
+    def _take(
+        self,
+        record: Record,
+        options: Options,
+        fmu: Fmu | None,
+        campaigns: Sequence[Campaign] = (),
+        respond: Respond | None = None,
+    ) -> None:
+        self.record, self.options, self.campaigns = record, options, tuple(campaigns)
+        self._fmu, self._respond = fmu, respond
+        self._alternative = 0
+
+    def with_alternative(self, number: int) -> Problem:
+        """The same problem, whose functions are those of another alternative.
+
+        Args:
+            number: Place in ``record.alternatives``, from 0.
+
+        Raises:
+            BadInput: there is no such alternative.
+        """
+        count = len(self.record.alternatives)
+        if not 0 <= number < count:
+            raise BadInput(f"alternative {number}: there are {count}, counted from 0")
+        other = copy(self)
+        other.__dict__.pop("objective", None)
+        other._alternative = number
+        return other
+
+    @property
+    def has_fmu(self) -> bool:
+        """Whether the model is an FMU."""
+        return self._fmu is not None
+
+    @property
+    def fmu(self) -> Fmu:
+        """The FMU.
+
+        Raises:
+            BadInput: the model is another program.
+        """
+        if self._fmu is None:
+            raise BadInput("problem: its model is another program, wanted one with an FMU")
+        return self._fmu
+
+    @cached_property
+    def planned(self) -> PlannedFmu:
+        """The FMU with its plan: settling, windows, solver, as measured at the first use."""
+        return plan_problem(self.record, self.fmu.workers)
+
+    def respond(self, alternative: Mapping[str, Scalar]) -> Response:
+        """The model of one alternative.
+
+        Args:
+            alternative: One of ``record.alternatives``.
+        """
+        if self._respond is not None:
+            return self._respond(alternative)
+        return self.planned.response(alternative)
+
+    @cached_property
+    def objective(self) -> Objective:
+        """The model beside the data, with the steps of its Jacobian."""
+        record = self.record
+        response = self.respond(record.alternatives[self._alternative])
+        return make_objective(response, record.parameters, record.data)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, n of them, in the order of p."""
+        return names(self.record.parameters)
+
+    @property
+    def start(self) -> FloatArray:
+        """Where a search begins, shape (n,), in the parameters' units."""
+        return starts(self.record.parameters)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper ends of the box, shape (n,) each, in the parameters' units."""
+        return bounds(self.record.parameters)
+
+    def to_search(self, p: npt.ArrayLike) -> FloatArray:
+        """Search vectors x = (p - reference)/scale.
+
+        Args:
+            p: Parameters, shape (..., n), in their units.
+        """
+        return to_search(self.record.parameters, self._checked(p))
+
+    def from_search(self, x: npt.ArrayLike) -> FloatArray:
+        """Parameters p = reference + scale x, in their units.
+
+        Args:
+            x: Search vectors, shape (..., n), without unit.
+        """
+        return to_model(self.record.parameters, self._checked(x))
+
+    def residuals(self, p: npt.ArrayLike) -> FloatArray:
+        """Residual rows r, shape (..., m): relative to the peak, or to a sweep's maximum.
+
+        Args:
+            p: Parameters, shape (..., n), in their units.
+
+        Raises:
+            FmuFailure: the FMU failed at one of them.
+        """
+        table = self._checked(p)
+        rows = self._rows(table.reshape(-1, table.shape[-1]))
+        return rows.reshape(*table.shape[:-1], rows.shape[-1])
+
+    def jac(self, p: npt.ArrayLike) -> FloatArray:
+        """dr/dp, shape (..., m, n), one over the parameters' units, by central differences.
+
+        Args:
+            p: Parameters, shape (..., n), in their units, inside the box.
+
+        Raises:
+            FmuFailure: the FMU failed at one of them.
+        """
+        table = self._checked(p)
+        xs = to_search(self.record.parameters, table.reshape(-1, table.shape[-1]))
+        nodes = [stencil(self.objective, x) for x in xs]
+        points = evaluate_many(self.objective, [node for each in nodes for node in each])
+        size = 2 * table.shape[-1]
+        found = [jacobian_of(points[k : k + size]) for k in range(0, len(points), size)]
+        scaled = np.array(found) / scales(self.record.parameters)
+        return np.asarray(scaled.reshape(*table.shape[:-1], *scaled.shape[-2:]))
+
+    def logl(self, p: npt.ArrayLike) -> FloatArray:
+        """ln L, shape (...): Gaussian rows with the covariance V of the module.
+
+        Args:
+            p: Parameters, shape (..., n), in their units.
+
+        Raises:
+            BadInput: the noise of some rows is not known.
+            FmuFailure: the FMU failed at one of them.
+        """
+        root = self._noise_root
+        white = np.linalg.solve(root, np.expand_dims(self.residuals(p), -1))[..., 0]
+        size = 0.5 * root.shape[0] * math.log(2.0 * math.pi) + np.sum(np.log(np.diag(root)))
+        return np.asarray(-0.5 * np.sum(white**2, axis=-1) - size)
+
+    def logp(self, p: npt.ArrayLike) -> FloatArray:
+        """ln of posterior, shape (...), but for its constant: ln L and the logarithm of the prior.
+
+        The prior is uniform in the box, -inf outside, where nothing is simulated; a parameter with
+        a prior of its own has that Gaussian instead, likewise inside the box.
+
+        Args:
+            p: Parameters, shape (..., n), in their units.
+
+        Raises:
+            BadInput: the noise of some rows is not known.
+            FmuFailure: the FMU failed inside the box.
+        """
+        table = self._checked(p)
+        lower, upper = self.bounds
+        flat = table.reshape(-1, table.shape[-1])
+        inside = np.all((flat >= lower) & (flat <= upper), axis=1)
+        found = np.full(len(flat), -np.inf)
+        if np.any(inside):
+            found[inside] = self.logl(flat[inside]) + self._logprior(flat[inside])
+        return found.reshape(table.shape[:-1])
+
+    def _logprior(self, table: FloatArray) -> FloatArray:
+        total = np.zeros(len(table))
+        for column, q in zip(table.T, self.record.parameters, strict=True):
+            if q.prior_sigma is None:
+                total -= math.log(q.upper - q.lower)
+                continue
+            total -= 0.5 * ((column - q.reference) / q.prior_sigma) ** 2
+            total -= math.log(q.prior_sigma * math.sqrt(2.0 * math.pi))
+        return total
+
+    @cached_property
+    def _noise_root(self) -> FloatArray:
+        """Lower triangular root of V, (m, m)."""
+        data = self.record.data
+        if not np.all(data.sigma > 0.0):
+            missing = int(np.sum(~(data.sigma > 0.0)))
+            raise BadInput(
+                f"problem: the noise of {missing} of {data.sigma.size} rows is not known; wanted "
+                "sigmas_v, or noise with a relative or absolute part"
+            )
+        mine = data.series_of_rows[:, None] == np.arange(len(data.series))
+        shared = np.where(mine, data.measured_rows[:, None] * np.array(data.scale_sigmas), 0.0)
+        return np.asarray(np.linalg.cholesky(np.diag(data.sigma**2) + shared @ shared.T))
+
+    def _rows(self, table: FloatArray) -> FloatArray:
+        xs = list(to_search(self.record.parameters, table))
+        points = evaluate_many(self.objective, xs)
+        return np.array([point.residuals for point in points])
+
+    def _checked(self, p: npt.ArrayLike) -> FloatArray:
+        table, n = np.asarray(p, dtype=float), len(self.record.parameters)
+        if table.ndim == 0 or table.shape[-1] != n:
+            raise BadInput(
+                f"problem: parameters have the shape {table.shape}, wanted (..., {n}) for "
+                f"{', '.join(self.names)}"
+            )
+        return table
+
+    def __repr__(self) -> str:
+        rows = self.record.data.sigma.size
+        return f"<Problem {self.record.title}: {', '.join(self.names)} from {rows} rows>"
+
+
+def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
+    """The FMU that campaigns name.
+
+    Args:
+        campaigns: One or more that are fitted together.
+
+    Raises:
+        BadInput: they name different ones, or one that is not there.
+    """
+    first = campaigns[0]
+    for other in campaigns[1:]:
+        one, two = first.file.fmu, other.file.fmu
+        if (one.model, one.file and one.file.resolve()) != (
+            two.model,
+            two.file and two.file.resolve(),
+        ):
+            raise BadInput(
+                f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
+                f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
+            )
+    return first.file.fmu

@@ -1,0 +1,74 @@
+"""A script and a notebook: from arrays to a figure, in a process of their own."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import nbclient
+import nbformat
+import pytest
+
+from tests.support.processes import MOST_S
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = Path(__file__).with_name("from_arrays.py")
+#: Width of the line that the script makes, Hz, and what noise of 1 % leaves of it with 25 points.
+WIDTH_HZ, MOST_HZ = 95.0, 3.0
+
+
+def check(told: str) -> None:
+    """The table, a width near the truth, nan for what is open, and its range."""
+    lines = told.splitlines()
+    assert any(re.match(r"lambda +- +Hz +- ", line) for line in lines)
+    [width] = [line for line in lines if line.startswith("width_plus = ")]
+    found = re.fullmatch(r"width_plus = ([\d.]+) ± ([\d.]+) Hz, determined", width)
+    assert found is not None, width
+    assert abs(float(found[1]) - WIDTH_HZ) < MOST_HZ
+    assert 0.1 < float(found[2]) < 2.0
+    assert lines[-2] == "nan"
+    low, high = map(float, lines[-1].strip("()").split(","))
+    assert low < 1e3
+    assert high > 7e5
+
+
+def test_the_script_has_twenty_lines() -> None:
+    lines = [line for line in SCRIPT.read_text("utf-8").splitlines()[2:] if line]
+    assert len(lines) <= 20
+
+
+def test_a_script_without_a_guard_comes_to_its_end(tmp_path: Path) -> None:
+    told = subprocess.run(
+        [sys.executable, str(SCRIPT)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"},
+        timeout=MOST_S,
+        check=False,
+    )
+    assert told.returncode == 0, told.stderr
+    assert told.stderr == ""
+    check(told.stdout)
+    assert (tmp_path / "profile.png").stat().st_size > 1000
+
+
+@pytest.mark.filterwarnings("ignore")  # of the notebook's libraries
+def test_a_notebook_shows_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
+    source = SCRIPT.read_text("utf-8")
+    cells = [nbformat.v4.new_code_cell(text) for text in (source, "found", "fmu")]
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    nbclient.NotebookClient(
+        notebook, timeout=int(MOST_S), resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    outputs = [cell.outputs for cell in notebook.cells]
+    check("".join(output.text for output in outputs[0] if output.output_type == "stream"))
+    for shown, word in ((outputs[1], "determined"), (outputs[2], "periodic_start")):
+        page = shown[0].data["text/html"]
+        assert page.count("<tr") > 3
+        assert word in page
