@@ -623,7 +623,10 @@ def _require_oscillation(drives: Sequence[Drive], readings: Sequence[Reading]) -
         if all(reading.constant):
             pairs = zip(drive.outputs, reading.mean, strict=True)
             said = ", ".join(f"{name} is constant at {float(v):.9g}" for name, v in pairs)
-            raise BadInput(f"outputs: {said}; wanted one that oscillates under the drive")
+            raise BadInput(
+                f"outputs: {said}; wanted one that oscillates under the drive (does the drive reach "
+                "the observed output?)"
+            )
 
 
 def _better(bound: float, value: float, best: tuple[float, float], share: float) -> bool:
