@@ -624,8 +624,8 @@ def _require_oscillation(drives: Sequence[Drive], readings: Sequence[Reading]) -
             pairs = zip(drive.outputs, reading.mean, strict=True)
             said = ", ".join(f"{name} is constant at {float(v):.9g}" for name, v in pairs)
             raise BadInput(
-                f"outputs: {said}; wanted one that oscillates under the drive (does the drive reach "
-                "the observed output?)"
+                f"outputs: {said}; wanted one that oscillates under the drive (does the drive "
+                "reach the observed output?)"
             )
 
 
