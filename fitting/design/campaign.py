@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fitting.campaign import BoundCampaign, SweepData
+from fitting.campaign import BoundCampaign, Drive, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.result import Design, Proposal
 from fitting.text.arrays import Scalar
@@ -61,7 +61,7 @@ def _campaign(
             name = _sweep_name(bound.sweep)
             put(tables["sweep"], "file", name, "take it anew if the gain has changed")
             tables["sweep"]["use"] = "scale"  # fitted once, in the campaign it was taken for
-        _edit_drive(tables["drive"], design, bound, limits)
+        _edit_drive(tables["drive"], design, bound.setup.drive, limits)
         what = "what to measure: a row each, with its peaks"
         put(tables, "experiments", _experiments_table(design, bound), what)
         if bound.drift.ends:
@@ -78,13 +78,13 @@ def _campaign(
     return rewritten(read_text(bound.path), edit, head)
 
 
-def _edit_drive(drive: Tables, design: Design, bound: BoundCampaign, limits: Limits) -> None:
+def _edit_drive(drive: Tables, design: Design, source: Drive, limits: Limits) -> None:
     """As many tones as are proposed; the tones alone are read, but for a design of other lines."""
     tones = len(design.proposals[0].tones_hz)
-    if tones < len(bound.setup.drive.frequency_names):
-        drive["frequencies"] = list(bound.setup.drive.frequency_names[:tones])
-        if bound.setup.drive.kind == "tones":
-            drive["amplitudes"] = list(bound.setup.drive.amplitude_names[:tones])
+    if tones < len(source.frequency_names):
+        drive["frequencies"] = list(source.frequency_names[:tones])
+        if source.kind == "tones":
+            drive["amplitudes"] = list(source.amplitude_names[:tones])
     if not limits.lines:
         drive.pop("read", None)
 
@@ -157,7 +157,7 @@ def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
         if name not in bound.drift.ends and name not in drive.frequency_names
     }
     first = design.proposals[0]
-    columns |= levels_and_more(bound, len(first.tones_hz), 1.0, first.settings)
+    columns |= levels_and_more(drive, len(first.tones_hz), 1.0, first.settings)
     hertz_unit = "MHz" if mega else "Hz"
     driven = drive.frequency_names[: len(first.tones_hz)]
     head = ["experiment", *(f"{name} ({hertz_unit})" for name in driven), "output", *columns]
@@ -169,7 +169,7 @@ def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
         ",".join(head),
     ]
     for p in design.proposals:
-        settings = {**columns, **levels_and_more(bound, len(p.tones_hz), p.level, p.settings)}
+        settings = {**columns, **levels_and_more(drive, len(p.tones_hz), p.level, p.settings)}
         tones = [repr(f / _MEGA if mega else f) for f in p.tones_hz]
         cells = [f"next{p.rank}", *tones, p.output, *map(_cell, settings.values())]
         cells += ["" for _ in p.peaks_v]

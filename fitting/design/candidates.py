@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Experiment
+from fitting.campaign import BoundCampaign, Drive, Experiment
 from fitting.signal.combinations import Combination
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -162,20 +162,18 @@ def _tones(bound: BoundCampaign, limits: Limits, centre_hz: float) -> list[tuple
 
 
 def levels_and_more(
-    bound: BoundCampaign, tones: int, level: float, chosen: Mapping[str, Scalar]
+    source: Drive, tones: int, level: float, chosen: Mapping[str, Scalar]
 ) -> dict[str, Scalar]:
     """What a setup sets beside its tones: drive amplitudes (zero of tones that are not driven).
 
     Args:
-        bound: the campaign, for the names of its drive.
+        source: the campaign's drive.
         tones: that are driven at once.
         level: factor on the campaign's drive level.
         chosen: further settings, in the FMU's units.
     """
-    names = bound.setup.drive.amplitude_names if bound.setup.drive.kind == "tones" else ()
-    amplitudes = {
-        name: level * bound.setup.drive.amplitude * (k < tones) for k, name in enumerate(names)
-    }
+    names = source.amplitude_names if source.kind == "tones" else ()
+    amplitudes = {name: level * source.amplitude * (k < tones) for k, name in enumerate(names)}
     return {**amplitudes, **chosen}
 
 
@@ -199,7 +197,7 @@ def _setup(
 ) -> Setup:
     """A setup with what is simulated for it: `base` is set besides, `lines` are read."""
     tones, source = drive.tones_hz, bound.setup.drive
-    settings = {**base, **levels_and_more(bound, len(tones), drive.level, drive.settings)}
+    settings = {**base, **levels_and_more(source, len(tones), drive.level, drive.settings)}
     if source.kind == "tones":
         for name, tone in zip(source.frequency_names, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"

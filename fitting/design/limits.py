@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign
+from fitting.campaign import BoundCampaign, Drive
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenDesign
 from fitting.design.candidates import Limits
@@ -82,7 +82,7 @@ def limits_of(
         least_spacing_hz=said.least_spacing or own[1],
         farthest_hz=said.farthest or own[2],
         both_sides=said.both_sides,
-        levels=_levels(bound, table),
+        levels=_levels(bound.setup.drive, table),
         repeats=_repeats(table),
         noise_floor_v=_amplitude(bound, said.noise_floor, _own_noise(bound)),
         relative_noise=_relative_noise(bound, table),
@@ -95,8 +95,8 @@ def limits_of(
     )
 
 
-def _levels(bound: BoundCampaign, table: DesignTable) -> tuple[float, ...]:
-    tones = bound.setup.drive.kind == "tones"
+def _levels(drive: Drive, table: DesignTable) -> tuple[float, ...]:
+    tones = drive.kind == "tones"
     levels = _ascending(table.keys.levels or (LEVELS if tones else (1.0,)))
     if not tones and levels != (1.0,):
         raise BadInput(f"{table.where('levels')}: has no meaning with a drive through the input")

@@ -31,6 +31,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
+from fitting.measurements.measurement import Measurement
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
@@ -81,7 +82,7 @@ def consistency(problem: Problem, solution: Solution) -> JointResult:
         solution: the end of their joint fit.
     """
     gradients = _gradients(solution)
-    names = tuple(problem.campaigns)
+    data, names = problem.data, tuple(problem.campaigns)
     system, inflation = _whitened(solution)
     everything = tuple(range(len(names)))
     minima = [system.minimum([k]) for k in everything]
@@ -97,8 +98,8 @@ def consistency(problem: Problem, solution: Solution) -> JointResult:
             chi_square_alone=minima[k].chi_square,
             inflation=inflation[k],
             alone=_alone(minima[k], gradients),
-            swept_initial_v=_swept(solution, solution.initial, name),
-            swept_final_v=_swept(solution, solution.final, name),
+            swept_initial_v=_swept(data.measurements, solution.initial, name),
+            swept_final_v=_swept(data.measurements, solution.final, name),
         )
         for k, name in enumerate(names)
     )
@@ -115,9 +116,9 @@ def _scale_kind(bound: BoundCampaign) -> str:
     return bound.sweep.scale if bound.sweep is not None else "none"
 
 
-def _swept(solution: Solution, point: Point, series: str) -> tuple[float, ...]:
+def _swept(measurements: Sequence[Measurement], point: Point, series: str) -> tuple[float, ...]:
     """A series' sweep as the model gives it at a point, scaled."""
-    pairs = zip(solution.objective.data.measurements, point.scaled, strict=True)
+    pairs = zip(measurements, point.scaled, strict=True)
     return tuple(
         float(a) for m, scaled in pairs if m.series == series and m.is_curve for a in scaled
     )

@@ -10,6 +10,7 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.inference.equivalent_fits import contradicts, exchange_words
+from fitting.inference.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
 from fitting.inference.likelihood.profiles import (
@@ -47,7 +48,7 @@ def profiles(
         units: of the outputs, by name.
     """
     parameters = {p.name: p for p in explored.optimum.likelihood.parameters}
-    turn = _turn(explored)
+    turn = _turn(explored.optimum)
     made = {}
     for quantity in explored.quantities:
         parameter = parameters.get(quantity.name)
@@ -59,10 +60,10 @@ def profiles(
     return made
 
 
-def _turn(explored: Exploration) -> FloatArray:
+def _turn(optimum: Optimum) -> FloatArray:
     """What brings the optimum into the canonical period, (n,), in the parameters' units."""
-    parameters = explored.optimum.likelihood.parameters
-    p = to_model(parameters, explored.optimum.expansion.x)
+    parameters = optimum.likelihood.parameters
+    p = to_model(parameters, optimum.expansion.x)
     return np.asarray(canonical(parameters, p) - p)
 
 

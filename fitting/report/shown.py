@@ -117,7 +117,9 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
         synthetic=bound.synthetic,
         unit=bound.amplitude_unit,
         drive=bound.setup.drive.input or "b",
-        tones=tuple(_shown_tones(e, bound) for e in bound.experiments),
+        tones=tuple(
+            _shown_tones(e, bound.setup.drive, bound.amplitude_unit) for e in bound.experiments
+        ),
         sweep=None if bound.sweep is None else _shown_sweep(bound.sweep),
         drift_hz=_drift_hz(bound),
         settings=_settings(bound),
@@ -125,14 +127,14 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
     )
 
 
-def _shown_tones(experiment: Experiment, bound: BoundCampaign) -> ShownTones:
-    names = bound.setup.drive.amplitude_names or ("",) * len(experiment.tones_hz)
+def _shown_tones(experiment: Experiment, drive: Drive, unit: str) -> ShownTones:
+    names = drive.amplitude_names or ("",) * len(experiment.tones_hz)
     spectrum = experiment.spectrum
     return ShownTones(
         label=experiment.label,
         tones_hz=experiment.tones_hz,
         drive=tuple(
-            float(experiment.settings.get(name, bound.setup.drive.amplitude))
+            float(experiment.settings.get(name, drive.amplitude))
             for name, _ in zip(names, experiment.tones_hz, strict=False)
         ),
         read_hz=experiment.read_hz,
@@ -140,7 +142,7 @@ def _shown_tones(experiment: Experiment, bound: BoundCampaign) -> ShownTones:
         sigmas=tuple(map(float, experiment.sigmas_v)),
         floor=experiment.floor_v,
         trace=None if spectrum is None else Trace(spectrum.frequency_hz, spectrum.amplitude_v),
-        unit=bound.amplitude_unit,
+        unit=unit,
     )
 
 

@@ -26,7 +26,7 @@ from fitting.report.plot.tones import (
     spectrum_scales,
 )
 from fitting.report.shown import ShownCampaign, ShownTones
-from fitting.result.result import Result
+from fitting.result.result import Deviations, Result
 from fitting.text.notation import listed, number, plain, prefixed
 
 #: Drives drawn one below the other, and spectra side by side; a figure is to stay readable.
@@ -199,11 +199,11 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
     caption = (
         "Relative deviation of simulated from measured amplitude at every drive frequency, with "
         "the start parameters (black, open) and the fitted ones (red, filled); dashed: means "
-        f"{_from_to(result)}. The marker shape tells the experiment.{drift}"
+        f"{_from_to(result.deviations)}. The marker shape tells the experiment.{drift}"
     )
     alt = (
         f"Relative deviations at {len(result.peaks)} drive frequencies before and after the fit; "
-        f"means {_from_to(result)}."
+        f"means {_from_to(result.deviations)}."
     )
     return Drawing(
         name="3_deviation_over_frequency", title=title, caption=caption, alt=alt, figure=figure
@@ -262,8 +262,8 @@ def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
         f"that standard deviation; band ±2. {worst}"
     )
     alt = (
-        f"Deviations by experiment, means {_from_to(result)}; {len(beyond)} of {len(residuals)} "
-        f"residuals beyond {NOTABLE_SIGMA:g} standard deviations. {worst}"
+        f"Deviations by experiment, means {_from_to(result.deviations)}; {len(beyond)} of "
+        f"{len(residuals)} residuals beyond {NOTABLE_SIGMA:g} standard deviations. {worst}"
     )
     return Drawing(
         name="7_deviation_per_experiment", title=title, caption=caption, alt=alt, figure=figure
@@ -282,6 +282,6 @@ def _worst_words(result: Result, residuals: list[float]) -> str:
     return f"The largest residual is {value} σ, at {where}."
 
 
-def _from_to(result: Result) -> str:
-    before, after = result.deviations.initial.mean, result.deviations.final.mean
+def _from_to(deviations: Deviations) -> str:
+    before, after = deviations.initial.mean, deviations.final.mean
     return f"{number(before, 3)} before, {number(after, 3)} after"
