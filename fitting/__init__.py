@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from fitting.api import plot
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
     from fitting.api.fmu import Fmu, simulate, sweep
-    from fitting.api.jobs import example, identify, report
+    from fitting.api.jobs import design, example, identify, report
     from fitting.api.problem import Problem
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
     "api.fmu": ("Fmu", "simulate", "sweep"),
-    "api.jobs": ("example", "identify", "report"),
+    "api.jobs": ("design", "example", "identify", "report"),
     "api.problem": ("Problem",),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
@@ -56,6 +56,7 @@ __all__ = [
     "Tones",
     "Value",
     "__version__",
+    "design",
     "example",
     "fit",
     "identify",

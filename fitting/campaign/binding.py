@@ -125,9 +125,9 @@ class SweepData:
 class Setup:
     """How a series of measurements drives the FMU and what it observes, in the FMU's units.
 
-    ``output`` is the variable that is observed; ``start_values`` hold for every run;
-    ``steady_start`` says that the FMU begins on its periodic orbit; ``line_width_hz`` tells how
-    long it takes to settle; ``accuracy`` is what simulated amplitudes are wanted to;
+    ``drive`` is how; ``output`` is the variable that is observed; ``start_values`` hold for every
+    run; ``steady_start`` says that the FMU begins on its periodic orbit; ``line_width_hz`` tells
+    how long it takes to settle; ``accuracy`` is what simulated amplitudes are wanted to, relative;
     ``annotation`` says what is known of the FMU's accuracy and of what may be left out; ``source``
     is named where something is wrong.
     """

@@ -32,7 +32,11 @@ SCALE_NAME = "ln_scale"
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Declared noise in the campaign's unit, peak amplitudes; see `WrittenNoise`.
+    """Declared noise of amplitudes, peak values: sigma^2 = (relative A)^2 + absolute_v^2.
+
+    ``relative`` is a share of each amplitude A; ``absolute_v`` the same for all, in the detector's
+    unit; ``outliers`` "keep" or, beyond 1.345 sigma counted linearly, "huber"; residuals beyond
+    ``threshold`` standard deviations are called outliers.
 
     Raises:
         BadInput: a share that is not from 0 to below 1, a negative or infinite ``absolute_v``,

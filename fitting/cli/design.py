@@ -5,27 +5,25 @@ from __future__ import annotations
 import argparse
 import importlib
 import shlex
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.campaign.file import WrittenDesign
 from fitting.cli.options import default_workers, whole_number
 from fitting.cli.progress import status_line
 from fitting.design.campaign import EXPERIMENTS_NAME, PEAK, campaign_files
 from fitting.design.candidates import Limits
 from fitting.design.choice import CRITERIA
+from fitting.design.goal import goal_of, start_of, variable_of
 from fitting.design.limits import limits_of, read_design_table
 from fitting.design.proposal import propose
 from fitting.design.result import Design, design_csv, write_design
-from fitting.design.weighing import DesignGoal, weigh
+from fitting.design.weighing import weigh
 from fitting.fmu import FmuWorkers
 from fitting.fmu.models import provide_fmu
-from fitting.result.result import Result, read_result
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.result.result import read_result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.notation import hertz, number, prefixed
@@ -104,11 +102,14 @@ def run(args: argparse.Namespace) -> int:
         limits = limits_of(bound, description.variables, design_table, read)
         if args.number is not None:
             limits = replace(limits, number=args.number)
-        goal = _goal(args, bound, design_table.keys, fitted)
+        goal = goal_of(bound, design_table.keys, args.target or "", args.criterion or "")
+        goal = replace(goal, seed=args.seed)
+        if fitted is not None:
+            goal = replace(goal, start=start_of(fitted, bound, str(args.at)))
         also = [bind(other, description.variables) for other in others]
         with status_line(NAME) as told:
             weighed = weigh(bound, workers, limits, goal, told, also)
-        variable = description.variables[_variable(bound, goal.target)]
+        variable = description.variables[variable_of(bound, goal.target)]
         provenance = {
             "command": _command(args),
             "FMU": description.model_name,
@@ -136,45 +137,6 @@ def _write(
         figures = plots.save_figures(design, out / "figures")
         page = importlib.import_module("fitting.report.design").write_report(design, figures, out)
         print(f"report: {page}")
-
-
-def _goal(
-    args: argparse.Namespace, bound: BoundCampaign, said: WrittenDesign, fitted: Result | None
-) -> DesignGoal:
-    names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]
-    target = args.target or said.target or names[0]
-    criterion = args.criterion or said.criterion or CRITERIA[0]
-    start = _start(args.at, fitted, bound) if fitted is not None else None
-    return DesignGoal(target, criterion=criterion, start=start, seed=args.seed)
-
-
-def _start(
-    path: Path, result: Result, bound: BoundCampaign
-) -> tuple[Mapping[str, Scalar], FloatArray]:
-    """Alternative and parameters of a result, which must be of this campaign's parameters."""
-    values = {name: p.value for name, p in result.parameters.items()}
-    p = []
-    for parameter in bound.parameters:
-        if parameter.name not in values and not parameter.experiments:
-            raise BadInput(
-                f"{path}: has no parameter '{parameter.name}'; wanted a result of {bound.path}"
-            )
-        p.append(values.get(parameter.name, parameter.reference))
-    for alternative in bound.alternatives:
-        if dict(alternative) == dict(result.alternative):
-            return alternative, np.array(p)
-    raise BadInput(
-        f"{path}: alternative {dict(result.alternative)} is none of those of {bound.path}; wanted "
-        "a result of that campaign"
-    )
-
-
-def _variable(bound: BoundCampaign, target: str) -> str:
-    """The FMU variable that a target is, for its unit."""
-    for parameter in bound.parameters:
-        if parameter.name == target and not parameter.adds_to:
-            return parameter.target
-    return target
 
 
 def _refuse_filled(path: Path) -> None:

@@ -1,0 +1,279 @@
+"""The names that `import fitting` offers: cheap, explained, and refusing nonsense in a sentence."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from tests.support.processes import MOST_S
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = [name for name in ff.__all__ if name != "__version__"]
+DRIVE = ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2"))
+SETUP = ff.Setup(DRIVE, "q1_hybrid", start_values={"periodic_start": True}, steady_start=True)
+F_HZ = 6.94026e6 + np.linspace(-200.0, 200.0, 21)
+A_V = 1e-5 / np.hypot(1.0, 2.0 * (F_HZ - 6.94026e6) / 95.0)
+
+
+def told(script: str) -> str:
+    """What a fresh interpreter prints."""
+    words = [sys.executable, "-c", script]
+    done = subprocess.run(
+        words, capture_output=True, text=True, cwd=ROOT, timeout=MOST_S, check=True
+    )
+    return done.stdout.strip()
+
+
+def test_importing_the_package_loads_nothing_else() -> None:
+    heavy = ("numpy", "scipy", "matplotlib", "pint", "pydantic", "fmpy", "jinja2")
+    script = (
+        "import sys, fitting; fitting.__version__; "
+        f"print([n for n in {heavy!r} if n in sys.modules], "
+        "[n for n in sys.modules if n.startswith('fitting.')])"
+    )
+    assert told(script) == "[] []"
+
+
+@pytest.mark.parametrize("room", ["design", "fit", "report", "simulate"])
+def test_a_verb_is_a_verb_whatever_was_imported_before(room: str) -> None:
+    script = (
+        f"import fitting.{room}, importlib; from fitting.fit.problem import Problem; "
+        f"first = callable(fitting.{room}); importlib.import_module('fitting.{room}'); "
+        f"from fitting import {room}; import sys; "
+        f"print(first, callable({room}), sys.modules['fitting.{room}'].__name__)"
+    )
+    assert told(script) == f"True True fitting.{room}"
+
+
+def test_every_name_is_there_and_listed() -> None:
+    assert len(NAMES) == len(set(NAMES))
+    assert set(ff.__all__) <= set(dir(ff))
+    for name in NAMES:
+        assert getattr(ff, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'solve'"):
+        _ = ff.solve  # type: ignore[attr-defined]
+
+
+def callables() -> list[tuple[str, Callable[..., Any]]]:
+    """Public functions, classes, and the public methods of these."""
+    found: list[tuple[str, Callable[..., Any]]] = []
+    for name in NAMES:
+        public = getattr(ff, name)
+        if not callable(public):
+            continue
+        found.append((name, public))
+        if inspect.isclass(public) and not issubclass(public, Exception):
+            members = inspect.getmembers(public, callable)
+            found += [(f"{name}.{n}", m) for n, m in members if not n.startswith("_")]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "public"), callables(), ids=lambda v: v if isinstance(v, str) else ""
+)
+def test_every_argument_is_explained(name: str, public: Callable[..., Any]) -> None:
+    text = inspect.getdoc(public) or ""
+    assert len(text.splitlines()[0]) > 20, name
+    if name in ("Fit", "Inference", "Value") or issubclass_of_exception(public):
+        return  # made by the package, never by its users
+    for argument in inspect.signature(public).parameters.values():
+        if argument.name in ("self", "cls"):
+            continue
+        said = re.search(rf"(^\s*|``|\*\*){argument.name}(:|``)", text, re.MULTILINE)
+        assert said, f"{name}: {argument.name} is not explained"
+
+
+def issubclass_of_exception(public: object) -> bool:
+    return inspect.isclass(public) and issubclass(public, Exception)
+
+
+@pytest.mark.parametrize(
+    ("public", "argument"),
+    [
+        (ff.Tones, "drive_hz"),
+        (ff.Tones, "peaks_v"),
+        (ff.Tones, "sigmas_v"),
+        (ff.Tones, "lines_hz"),
+        (ff.Sweep, "frequency_hz"),
+        (ff.Sweep, "amplitude_v"),
+        (ff.Sweep, "phase_rad"),
+        (ff.sweep, "frequency_hz"),
+        (ff.Problem.logp, "p"),
+        (ff.Problem.residuals, "p"),
+        (ff.Problem.jac, "p"),
+    ],
+)
+def test_arrays_have_a_shape_and_a_unit(public: Callable[..., Any], argument: str) -> None:
+    text = (inspect.getdoc(public) or "").partition("Args:")[2]
+    [said] = re.findall(rf"^    {argument}: (.*(?:\n        .*)*)", text, re.MULTILINE)
+    assert re.search(r"shape \([^)]*\)", said)
+    assert re.search(r"Hz|rad|unit", said)
+
+
+REFUSED: list[tuple[Callable[[], object], str]] = [
+    (lambda: ff.Parameter("d1", 94.0, bounds=(1000.0, 1.0)), "are the bounds reversed"),
+    (lambda: ff.Parameter("d1", 0.5, bounds=(1.0, 1000.0)), "outside its bounds"),
+    (lambda: ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0), prior=0.0), "prior"),
+    (lambda: ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0), scope="row"), "scope is 'row'"),
+    (lambda: ff.Drive(frequency_names=("u1",)), "0 amplitude_names, wanted 1"),
+    (lambda: ff.Drive(), "wanted what drives the FMU"),
+    (lambda: ff.Drive(frequency_names="u1", amplitude_names=("A1",)), "a sequence of names"),  # type: ignore[arg-type]
+    (lambda: ff.Tones(SETUP, [[1e6]], [[1e-5]]), "drive_hz has the shape (1, 1)"),
+    (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1e-5, -1e-5]]), "wanted positive amplitudes"),
+    (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1e-5]]), "1 of them, wanted 2"),
+    (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1.0, 1.0]], settings={"A1": [1, 2]}), "'A1' have"),
+    (lambda: ff.Sweep(SETUP, F_HZ[::-1], A_V), "rise strictly"),
+    (lambda: ff.Sweep(SETUP, F_HZ, A_V[:-1]), "20 of them, wanted 21"),
+    (lambda: ff.Sweep(SETUP, F_HZ, A_V, scale="top"), "scale is 'top'"),
+    (lambda: ff.Tikhonov(beta=1.0), "beta is 1.0"),
+    (lambda: ff.Tikhonov(levels=0), "levels is 0"),
+    (lambda: ff.Tikhonov(misfit="cubes"), "misfit is 'cubes'"),
+    (lambda: ff.Noise(relative=1.5), "relative 1.5"),
+    (lambda: ff.Fmu("absent.fmu"), "absent.fmu"),
+    (lambda: ff.Fmu("NoSuchModel"), "NoSuchModel"),
+    (lambda: ff.example("nothing"), "wanted one of"),
+]
+
+
+@pytest.mark.parametrize(("make", "words"), REFUSED)
+def test_nonsense_is_refused_where_it_is_made(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(ff.BadInput, match=re.escape(words)) as refused:
+        make()
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def fmu(oscillator_fmu: Path) -> ff.Fmu:
+    return ff.Fmu(oscillator_fmu)
+
+
+def problem(fmu: ff.Fmu, *sweeps: ff.Sweep, **changes: Any) -> ff.Problem:
+    parameters = [
+        ff.Parameter("theta", 1.9, bounds=(0.0, math.pi), unit="rad"),
+        ff.Parameter("d1", 0.1, bounds=(0.001, 1.0), unit="kHz", reference=0.094),
+        ff.Parameter("d2", 100.0, bounds=(1.0, 1000.0)),
+    ]
+    given: dict[str, Any] = {"derived": ["lambda", "width_plus"], "noise": ff.Noise(relative=0.01)}
+    measured = sweeps or (ff.Sweep(SETUP, F_HZ, A_V),)
+    return ff.Problem(fmu, parameters, measured, **(given | changes))
+
+
+def test_what_only_the_fmu_can_tell_is_refused_beside_it(fmu: ff.Fmu) -> None:
+    other = ff.Setup(DRIVE, "q2_hybrid", start_values={"periodic_start": True}, steady_start=True)
+    sweep = ff.Sweep(SETUP, F_HZ, A_V)
+    for make, words in (
+        (lambda: problem(fmu, derived=["lamda"]), "did you mean 'lambda'"),
+        (lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, settings={"theta": 1.0})), "'theta' is"),
+        (lambda: problem(fmu, sweep, sweep), "2 sweeps"),
+        (lambda: problem(fmu, sweep, ff.Sweep(other, F_HZ, A_V)), "different setups"),
+        (lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, use="scale")), "nothing to fit"),
+        (lambda: fmu.simulate({"u1": "3 kg"}), "u1"),
+        (lambda: fmu.simulate(tones=("theta",)), "wanted a frequency"),
+        (lambda: problem(fmu).logp([1.0, 2.0]), "wanted (..., 3)"),
+        (lambda: problem(fmu, noise=ff.Noise()).logl([1.9, 100.0, 100.0]), "noise of 21 of 21"),
+    ):
+        with pytest.raises(ff.BadInput, match=re.escape(words)):
+            make()
+
+
+def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
+    posed = problem(fmu)
+    assert posed.start.tolist() == [1.9, 100.0, 100.0]  # in the FMU's units
+    found = ff.fit(posed, ff.Tikhonov(levels=3), starts=1)
+    assert found.success
+    assert (found.status, found.x.shape) == ("converged", (3,))
+    assert [row.nu for row in found.path][-3:] == pytest.approx([0.1, 0.01, 0.001])
+    assert found.fun == found.record.solution.final.j_fit
+    for name, verdict in (("lambda", "not determined"), ("width_plus", "determined")):
+        assert found[name].verdict == verdict
+    coupling, width = found["lambda"], found["width_plus"]
+    assert math.isnan(coupling.value)
+    assert math.isnan(coupling.std)
+    # between no coupling (theta a multiple of pi/2) and f_minus^2 - f_plus^2 = 2 lambda^2 ...
+    assert coupling.range[0] < 1e3 < 7e5 < coupling.range[1]
+    assert math.isfinite(coupling.stopped_at)
+    # the sweep is an exact line of 95 Hz
+    assert width.value == pytest.approx(95.0, abs=0.5)
+    low, high = width.interval(0.68)
+    assert high - low == pytest.approx(2.0 * width.std)
+    assert width.interval()[0] < low < high < width.interval()[1]
+    with pytest.raises(ff.BadInput, match=r"0\.68 or 0\.95"):
+        width.interval(0.5)
+    with pytest.raises(KeyError, match="did you mean"):
+        _ = found["width_pluss"]
+    with pytest.raises(ff.BadInput, match="no value 'widht'"):
+        ff.profile(found, ["widht"])
+    rows = {row["name"]: row for row in found.to_dict()}
+    assert rows["width_plus"]["value"] == width.value
+    assert all(isinstance(cell, str | float) for row in rows.values() for cell in row.values())
+    text = repr(found)
+    assert len(text.splitlines()) < 24
+    assert f"{width.std:.2g}" in text
+    assert "<table" in found._repr_html_()
+    assert found.result.parameters["d1"].unit == "Hz"
+
+
+def test_tones_of_arrays_are_those_of_a_campaign(fmu: ff.Fmu) -> None:
+    campaign = ff.Problem.of(ff.example("string_q1"), fmu)
+    [bound] = campaign.record.campaigns.values()
+    tones = ff.Tones(
+        SETUP,
+        [e.tones_hz for e in bound.experiments],
+        [e.peaks_v for e in bound.experiments],
+        sigmas_v=[e.sigmas_v for e in bound.experiments],
+        settings={
+            name: [e.settings[name] for e in bound.experiments]
+            for name in ("eta_plus", "eta_minus")
+        },
+        labels=[e.label for e in bound.experiments],
+    )
+    assert bound.sweep is not None
+    sweep = ff.Sweep(
+        SETUP,
+        bound.sweep.frequency_hz,
+        bound.sweep.amplitude_v,
+        settings=dict(bound.sweep.settings),
+        use="scale",
+        scale="maximum",
+    )
+    given = [
+        ff.Parameter(p.name, p.start, bounds=(p.lower, p.upper), scale=p.scale, period=p.period)
+        for p in bound.parameters
+    ]
+    posed = ff.Problem(fmu, given, [tones, sweep], alternatives={"reflection": [False, True]})
+    p = np.array([1.95, 120.0, 90.0])
+    assert posed.residuals(p) == pytest.approx(campaign.residuals(p), rel=1e-12, abs=1e-15)
+
+
+def test_each_alternative_has_its_own_answers(fmu: ff.Fmu) -> None:
+    posed = problem(fmu, alternatives={"eta_plus": [6.94026e6, 6.94030e6]})
+    rows = posed.residuals(posed.start)
+    moved = posed.with_alternative(1).residuals(posed.start)
+    # the second line stands two points of the sweep further up
+    assert int(np.argmax(moved * np.max(A_V) + A_V)) - int(np.argmax(rows * np.max(A_V) + A_V)) == 2
+    assert np.array_equal(posed.residuals(posed.start), rows)
+    with pytest.raises(ff.BadInput, match="there are 2"):
+        posed.with_alternative(2)
+
+
+def test_an_fmu_simulates_with_units_and_ends_its_workers(oscillator_fmu: Path) -> None:
+    with ff.Fmu(oscillator_fmu, workers=1) as held:
+        spectrum = held.simulate(
+            {"theta": 1.95, "u1": "6.94016 MHz", "periodic_start": True}, outputs="q1_hybrid"
+        )
+        assert spectrum.drive.tones_hz[0] == 6940160.0
+        assert spectrum.peaks.shape == (2, 1)
+        assert held.workers.pids
+    assert not held.workers.pids
+    assert "theta" in held.variables
+    assert "CoupledOscillator" in repr(held)
