@@ -104,16 +104,16 @@ class RunRequests:
             for group in self.layouts[number].sets
         )
         return RunRequest(
-            number,
-            values,
-            run.settle_s,
-            run.sample_step_s,
-            run.samples,
-            run.start_time_s,
-            run.allow_nan,
-            signal.tones if signal else (),
-            signal.step_s if signal else 0.0,
-            run.segments,
+            layout=number,
+            values=values,
+            settle_s=run.settle_s,
+            sample_step_s=run.sample_step_s,
+            samples=run.samples,
+            start_time_s=run.start_time_s,
+            allow_nan=run.allow_nan,
+            tones=signal.tones if signal else (),
+            step_s=signal.step_s if signal else 0.0,
+            segments=run.segments,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:

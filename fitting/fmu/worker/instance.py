@@ -112,12 +112,12 @@ class FmuInstance:
         n = len(group.references)
         element = self.boolean if group.fmi_type == "Boolean" else _CTYPES[group.fmi_type]
         return VariableAccess(
-            self._function(verb + group.fmi_type),
-            verb + group.fmi_type,
-            (ctypes.c_uint * n)(*group.references),
-            n,
-            (element * n)(),
-            (n,) if self.values_counted else (),
+            function=self._function(verb + group.fmi_type),
+            name=verb + group.fmi_type,
+            references=(ctypes.c_uint * n)(*group.references),
+            n=n,
+            buffer=(element * n)(),
+            tail=(n,) if self.values_counted else (),
         )
 
     def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:

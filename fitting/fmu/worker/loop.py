@@ -183,13 +183,13 @@ def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
             failure = "fault in the worker process:\n" + traceback.format_exc()
             break
     return Reply(
-        _joined(results),
-        len(results),
-        used_up,
-        failure,
-        holder.log.take_warnings(),
-        holder.take_counts(),
-        holder.verdict,
+        results=_joined(results),
+        done=len(results),
+        used_up=used_up,
+        failure=failure,
+        warnings=holder.log.take_warnings(),
+        counts=holder.take_counts(),
+        verdict=holder.verdict,
     )
 
 

@@ -48,7 +48,14 @@ class WorkerProcess:
         # the import path by itself: what follows cannot be read before it is known
         try:
             self._hand_over(sys.path)
-            self._hand_over(Task(fmu, verdict, str(self._log_path), str(pulse_path)))
+            self._hand_over(
+                Task(
+                    fmu=fmu,
+                    verdict=verdict,
+                    log_path=str(self._log_path),
+                    pulse_path=str(pulse_path),
+                )
+            )
         except BaseException:
             self.end()
             raise

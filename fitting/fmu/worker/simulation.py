@@ -38,11 +38,11 @@ def bind(fmu: FmuInstance, layout: Layout) -> Binding:
         layout: of the run: which variables it sets and reads.
     """
     return Binding(
-        layout,
-        tuple(fmu.access("Set", group) for group in layout.sets),
-        tuple(fmu.access("Get", group) for group in layout.gets),
-        fmu.access("Set", layout.input) if layout.input else None,
-        fmu.access("Set", layout.moved) if layout.moved else None,
+        layout=layout,
+        sets=tuple(fmu.access("Set", group) for group in layout.sets),
+        gets=tuple(fmu.access("Get", group) for group in layout.gets),
+        input=fmu.access("Set", layout.input) if layout.input else None,
+        moved=fmu.access("Set", layout.moved) if layout.moved else None,
     )
 
 
