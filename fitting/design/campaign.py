@@ -33,6 +33,13 @@ def campaign_files(
     """Contents by file name of the folder that the laboratory takes along.
 
     `folder` is where they will be written, for the paths between; `command` is told in their heads.
+
+    Args:
+        design: the proposed next measurement.
+        bound: campaign, bound to its FMU.
+        limits: what the design may use.
+        folder: where the files go.
+        command: command line that made it, for the record.
     """
     files: dict[str, str | bytes] = {
         CAMPAIGN_NAME: _campaign(design, bound, limits, folder, command),

@@ -77,7 +77,11 @@ class Series:
         self._steps: FloatArray | None = None
 
     def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
-        """The FMU as the response of one alternative."""
+        """The FMU as the response of one alternative.
+
+        Args:
+            alternative: discrete settings, by name.
+        """
         bound = self.bound
         return FmuResponse(
             workers=self.workers,
@@ -95,7 +99,12 @@ class Series:
         )
 
     def objective(self, alternative: Mapping[str, Scalar], steps: FloatArray) -> Objective:
-        """The objective of one alternative with given difference steps."""
+        """The objective of one alternative with given difference steps.
+
+        Args:
+            alternative: discrete settings, by name.
+            steps: lengths of the difference steps (n,), in units of x.
+        """
         return Objective(
             response=self.response(alternative),
             parameters=self.bound.parameters,
@@ -104,7 +113,11 @@ class Series:
         )
 
     def peaks(self, point: Point) -> FloatArray:
-        """Scaled amplitudes of all tones at a point, shape (m,)."""
+        """Scaled amplitudes of all tones at a point, shape (m,).
+
+        Args:
+            point: residual rows at a search vector.
+        """
         return self.data.peaks(point.scaled)
 
     def steps(self) -> FloatArray:
@@ -186,7 +199,11 @@ def log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
 
 
 def unmeasured(bound: BoundCampaign) -> BoundCampaign:
-    """The campaign with peaks of one in place of measured ones, its sweep for the scale only."""
+    """The campaign with peaks of one in place of measured ones, its sweep for the scale only.
+
+    Args:
+        bound: campaign, bound to its FMU.
+    """
     ones = tuple(
         replace(e, peaks_v=np.ones(len(e.read_hz)), sigmas_v=np.zeros(len(e.read_hz)))
         for e in bound.experiments
@@ -216,7 +233,11 @@ def prior_sigmas_in_box(parameters: Sequence[Parameter]) -> FloatArray:
 
 
 def scale_sigma(data: Dataset) -> float:
-    """Relative standard deviation of the scale; zero without one, and where it is fitted."""
+    """Relative standard deviation of the scale; zero without one, and where it is fitted.
+
+    Args:
+        data: rows of all measurements.
+    """
     return max(data.scale_sigmas, default=0.0)
 
 

@@ -43,12 +43,19 @@ class DesignTable:
     keys: WrittenDesign
 
     def where(self, key: str) -> str:
-        """The place of a key."""
+        """The place of a key.
+
+        Args:
+            key: key of the table [design].
+        """
         return f"{self.path}: [design] {key}"
 
 
 def read_design_table(path: Path) -> DesignTable:
     """The table [design] of a TOML file, empty where there is none.
+
+    Args:
+        path: of the campaign file.
 
     Raises:
         BadInput: no such file, not TOML, or something wrong with the table.
@@ -63,11 +70,17 @@ def limits_of(
     table: DesignTable,
     read: tuple[Combination, ...] = (),
 ) -> Limits:
-    """Limits of a bound campaign's instrument from a table [design]; `read` are its lines.
+    """Limits of a bound campaign's instrument from a table [design].
 
     What it does not say is taken from the campaign: outputs like the observed one (same unit, same
     name but for digits), resonances at the sweep's maximum and at every drifting frequency, the
     grid, least spacing and largest detuning of its own drive frequencies, the noise of its peaks.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        variables: of the FMU, by name.
+        table: [design], as it was read.
+        read: lines that the instrument reads, empty for the tones themselves.
 
     Raises:
         BadInput: a value of the wrong kind or unit, an unknown variable, nothing to place tones by.

@@ -25,17 +25,32 @@ class Checkpoint(checkpoint.Checkpoint[ContinuationStep]):
         super().__init__(folder / NAME, job, ContinuationStep, _place)
 
     def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
-        """The finished step of that place, None if there is none."""
+        """The finished step of that place, None if there is none.
+
+        Args:
+            alternative: its number.
+            start: its number.
+            level: of ν, from 0.
+        """
         return self.find((alternative, start, level))
 
 
 def begin(folder: Path, job: str) -> Checkpoint:
-    """A checkpoint without any finished level; an older file is replaced with the first one."""
+    """A checkpoint without any finished level; an older file is replaced with the first one.
+
+    Args:
+        folder: where the checkpoint is kept.
+        job: fingerprint of everything that a level depends on.
+    """
     return Checkpoint(folder, job)
 
 
 def resume(folder: Path, job: str) -> Checkpoint:
     """The checkpoint that an interrupted run of the same job left, empty if it left none.
+
+    Args:
+        folder: where the checkpoint is kept.
+        job: fingerprint of everything that a level depends on.
 
     Raises:
         BadInput: the file is of another job, or is no checkpoint.

@@ -19,6 +19,10 @@ def chosen(
     Among chains and alternatives of equal J those are preferred at which every derived output has
     a value; else the campaign's order decides.
 
+    Args:
+        objectives: one per alternative.
+        outcomes: what came of each alternative.
+
     Raises:
         FmuFailure: the model failed at the end of a chain.
     """

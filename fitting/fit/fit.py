@@ -56,11 +56,21 @@ class Memory(Protocol):
     """Where finished levels are kept (`fitting.fit.checkpoint.Checkpoint`)."""
 
     def recall(self, alternative: int, start: int, level: int) -> ContinuationStep | None:
-        """The finished step of that place, None if there is none."""
+        """The finished step of that place, None if there is none.
+
+        Args:
+            alternative: its number.
+            start: its number.
+            level: of ν, from 0.
+        """
         ...
 
     def record(self, step: ContinuationStep) -> None:
-        """Keep a finished step."""
+        """Keep a finished step.
+
+        Args:
+            step: a finished level of one start.
+        """
         ...
 
 
@@ -148,8 +158,13 @@ def solve_problem(
 ) -> Fit:
     """Algorithms 1 and 2 for every alternative and start; the best is reported.
 
-    `respond` makes the response of one alternative. A KeyboardInterrupt ends the search: what was
-    finished is reported, with that status.
+    A KeyboardInterrupt ends the search: what was finished is reported, with that status.
+
+    Args:
+        problem: parameters, measurements and alternatives.
+        respond: makes the response of one alternative, given as settings by name.
+        options: schedule of ν and settings of the solves.
+        hooks: progress, memory and clock.
 
     Raises:
         FmuFailure: the model failed inside the box.

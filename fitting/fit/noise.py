@@ -47,6 +47,10 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
     """Noise of the rows of an objective at a point.
 
     Rows whose noise nobody knows have the scatter of such rows.
+
+    Args:
+        objective: rows, parameters and weights.
+        point: where the rows were evaluated.
     """
     data = objective.data
     sigma = row_sigmas(data.sigma, point.residuals)

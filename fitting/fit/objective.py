@@ -72,7 +72,12 @@ class Point:
 
 
 def j_reg(x: FloatArray, nu: Nu) -> float:
-    """J_reg = sum nu_i/2 x_i^2, x the search vector (the paper's p - p_ref over its scale)."""
+    """J_reg = sum nu_i/2 x_i^2, x the search vector (the paper's p - p_ref over its scale).
+
+    Args:
+        x: search vector (n,).
+        nu: weight of the Tikhonov term, one number or (n,).
+    """
     return 0.5 * float(np.sum(nu * x * x))
 
 
@@ -81,6 +86,11 @@ def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
 
     With a prior: 2 sigma^2 for "squares", sqrt(2/pi) sigma for sums of absolute values, sigma the
     relative noise of the rows (see the module).
+
+    Args:
+        objective: rows, parameters and weights.
+        nu: weight of the Tikhonov term.
+        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
     """
     sigma = objective.data.sigma
     known = sigma[sigma > 0.0]
@@ -97,7 +107,12 @@ def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
 
 
 def tikhonov_rows(x: FloatArray, nu: Nu) -> FloatArray:
-    """Rows t = sqrt(nu/2) x whose sum of squares is J_reg, shape (n,)."""
+    """Rows t = sqrt(nu/2) x whose sum of squares is J_reg, shape (n,).
+
+    Args:
+        x: search vector (n,).
+        nu: weight of the Tikhonov term, one number or (n,).
+    """
     rows: FloatArray = np.sqrt(0.5 * nu) * x
     return rows
 
@@ -130,6 +145,11 @@ def evaluate_many(
     """Points at several search vectors, in one batch of simulations.
 
     `whole`: with a prediction of everything that was measured, also of what the fit needs not.
+
+    Args:
+        objective: rows, parameters and weights.
+        xs: search vectors, (n,) each.
+        whole: whether everything is wanted that reports show, not residuals only.
     """
     ps = [to_model(objective.parameters, x) for x in xs]
     answers = objective.response.evaluate_many(ps, whole=whole)
@@ -137,7 +157,12 @@ def evaluate_many(
 
 
 def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
-    """Search vectors of a central-difference Jacobian at x, kept inside the box, 2n of them."""
+    """Search vectors of a central-difference Jacobian at x, kept inside the box, 2n of them.
+
+    Args:
+        objective: rows, parameters and weights.
+        x: search vector (n,).
+    """
     lower, upper = search_bounds(objective.parameters)
     nodes = []
     for i, step in enumerate(objective.steps):
@@ -149,7 +174,11 @@ def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
 
 
 def jacobian_of(points: Sequence[Point]) -> FloatArray:
-    """dr/dx, shape (n_rows, n), from the points of `stencil` in its order."""
+    """dr/dx, shape (n_rows, n), from the points of `stencil` in its order.
+
+    Args:
+        points: evaluated at the nodes of the stencil.
+    """
     columns = []
     for i in range(len(points) // 2):
         above, below = points[2 * i], points[2 * i + 1]
@@ -161,6 +190,10 @@ def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
     """dr/dx by central differences in one batch, shape (n_rows, n).
 
     The steps balance truncation against the noise of the response (`make_objective`).
+
+    Args:
+        objective: rows, parameters and weights.
+        x: search vector (n,).
     """
     return jacobian_of(evaluate_many(objective, stencil(objective, x)))
 
@@ -173,6 +206,11 @@ def make_objective(
     A central difference of a function known to eps, that varies over a length L, is best at
     h = L (3 eps)^(1/3); eps is measured (`noise_level`), the length along x_i is taken as
     1/max|dr/dx_i|, at most one unit of x and a tenth of the box.
+
+    Args:
+        response: predictions and derived outputs at parameters.
+        parameters: the fitted parameters.
+        data: the measurements.
     """
     lower, upper = search_bounds(parameters)
     longest = np.minimum(1.0, 0.1 * (upper - lower))
@@ -203,6 +241,11 @@ def noise_level(objective: Objective, x: FloatArray, lengths: FloatArray) -> flo
 
     Source: R. Hamming, Introduction to Applied Numerical Analysis; J. More and S. Wild,
     "Estimating computational noise", SIAM J. Sci. Comput. 33 (2011).
+
+    Args:
+        objective: rows, parameters and weights.
+        x: search vector (n,).
+        lengths: of the difference steps, (n,), in units of x.
     """
     lower, upper = search_bounds(objective.parameters)
     inward = np.where(x > 0.5 * (lower + upper), -1.0, 1.0)

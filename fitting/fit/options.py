@@ -18,7 +18,12 @@ class Options:
 
 
 def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
-    """The campaign's own settings; `quick` takes its own start alone and looser tolerances."""
+    """The campaign's own settings; `quick` takes its own start alone and looser tolerances.
+
+    Args:
+        chosen: the campaign's table [continuation].
+        quick: whether one start and looser tolerances will do.
+    """
     schedule = Schedule(
         nu_start=chosen.nu_start,
         beta=chosen.beta,

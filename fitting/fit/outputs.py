@@ -33,5 +33,9 @@ def output_means(
 
 
 def mean(values: FloatArray) -> float:
-    """Mean of the values of one output, shape (experiments,); NaN of none."""
+    """Mean of the values of one output, shape (experiments,); NaN of none.
+
+    Args:
+        values: one per experiment, in the unit of the output.
+    """
     return float(np.mean(values)) if values.size else float("nan")

@@ -65,7 +65,11 @@ class AlternativeResult:
 
 
 def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
-    """A row per nu of the reported chain, level -1 being the start, with derived means."""
+    """A row per nu of the reported chain, level -1 being the start, with derived means.
+
+    Args:
+        solution: end of the fit.
+    """
     parameters = solution.parameters
     begun = np.array(solution.chain.begun)
     places = [begun, *(np.array(step.x) for step in solution.chain.steps)]
@@ -133,7 +137,14 @@ def alternative_results(
     settings: Sequence[Mapping[str, Scalar]],
     reported: int,
 ) -> tuple[AlternativeResult, ...]:
-    """One record per alternative that got anywhere, the reported one marked."""
+    """One record per alternative that got anywhere, the reported one marked.
+
+    Args:
+        objectives: one per alternative.
+        outcomes: what came of each alternative, in the same order.
+        settings: of each alternative, by name.
+        reported: number of the alternative that is reported.
+    """
     least = outcomes[reported].best
     best_j = least.steps[-1].j if least is not None else float("inf")
     results = []

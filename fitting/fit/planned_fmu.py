@@ -26,7 +26,11 @@ class PlannedFmu:
     plans: Mapping[str, Plan]
 
     def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
-        """The FMU as the response of one alternative."""
+        """The FMU as the response of one alternative.
+
+        Args:
+            alternative: discrete settings, by name.
+        """
         problem = self.problem
         models = {
             m.series: DrivenModel(
@@ -58,6 +62,10 @@ class PlannedFmu:
 def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
     """Plan every series of a problem with the FMU at hand.
 
+    Args:
+        problem: parameters, measurements and alternatives.
+        workers: processes that run the FMU.
+
     Raises:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
@@ -74,6 +82,10 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
     """A tone that the campaign does not know of falls onto those that it reads.
 
     Asked before the plan is measured, which would wait for such an output to settle.
+
+    Args:
+        series: campaign, drive and measurements that share a plan.
+        workers: processes that run the FMU.
 
     Raises:
         BadInput: the output moves with every amplitude of the campaign at zero.

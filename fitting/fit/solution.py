@@ -54,7 +54,14 @@ class Solution:
 def solution_of(
     evaluator: Evaluator, chain: Chain, schedule: Schedule, misfit: str = "slack"
 ) -> Solution:
-    """Evaluate start and end of a chain, with Jacobian and covariance at the end."""
+    """Evaluate start and end of a chain, with Jacobian and covariance at the end.
+
+    Args:
+        evaluator: of the objective.
+        chain: the levels of one start.
+        schedule: of ν.
+        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
+    """
     objective = evaluator.objective
     parameters = objective.parameters
     begun = to_search(parameters, starts(parameters))

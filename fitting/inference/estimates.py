@@ -20,7 +20,11 @@ OUTPUT_STEP = 1e-4
 
 
 def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
-    """Value, error and provenance of every parameter of the whole campaign, by name."""
+    """Value, error and provenance of every parameter of the whole campaign, by name.
+
+    Args:
+        solution: end of the fit.
+    """
     results = {}
     shown = canonical(solution.parameters, solution.final.parameters)
     for i, parameter in enumerate(solution.parameters):
@@ -62,7 +66,13 @@ def _interval(parameter: Parameter, raw: float, shown: float, std: float) -> tup
 def derived_results(
     solution: Solution, units: Mapping[str, str], seed: int
 ) -> dict[str, DerivedResult]:
-    """Derived outputs at the solution, with errors from their gradient and range over the box."""
+    """Derived outputs at the solution, with errors from their gradient and range over the box.
+
+    Args:
+        solution: end of the fit.
+        units: of the outputs, by name.
+        seed: of the random numbers.
+    """
     parameters, response = solution.parameters, solution.objective.response
     x = solution.final.x
     lower, upper = search_bounds(parameters)
@@ -121,6 +131,9 @@ def offset_results(solution: Solution) -> tuple[OffsetResult, ...]:
     """One record per parameter of an experiment: what it adds up to there, with its error.
 
     Steps of a random walk are reported as the offset that they have led to.
+
+    Args:
+        solution: end of the fit.
     """
     parameters = solution.parameters
     values = solution.final.parameters

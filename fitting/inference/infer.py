@@ -138,7 +138,11 @@ def _knowledge(
 
 
 def noise_at(solution: Solution) -> RowNoise:
-    """Noise of the rows at a solution; a sweep whose residuals hang together weighs less."""
+    """Noise of the rows at a solution; a sweep whose residuals hang together weighs less.
+
+    Args:
+        solution: end of the fit.
+    """
     noise = noise_of(solution.objective, solution.final)
     if solution.structure is None:
         return noise

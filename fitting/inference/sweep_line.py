@@ -85,6 +85,9 @@ def line_of_sweep(sweep: SweepData) -> SweepLine:
     The fit with the other background stands beside it, to show what hangs on that choice. A sweep
     that shows no such line is no mistake here (another FMU may have two): every number is then NaN
     and the message says why. See `fitting.signal.peaks.fit_resonance` for the formula.
+
+    Args:
+        sweep: the measured sweep.
     """
     notes = dict(sweep.notes or {})
     instrument = own_estimates(notes)
@@ -182,6 +185,11 @@ def background_p(amplitude_v: FloatArray, plain: Resonance | str, full: Resonanc
     into independent points.
 
     Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
+
+    Args:
+        amplitude_v: amplitudes (n,), V peak.
+        plain: line without a background.
+        full: line with a complex background.
     """
     if isinstance(plain, str) or isinstance(full, str):
         return math.nan
@@ -198,9 +206,12 @@ def background_p(amplitude_v: FloatArray, plain: Resonance | str, full: Resonanc
 
 
 def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
-    """What a reader of the line must know; `fitted`: the campaign fits the FMU to this sweep.
+    """What a reader of the line must know.
 
-    Then the sweep's structure is told with the parameters and not here.
+    Args:
+        line: that the sweep shows by itself.
+        fitted: whether the campaign fits the FMU to this sweep; its structure is then told with the
+            parameters and not here.
     """
     fits = {fit.background: fit for fit in line.fits}
     said = []
@@ -222,7 +233,11 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
 
 
 def line_sentences(line: SweepLine) -> list[str]:
-    """The line, the instrument's own estimate, its residuals, its other fit, in a sentence each."""
+    """The line, the instrument's own estimate, its residuals, its other fit, in a sentence each.
+
+    Args:
+        line: that the sweep shows by itself.
+    """
     if math.isnan(line.frequency_hz):
         return [f"Sweep by itself: {line.message}."]
     said = [

@@ -66,12 +66,22 @@ class Warned:
 
 
 def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
-    """Sentences of one kind."""
+    """Sentences of one kind.
+
+    Args:
+        kind: of the warnings.
+        sentences: as they are shown.
+    """
     return [Warned(kind, sentence) for sentence in sentences]
 
 
 def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
-    """Everything that a fit itself warns of, whatever is inferred from it."""
+    """Everything that a fit itself warns of, whatever is inferred from it.
+
+    Args:
+        fit: the finished fit.
+        offsets: values of single experiments.
+    """
     problem, solution = fit.problem, fit.solution
     line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
@@ -91,7 +101,11 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
 
 
 def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> list[str]:
-    """Which values the data do not determine, or only partly."""
+    """Which values the data do not determine, or only partly.
+
+    Args:
+        values: with their verdicts, by name.
+    """
     said = []
     for verdict in IDENTIFIABLE[1:]:
         names = [name for name, value in values.items() if value.identifiable == verdict]
@@ -179,7 +193,13 @@ def _width_hz(bound: BoundCampaign) -> float:
 def drift_warnings(
     bound: BoundCampaign, offsets: Sequence[OffsetResult], width_hz: float
 ) -> list[str]:
-    """Where the drift over the series, or an offset from it, exceeds the line width (Hz)."""
+    """Where the drift over the series, or an offset from it, exceeds the line width (Hz).
+
+    Args:
+        bound: campaign, bound to its FMU.
+        offsets: values of single experiments.
+        width_hz: full line width, Hz.
+    """
     if not width_hz > 0.0:
         return []
     said = []
@@ -259,7 +279,11 @@ def outlier_sentences(problem: Problem, rows: Linearisation) -> list[str]:
 
 
 def weak_peaks(experiments: Sequence[Experiment]) -> list[str]:
-    """Ready peaks below what a reader of spectra would have refused (`fitting.signal.peaks`)."""
+    """Ready peaks below what a reader of spectra would have refused (`fitting.signal.peaks`).
+
+    Args:
+        experiments: with peaks and floors, V.
+    """
     weak = [
         f"{experiment.label} at {hertz(tone)}"
         for experiment in experiments
@@ -299,7 +323,11 @@ def scale_sentences(campaigns: Sequence[BoundCampaign], scale_bias: float) -> li
 
 
 def maximum_warnings(maximum: LaboratoryMaximum) -> list[str]:
-    """What Algorithm 1 cannot know of a sweep with such a largest point."""
+    """What Algorithm 1 cannot know of a sweep with such a largest point.
+
+    Args:
+        maximum: the laboratory's maximum of the sweep.
+    """
     if maximum.on_edge:
         return [
             f"The largest point of the sweep, at {hertz(maximum.frequency_hz)}, is at its end: its "

@@ -39,7 +39,11 @@ class Schedule:
     seed: int = 1
 
     def nu(self, level: int) -> float:
-        """Regularisation of one level."""
+        """Regularisation of one level.
+
+        Args:
+            level: of ν, from 0.
+        """
         return self.nu_start * self.beta**level
 
 
@@ -146,6 +150,10 @@ def start_vectors(parameters: Sequence[Parameter], schedule: Schedule) -> list[F
 
     All strictly inside. More than one, because a symmetric start can be a stationary point of the
     misfit (theta = 0 of two coupled modes is). What has a prior of its own starts alike every time.
+
+    Args:
+        parameters: the fitted parameters.
+        schedule: of ν.
     """
     lower, upper = search_bounds(parameters)
     generator = np.random.default_rng(schedule.seed)
@@ -167,6 +175,13 @@ def run_alternative(
     """Algorithm 2 for one discrete alternative, from all starts.
 
     A KeyboardInterrupt ends it with what is finished and `interrupted` set.
+
+    Args:
+        objective: rows, parameters and weights.
+        schedule: of ν.
+        settings: of each solve.
+        alternative: its number.
+        journal: remembers finished levels and is told of new ones.
 
     Raises:
         FmuFailure: the model failed inside the box.
@@ -264,12 +279,23 @@ def _same(run: _Run, one: Chain, other: Chain) -> bool:
 
 
 def equal_j(one: float, other: float) -> bool:
-    """Whether two values of J count as the same minimum."""
+    """Whether two values of J count as the same minimum.
+
+    Args:
+        one: value of J.
+        other: value of J.
+    """
     return abs(one - other) <= SAME_AMOUNT + SAME_SHARE * min(abs(one), abs(other))
 
 
 def distance(parameters: Sequence[Parameter], x: FloatArray, y: FloatArray) -> float:
-    """Largest difference of two search vectors, periodic ones modulo their period."""
+    """Largest difference of two search vectors, periodic ones modulo their period.
+
+    Args:
+        parameters: the fitted parameters.
+        x: search vector (n,).
+        y: another search vector (n,).
+    """
     difference = np.abs(x - y)
     for i, parameter in enumerate(parameters):
         if parameter.period is not None:

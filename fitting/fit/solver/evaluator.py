@@ -48,21 +48,33 @@ class Evaluator:
         self._jacobians: dict[bytes, FloatArray] = {}
 
     def point(self, x: FloatArray) -> Point:
-        """The point at x, simulated at most once while it is remembered."""
+        """The point at x, simulated at most once while it is remembered.
+
+        Args:
+            x: search vector (n,).
+        """
         key = x.tobytes()
         if key not in self._points:
             self._remember(self._points, key, self._evaluate([x])[0])
         return self._points[key]
 
     def whole(self, xs: Sequence[FloatArray]) -> list[Point]:
-        """Points with predictions of everything that was measured, in one batch."""
+        """Points with predictions of everything that was measured, in one batch.
+
+        Args:
+            xs: search vectors, (n,) each.
+        """
         points = self._evaluate(xs, whole=True)
         for point in points:
             self._remember(self._points, point.x.tobytes(), point)
         return points
 
     def jacobian(self, x: FloatArray) -> FloatArray:
-        """dr/dx at x, shape (n_rows, n), one batch."""
+        """dr/dx at x, shape (n_rows, n), one batch.
+
+        Args:
+            x: search vector (n,).
+        """
         key = x.tobytes()
         if key not in self._jacobians:
             matrix = jacobian_of(self._evaluate(stencil(self.objective, x)))
@@ -83,12 +95,23 @@ class Evaluator:
 
 
 def misfit_value(point: Point, misfit: str) -> float:
-    """Misfit: sum |r| for "slack" and "absolute", `Dataset.squares` for "squares"."""
+    """Misfit: sum |r| for "slack" and "absolute", `Dataset.squares` for "squares".
+
+    Args:
+        point: residual rows at a search vector.
+        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
+    """
     if misfit == "squares":
         return point.squares
     return point.j_fit
 
 
 def total(point: Point, nu: Nu, misfit: str) -> float:
-    """What is minimised at one point: misfit + J_reg."""
+    """What is minimised at one point: misfit + J_reg.
+
+    Args:
+        point: residual rows at a search vector.
+        nu: weight of the Tikhonov term, one number or (n,).
+        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
+    """
     return misfit_value(point, misfit) + j_reg(point.x, nu)

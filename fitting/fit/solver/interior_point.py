@@ -56,7 +56,11 @@ class SolveSettings:
 
 
 def quick_settings(settings: SolveSettings) -> SolveSettings:
-    """The same with looser tolerances and no second try."""
+    """The same with looser tolerances and no second try.
+
+    Args:
+        settings: of the solve.
+    """
     return replace(settings, absolute=1e-5, relative=1e-3, iterations=30, restarts=0)
 
 
