@@ -276,7 +276,12 @@ def _bind_noise(campaign: Campaign) -> Noise:
 
 
 def free_scale(sweep: SweepData | None, noise: Noise) -> list[Parameter]:
-    """The parameter of a scale that is fitted with the rest; none for any other scale."""
+    """The parameter of a scale that is fitted with the rest; none for any other scale.
+
+    Args:
+        sweep: the measured sweep, None without one.
+        noise: declared noise of the amplitudes.
+    """
     if sweep is None or sweep.scale != "free":
         return []
     spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
@@ -336,6 +341,12 @@ def bind_experiment(
     measured: MeasuredExperiment, binder: Binder, drive: Drive, output: VariableLike
 ) -> Experiment:
     """One experiment in the names and units of the FMU.
+
+    Args:
+        measured: an experiment as it was read.
+        binder: of the campaign to its FMU.
+        drive: the campaign's drive.
+        output: name of the output.
 
     Raises:
         BadInput: a variable that is not there or cannot be set, another unit of what is observed.
@@ -422,6 +433,12 @@ def bind_parameters(
 ) -> list[Parameter]:
     """Parameters in the FMU's units; of the scope "experiment" one for each of the labels.
 
+    Args:
+        asked: as the file or the program has them.
+        binder: of the campaign to its FMU.
+        path: of the campaign, for complaints.
+        labels: of the experiments.
+
     Raises:
         BadInput: no such variable, or numbers that it cannot have.
     """
@@ -471,6 +488,10 @@ def bind_alternatives(
 ) -> tuple[Mapping[str, Scalar], ...]:
     """Every combination of the values to try; one empty mapping without any.
 
+    Args:
+        asked: values to try, by name.
+        binder: of the campaign to its FMU.
+
     Raises:
         BadInput: a variable that cannot be set, or a value that it cannot have.
     """
@@ -482,7 +503,11 @@ def bind_alternatives(
 
 
 def check_conflicts(bound: BoundCampaign) -> None:
-    """A fitted or alternated variable must not be set per experiment or sweep as well."""
+    """A fitted or alternated variable must not be set per experiment or sweep as well.
+
+    Args:
+        bound: campaign, bound to its FMU.
+    """
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):
         raise BadInput(f"{bound.path}: [[parameters]] {named} names one twice")

@@ -11,6 +11,7 @@ from scipy.optimize import least_squares, linprog
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_search
 from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.solver import interior_point
 from fitting.fit.solver.continuation import (
     Chain,
     ContinuationStep,
@@ -250,7 +251,7 @@ def test_a_false_success_of_the_solver_is_not_believed(
     start = start_vectors(objective.parameters, Schedule())[0]
     honest = solve(evaluator, start, 0.1, SolveSettings(), np.random.default_rng(1))
     least = total(evaluator.point(honest.x), 0.1, "slack")
-    monkeypatch.setattr("fitting.fit.solver.interior_point.minimize", liar)
+    monkeypatch.setattr(interior_point, "minimize", liar)
     answer = solve(evaluator, start, 0.1, SolveSettings(), np.random.default_rng(1))
     assert np.all(np.isfinite(answer.x))
     assert total(evaluator.point(answer.x), 0.1, "slack") < total(
