@@ -1,26 +1,23 @@
-"""The whole job: problem, plan, fit, inference, result."""
+"""The result of a fit through an FMU, with its plan and what the FMU warned of."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from fitting.campaign.parameters import canonical
-from fitting.fit.fit import Fit, Hooks, solve_problem
-from fitting.fit.options import Options
-from fitting.fit.planned_fmu import PlannedFmu, plan_problem
-from fitting.fit.problem import Problem
+from fitting.fit.fit import Fit
+from fitting.fit.planned_fmu import PlannedFmu
 from fitting.fmu import FmuDescription, FmuWorkers
-from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.infer import Inference
 from fitting.inference.warnings import Kind, warned
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.measurement import Response
 from fitting.result.assembly import result_of
 from fitting.result.provenance import Identity, provenance_of
 from fitting.result.result import Result
 from fitting.simulate.words import warnings_in_words
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import FloatArray
 
 #: Kinds of warnings that a note tells of.
 MOST_KINDS = 3
@@ -43,73 +40,6 @@ def identify_fmu(description: FmuDescription, command: str) -> Identity:
         command=command,
         units=units,
     )
-
-
-@dataclass(frozen=True)
-class ReconstructionOptions:
-    """How a problem is solved and watched, and how much is inferred."""
-
-    options: Options
-    _: KW_ONLY
-    hooks: Hooks = field(default_factory=Hooks)
-    profiles: bool = True
-    bootstrap: int = 0
-
-
-def reconstruct(
-    problem: Problem,
-    respond: Callable[[Mapping[str, Scalar]], Response],
-    identity: Identity,
-    request: ReconstructionOptions,
-) -> Result:
-    """Fit a problem, infer what its data determine, and put both into one record.
-
-    Args:
-        problem: parameters and measurements.
-        respond: makes the response of one alternative.
-        identity: what is said of the model.
-        request: how it is solved, watched, and what is inferred.
-
-    Raises:
-        FmuFailure: the model failed inside the box.
-    """
-    begun = request.hooks.clock()
-    fit = solve_problem(problem, respond, request.options, request.hooks)
-    inference = _inferred(fit, identity, request)
-    provenance = provenance_of(problem, identity, request.options)
-    result = result_of(fit, inference, provenance)
-    return replace(result, seconds=request.hooks.clock() - begun)
-
-
-def _inferred(fit: Fit, identity: Identity, options: ReconstructionOptions) -> Inference:
-    request = InferenceRequest(
-        units=identity.units, profiles=options.profiles, bootstrap=options.bootstrap
-    )
-    return infer(fit, request)
-
-
-def reconstruct_through(
-    workers: FmuWorkers, problem: Problem, identity: Identity, request: ReconstructionOptions
-) -> Result:
-    """Solve a problem with running FMU workers; with the plan and the FMU's warnings.
-
-    Only what the FMU warns of at the solution is a warning; what it said elsewhere is a note.
-
-    Args:
-        workers: of the FMU.
-        problem: parameters and measurements.
-        identity: what is said of the FMU.
-        request: how the problem is solved, watched, and what is inferred.
-
-    Raises:
-        FmuFailure: the FMU failed; with its words and the parameters.
-        BadInput: the campaign cannot be planned.
-    """
-    begun = request.hooks.clock()
-    planned = plan_problem(problem, workers)
-    fit = solve_problem(problem, planned.response, request.options, request.hooks)
-    inference = _inferred(fit, identity, request)
-    return result_through(planned, fit, inference, identity, request.hooks.clock() - begun)
 
 
 def result_through(

@@ -25,11 +25,12 @@ from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Evaluation
-from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.datasets import answer, dataset
+from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
 OFFSETS = 'model = "offsets"\nprior = "30 Hz"\n'
 

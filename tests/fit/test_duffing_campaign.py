@@ -26,10 +26,10 @@ from fitting.lab.duffing import steady_lines
 from fitting.lab.writer import campaign_files
 from fitting.measurements.plan import Plan
 from fitting.result.provenance import Identity
-from fitting.result.reconstruction import ReconstructionOptions, reconstruct
 from fitting.result.result import Result
 from fitting.text.files import write_all
 from tests.support.datasets import drafted, planned_with, through
+from tests.support.reconstruction import ReconstructionOptions, reconstruct
 
 SHIPPED = Path(__file__).parents[2] / "data" / "duffing_string"
 

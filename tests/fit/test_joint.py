@@ -34,7 +34,7 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
 from fitting.result.external import check_external, with_external
-from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -48,6 +48,7 @@ from tests.support.closed_form import (
     string_response,
 )
 from tests.support.datasets import drafted
+from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = (1.9498, 120.0, 90.0)

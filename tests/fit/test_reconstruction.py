@@ -25,12 +25,7 @@ from fitting.fit.solver.continuation import ContinuationStep
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.sweep import swept_amplitudes
 from fitting.result.provenance import Identity, job_of, provenance_of
-from fitting.result.reconstruction import (
-    ReconstructionOptions,
-    identify_fmu,
-    reconstruct,
-    reconstruct_through,
-)
+from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -38,6 +33,7 @@ from tests.fit.test_result import read_rows
 from tests.support import closed_form
 from tests.support.datasets import drafted, through
 from tests.support.processes import MOST_S
+from tests.support.reconstruction import ReconstructionOptions, reconstruct, reconstruct_through
 
 TRUTH = (1.9498, 120.0, 90.0)
 ROOT = Path(__file__).resolve().parents[2]

@@ -28,11 +28,12 @@ from fitting.lab.writer import campaign_files
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
-from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.reconstruction import identify_fmu
 from fitting.signal.scale import Maximum, chi_robust, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form
 from tests.support.datasets import answer, dataset, sweep_measurement
+from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
 SEEDS = range(60)
 #: A short series: the sweep is what matters here.

@@ -21,9 +21,9 @@ from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.result.provenance import Identity
-from fitting.result.reconstruction import ReconstructionOptions, reconstruct_through
 from fitting.result.result import Result, read_result
 from fitting.text.files import write_all
+from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
 DATA = Path(__file__).parents[2] / "data"
 AFM = DATA / "afm_sensor"

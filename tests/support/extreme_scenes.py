@@ -24,11 +24,12 @@ from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
-from fitting.result.reconstruction import ReconstructionOptions, identify_fmu, reconstruct_through
+from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import STATUSES, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import reference
+from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
 POWERS = {"Hz": 0, "kHz": 3, "MHz": 6, "GHz": 9}
 ANGLE = 2.0
