@@ -78,14 +78,24 @@ def objective_path(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
     return plot.objective_path(_result(found), ax=ax)
 
 
+def _with_peaks(found: Valued | Result) -> Result:
+    result = _result(found)
+    if not result.peaks:
+        raise BadInput("plot: there are no peaks, only a sweep; wanted the result of Tones")
+    return result
+
+
 def residuals(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
     """Draw the residuals of the peaks, in standard deviations.
 
     Args:
         found: A fit, an inference, or a result.
         ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: there are no peaks.
     """
-    return plot.residuals(_result(found), ax=ax)
+    return plot.residuals(_with_peaks(found), ax=ax)
 
 
 def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
@@ -94,8 +104,11 @@ def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
     Args:
         found: A fit, an inference, or a result.
         ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: there are no peaks.
     """
-    return plot.deviations(_result(found), ax=ax)
+    return plot.deviations(_with_peaks(found), ax=ax)
 
 
 def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axes:

@@ -92,6 +92,8 @@ def determine(
     optimum = found.optimum
     equivalents = (*identifiability.equivalents(found), *options.alternatives)
     profiles = profiles_of(found, equivalents, options.units)
+    if options.only:  # what nobody asked for was not walked: nothing is said of it
+        profiles = {name: p for name, p in profiles.items() if name in options.only}
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
     idle = identifiability.without_effect(evaluator, optimum, profiles)
     resampled = None

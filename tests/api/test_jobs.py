@@ -32,6 +32,16 @@ def test_a_report_is_what_the_command_writes(fit: ff.Fit, tmp_path: Path) -> Non
     assert named["width_plus"]["theta"].profile is None
 
 
+def test_what_was_not_profiled_keeps_its_linearised_verdict(fit: ff.Fit) -> None:
+    """Of a profile of theta nothing follows for the line that the sweep and the peaks show."""
+    found = ff.profile(fit, ["theta"])
+    for name in ("width_plus", "Q_plus", "lambda"):
+        before, after = fit[name], found[name]
+        assert after.verdict == before.verdict
+        assert (after.std, after.value) == pytest.approx((before.std, before.value), nan_ok=True)
+    assert found["width_plus"].verdict == "determined"
+
+
 def test_plots_take_fits_and_draw_where_they_are_told(fit: ff.Fit) -> None:
     for draw in (ff.plot.objective_path, ff.plot.residuals, ff.plot.deviations):
         ax = Figure().subplots()

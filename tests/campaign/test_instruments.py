@@ -408,7 +408,8 @@ def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.Monke
         read_trace(path, "toy")
     monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(tmp_path / "layouts")])
     found = found_layouts()
-    assert list(found) == ["csv", "afm", "rohde-schwarz", "toy", "zurich"]
+    assert set(found) == {*LAYOUTS, "toy"}
+    assert next(iter(found)) == "csv"
     monkeypatch.setitem(LAYOUTS, "toy", found["toy"])
     assert layout_of(path) == "toy"
     table = {"file": path.name, "layout": "toy", "amplitude": "V rms", "chunk": 1}
