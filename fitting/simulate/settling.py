@@ -10,9 +10,12 @@ from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.simulate.probe import Probe, Reading
 from fitting.text.arrays import Scalar
 
-#: Doublings of the time to settle, at most, and how far beyond the end one more look is taken: no
-#: power of two, nor a simple fraction, or an oscillation in step with all times would not show.
+#: Doublings of the time to settle, at most, and about how far beyond the end one more look is.
 DOUBLINGS, FAR = 48, 16.3
+#: Two times count as the same where they differ by no more than this part: by rounding.
+ROUNDED = 1e-9
+#: A change stands still that is at most this part of what is wanted.
+QUIET = 0.25
 #: Changes that fall by less than this are not yet those of a transient that dies away.
 DYING = 0.6
 #: Factor on a measured change, for what it does not tell.
@@ -42,7 +45,10 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
 
 @dataclass(frozen=True)
 class Limits:
-    """How much may be spent: `work` of the longest run, and the longest time to settle, s."""
+    """How much may be spent: `work` of the longest run, and the longest time to settle, s.
+
+    Looks that only confirm that a time within the limit does may lie beyond it.
+    """
 
     work: float
     longest_s: float = math.inf
@@ -77,7 +83,9 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
     first_s = _first_s(probe)
     for k in range(DOUBLINGS):
         time_s = first_s * 2.0**k
-        if time_s > limits.longest_s or probe.work(settings, time_s) > limits.work:
+        # once a change is small enough, one doubling more shows whether the next one is so too
+        longest_s = limits.longest_s * (2.0 if changes[-1] <= QUIET * wanted else 1.0)
+        if time_s > longest_s * (1.0 + ROUNDED) or probe.work(settings, time_s) > limits.work:
             break
         seen.append(probe.read(settings, time_s))
         changes.append(probe.changes(seen[-1], seen[-2]))
@@ -123,7 +131,7 @@ def _first_s(probe: Probe) -> float:
 
 
 def _stands(changes: list[float], wanted: float) -> bool:
-    if len(changes) < 2 or max(changes[-2:]) > 0.25 * wanted:
+    if len(changes) < 2 or max(changes[-2:]) > QUIET * wanted:
         return False
     return changes[-1] <= max(DYING * changes[-2], 0.05 * wanted)
 
@@ -134,8 +142,24 @@ def _stands_far(
     """Whether a look much later (not taken where it costs too much) shows no slow transient."""
     if FAR * probe.work(settings, time_s) > 0.4 * work:
         return True
-    here, later = probe.read(settings, time_s), probe.read(settings, FAR * time_s)
+    here, later = probe.read(settings, time_s), probe.read(settings, _far_s(probe, time_s))
     return probe.changes(later, here) <= 0.5 * wanted
+
+
+def _far_s(probe: Probe, time_s: float) -> float:
+    """A time about `FAR` times as long: whole windows later, where all drives have the same.
+
+    Combinations of the tones that fold onto a tone then do so with the same phase, and what does
+    not change is not taken for a transient. An odd number of windows, and no multiple of five: one
+    in step with the doublings of ten periods would not show an oscillation that is so as well.
+    """
+    length_s = probe.common_length_s()
+    if length_s is None:
+        return FAR * time_s
+    count = max(1, round((FAR - 1.0) * time_s / length_s))
+    while count % 2 == 0 or count % 5 == 0:
+        count += 1
+    return time_s + count * length_s
 
 
 def _earliest(

@@ -94,6 +94,72 @@ def test_the_time_to_settle_follows_the_transient(tau_s: float) -> None:
     assert float(f"{plan.settle_s:.3g}") == plan.settle_s or plan.settle_s * 1600 % 1 == 0
 
 
+class Folding(Ringing):
+    """The pair 100 and 125 Hz with lines at 75 and 150 Hz, and a transient exp(-t / tau).
+
+    The lines fold onto the tones where samples are few; `longest_s` is the last time asked for.
+    """
+
+    def __init__(self, tau_s: float) -> None:
+        super().__init__(tau_s)
+        self.longest_s = 0.0
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Outputs of each run."""
+        found = []
+        for run in runs:
+            t = run.settle_s + np.arange(run.samples) * run.sample_step_s
+            self.longest_s = max(self.longest_s, t[-1])
+            y = np.cos(2 * np.pi * 100.0 * t) + np.cos(2 * np.pi * 125.0 * t + 0.3)
+            y += 0.02 * (np.cos(2 * np.pi * 75.0 * t) + np.cos(2 * np.pi * 150.0 * t + 0.9))
+            y += np.exp(-t / self.tau_s) * np.cos(2 * np.pi * 93.7 * t)
+            found.append(y[:, np.newaxis])
+        return found
+
+
+def test_lines_that_fold_onto_tones_are_not_taken_for_a_transient() -> None:
+    """The 7 samples of the search have a rate of 200 Hz or so, below twice every line."""
+    drive = Drive(start_values={}, tones_hz=(100.0, 125.0), outputs=("y",))
+    running = Folding(0.05)
+    plan = plan_drives((drive,), 1e-3, running, Knowledge())
+    (settling,) = plan.budget.of(Kind.SETTLING)
+    assert settling.basis == Basis.WATCHED
+    assert math.exp(-plan.settle_s / 0.05) <= settling.bound <= 1e-3
+    # changes stand still at 1.28 and 2.56 s: one look beyond, some 16 times later, is all there is
+    assert running.longest_s < 17.0 * 2.56
+    found = plan.read(running.run(plan.runs)[0])
+    assert float(np.max(np.abs(found - 1.0))) <= plan.promised <= 1e-3
+
+
+def test_an_oscillation_in_step_with_the_doublings_is_seen() -> None:
+    """Modulated at 10 Hz, the response is the same at every doubling of its ten periods."""
+
+    class Modulated(Ringing):
+        def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+            found = []
+            for run in runs:
+                t = run.settle_s + np.arange(run.samples) * run.sample_step_s
+                slow = 1.0 + 0.1 * np.cos(2 * np.pi * 10.0 * t)
+                found.append((slow * np.cos(2 * np.pi * 100.0 * t))[:, np.newaxis])
+            return found
+
+    options = PlanOptions(longest_settle_s=20.0)
+    plan = plan_drives((RINGING,), 1e-4, Modulated(1.0), Knowledge(), options)
+    (settling,) = plan.budget.of(Kind.SETTLING)
+    assert settling.basis == Basis.UNSTEADY
+
+
+@pytest.mark.parametrize(("longest_s", "basis"), [(1.6, Basis.WATCHED), (0.8, Basis.UNSTEADY)])
+def test_a_time_within_the_limit_is_confirmed_beyond_it(longest_s: float, basis: Basis) -> None:
+    """exp(-t / tau), tau = 0.05 s, changes by 1e-7 from 0.8 to 1.6 s, by 3e-4 from 0.4 to 0.8 s."""
+    # ten periods, doubled, may be rounded otherwise than the limit is
+    options = PlanOptions(longest_settle_s=longest_s * (1.0 - 1e-15))
+    plan = plan_drives((RINGING,), 1e-4, Ringing(0.05), Knowledge(), options)
+    (settling,) = plan.budget.of(Kind.SETTLING)
+    assert settling.basis == basis
+    assert plan.settle_s <= longest_s
+
+
 def test_what_takes_too_much_work_is_not_looked_at_and_said() -> None:
     options = PlanOptions(work=500.0)
     plan = plan_drives((RINGING,), 1e-4, Ringing(100.0), Knowledge(), options)
