@@ -45,9 +45,9 @@ class Problem:
     are those of one of the ``alternatives``: the first, or what `with_alternative` says.
 
     Args:
-        fmu: The FMU.
-        parameters: What is looked for.
-        measurements: `Tones` and `Sweep`, at least one that is fitted.
+        fmu: The FMU, its path, or the name of a model that is shipped.
+        parameters: What is looked for, one or several.
+        measurements: `Tones` and `Sweep`, one or several, at least one that is fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
         noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.
@@ -58,18 +58,21 @@ class Problem:
 
     def __init__(
         self,
-        fmu: Fmu,
-        parameters: Sequence[Parameter],
-        measurements: Sequence[Tones | Sweep],
+        fmu: Fmu | str | Path,
+        parameters: Sequence[Parameter] | Parameter,
+        measurements: Sequence[Tones | Sweep] | Tones | Sweep,
         *,
-        derived: Sequence[str] = (),
+        derived: Sequence[str] | str = (),
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,
         noise: Noise | None = None,
     ) -> None:
+        fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
         data = ArrayData(
-            parameters=parameters,
-            measurements=measurements,
-            derived=derived,
+            parameters=[parameters] if isinstance(parameters, Parameter) else parameters,
+            measurements=[measurements]
+            if isinstance(measurements, Tones | Sweep)
+            else measurements,
+            derived=[derived] if isinstance(derived, str) else derived,
             alternatives=alternatives or {},
             noise=noise or Noise(),
         )

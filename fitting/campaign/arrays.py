@@ -152,6 +152,7 @@ class Tones:
     experiments: tuple[MeasuredExperiment, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        _check_setup("tones", self.setup)
         drive_hz = _table(self.drive_hz, "drive_hz", None)
         count = len(drive_hz)
         names = self.setup.drive.frequency_names
@@ -232,6 +233,9 @@ class Sweep:
     measured: MeasuredSweep = field(init=False)
 
     def __post_init__(self) -> None:
+        _check_setup("sweep", self.setup)
+        if np.iscomplexobj(self.amplitude_v):
+            raise BadInput("sweep: amplitude_v is complex, wanted peak amplitudes (numpy.abs)")
         for name, known in (
             ("use", ("fit", "scale")),
             ("scale", SCALES),
@@ -248,6 +252,11 @@ class Sweep:
             unit=self.amplitude_unit,
         )
         object.__setattr__(self, "measured", measured)
+
+
+def _check_setup(kind: str, setup: object) -> None:
+    if not isinstance(setup, Setup):
+        raise BadInput(f"{kind}: setup is a {type(setup).__name__}, wanted a Setup")
 
 
 def _table(values: npt.ArrayLike, name: str, rows: int | None) -> npt.NDArray[np.float64]:

@@ -58,13 +58,14 @@ class Parameter:
                 raise BadInput(f"{who}: {field} is {value!r}; wanted a finite number")
         if not self.lower < self.upper:
             raise BadInput(
-                f"{who}: lower = {self.lower!r} is not below upper = {self.upper!r} {self.unit}; "
+                f"{who}: lower = {self.lower!r} is not below upper = "
+                f"{f'{self.upper!r} {self.unit}'.rstrip()}; "
                 "wanted lower < upper (are the bounds reversed?)"
             )
         if not self.lower <= self.start <= self.upper:
             raise BadInput(
                 f"{who}: start = {self.start!r} lies outside its bounds "
-                f"[{self.lower!r}, {self.upper!r}] {self.unit}"
+                f"[{self.lower!r}, {self.upper!r}] {self.unit}".rstrip()
             )
         if self.scale <= 0.0:
             raise BadInput(f"{who}: scale = {self.scale!r}; wanted a positive number")

@@ -135,6 +135,8 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ff.Sweep(SETUP, F_HZ[::-1], A_V), "rise strictly"),
     (lambda: ff.Sweep(SETUP, F_HZ, A_V[:-1]), "20 of them, wanted 21"),
     (lambda: ff.Sweep(SETUP, F_HZ, A_V, scale="top"), "scale is 'top'"),
+    (lambda: ff.Sweep(SETUP, F_HZ, 1j * A_V), "amplitude_v is complex"),
+    (lambda: ff.Sweep(DRIVE, F_HZ, A_V), "setup is a Drive, wanted a Setup"),  # type: ignore[arg-type]
     (lambda: ff.Tikhonov(beta=1.0), "beta is 1.0"),
     (lambda: ff.Tikhonov(levels=0), "levels is 0"),
     (lambda: ff.Tikhonov(misfit="cubes"), "misfit is 'cubes'"),
