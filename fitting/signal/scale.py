@@ -122,6 +122,16 @@ def refine_maximum(
         )
     if f.size == COARSE_POINTS and bend is not None:
         return _of_three(f, a, bend)
+    try:
+        return _of_many(f, a, k)
+    except np.linalg.LinAlgError:  # two points are one but for rounding: nothing is known between
+        return Maximum(
+            value=float(a[k]), frequency_hz=float(f[k]), bias=float("inf"), bracketed=True
+        )
+
+
+def _of_many(f: FloatArray, a: FloatArray, k: int) -> Maximum:
+    """Maximum about the largest of several points, with the bias that two orders show."""
     t_coarse, y_coarse = _lowest(f, a, k, COARSE_POINTS, 0.0)
     t_fine, y_fine = _lowest(f, a, k, min(FINE_POINTS, f.size), t_coarse)
     h = 0.5 * (f[k + 1] - f[k - 1])

@@ -219,3 +219,11 @@ def test_a_grid_of_the_same_bias_needs_more_than_five_times_the_runs() -> None:
 
     assert bias < 1e-4
     assert grid_bias(16) > bias
+
+
+def test_points_that_are_one_but_for_rounding_tell_nothing_of_what_is_between() -> None:
+    """No polynomial goes through them: the largest point stands, and its bias is not known."""
+    f = np.array([99.0, 100.0, 100.0, 101.0, 102.0])
+    found = refine_maximum(f, np.array([1.0, 2.0, 2.0, 1.5, 1.0]))
+    assert (found.value, found.frequency_hz) == (2.0, 100.0)
+    assert found.bias == float("inf")
