@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
+from fitting.fit.differences import Stencil, central
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Response
 from fitting.text.arrays import FloatArray
@@ -163,14 +164,7 @@ def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
         objective: rows, parameters and weights.
         x: search vector (n,).
     """
-    lower, upper = search_bounds(objective.parameters)
-    nodes = []
-    for i, step in enumerate(objective.steps):
-        for sign in (1.0, -1.0):
-            moved = np.array(x, dtype=float)
-            moved[i] = min(max(x[i] + sign * step, lower[i]), upper[i])
-            nodes.append(moved)
-    return nodes
+    return list(central(x, objective.steps, *search_bounds(objective.parameters)).nodes)
 
 
 def jacobian_of(points: Sequence[Point]) -> FloatArray:
@@ -179,11 +173,9 @@ def jacobian_of(points: Sequence[Point]) -> FloatArray:
     Args:
         points: evaluated at the nodes of the stencil.
     """
-    columns = []
-    for i in range(len(points) // 2):
-        above, below = points[2 * i], points[2 * i + 1]
-        columns.append((above.residuals - below.residuals) / (above.x[i] - below.x[i]))
-    return np.stack(columns, axis=1)
+    pairs = tuple((k, k + 1) for k in range(0, len(points), 2))
+    nodes = Stencil(tuple(point.x for point in points), pairs)
+    return nodes.quotients([point.residuals for point in points])
 
 
 def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
