@@ -1,1 +1,1 @@
-"""The commands of ``fmu-fit``, a module each: NAME, SUMMARY, EXAMPLE, add_arguments, run."""
+"""The commands of ``fmu-fit``, a module each: NAME, EXAMPLE, add_arguments, run."""

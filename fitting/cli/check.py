@@ -16,7 +16,6 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 
 NAME = "check"
-SUMMARY = "will this FMU load, validate, run, survive a reset, and suit a campaign"
 EXAMPLE = "fmu-fit check build/CoupledOscillator.fmu --campaign data/string_q1/campaign.toml"
 
 #: Those that the binary which pythonfmu packs into an FMU looks for on the machine.

@@ -30,7 +30,6 @@ from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_table
 
 NAME = "design"
-SUMMARY = "which measurement next: proposed settings, and how well a value would then be known"
 EXAMPLE = "fmu-fit design data/string_q1/campaign.toml --target lambda --out out/next_q1"
 CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
 

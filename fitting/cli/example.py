@@ -12,7 +12,6 @@ from fitting.text.shipped import shipped
 from fitting.text.toml import read_toml
 
 NAME = "example"
-SUMMARY = "a shipped campaign with all its files, to try and to start from"
 EXAMPLE = "fmu-fit example string_q1 --out string_q1"
 
 CAMPAIGN = "campaign.toml"

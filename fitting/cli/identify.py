@@ -22,7 +22,6 @@ from fitting.result.result import read_result
 from fitting.text.records import write_json
 
 NAME = "identify"
-SUMMARY = "what these data determine, before or after a fit: directions, intervals, verdicts"
 EXAMPLE = "fmu-fit identify data/string_q1/campaign.toml --out out/identify_q1"
 JSON_NAME = "identify.json"
 

@@ -16,18 +16,21 @@ from typing import NoReturn
 import fitting
 from fitting.text.errors import BadInput, FmuFailure
 
-#: Each is a module of `fitting.cli` with NAME, SUMMARY, EXAMPLE, add_arguments and run.
-COMMANDS = (
-    "example",
-    "reconstruct",
-    "identify",
-    "design",
-    "simulate",
-    "sweep",
-    "synthesize",
-    "tradeoff",
-    "check",
-)
+#: What each command does. It is a module of `fitting.cli` with NAME, EXAMPLE, add_arguments and
+#: run, which is imported when the command is called: the list of all takes no library.
+COMMANDS = {
+    "example": "a shipped campaign with all its files, to try and to start from",
+    "reconstruct": "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a "
+    "report",
+    "identify": "what these data determine, before or after a fit: directions, intervals, verdicts",
+    "design": "which measurement next: proposed settings, and how well a value would then be known",
+    "simulate": "one drive through an FMU: time trace with beating, spectrum with its peaks",
+    "sweep": "an FRF through an FMU, upwards and downwards: hysteresis, jump frequencies",
+    "synthesize": "a virtual laboratory: a campaign with known truth, noise and drift",
+    "tradeoff": "accuracy against cost, measured on this machine: solvers, windows, settling, "
+    "steps",
+    "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
+}
 
 BAD_INPUT, FMU_FAILED, INTERRUPTED = 2, 3, 130
 #: More complaints about one input are counted, not printed.
@@ -80,12 +83,14 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"fmu-fit {fitting.__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
     named = next((word for word in given if word in COMMANDS), None)
-    # only the command that is called is imported, with the libraries that it uses
-    for name in COMMANDS if named is None else (named,):
+    for name, summary in COMMANDS.items():
+        if name != named:
+            commands.add_parser(name, help=summary)
+            continue
         command = importlib.import_module(f"fitting.cli.{name}")
         sub = commands.add_parser(
-            command.NAME,
-            help=command.SUMMARY,
+            name,
+            help=summary,
             description=(command.__doc__ or "").replace("``", "'"),
             epilog=f"example: {command.EXAMPLE}",
         )

@@ -28,7 +28,6 @@ from fitting.result.provenance import job_of
 from fitting.result.result import Result, write_result
 
 NAME = "reconstruct"
-SUMMARY = "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a report"
 EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 

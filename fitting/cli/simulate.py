@@ -44,7 +44,6 @@ from fitting.text.notation import hertz
 from fitting.text.units import convert, same_kind
 
 NAME = "simulate"
-SUMMARY = "one drive through an FMU: time trace with beating, spectrum with its peaks"
 EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" --out out/two-tone'
 
 DEFAULT_TONES = ("u1", "u2")

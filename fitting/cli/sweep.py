@@ -31,7 +31,6 @@ from fitting.text.notation import hertz
 from fitting.text.units import same_kind
 
 NAME = "sweep"
-SUMMARY = "an FRF through an FMU, upwards and downwards: hysteresis, jump frequencies"
 EXAMPLE = (
     'fmu-fit sweep build/DuffingOscillator.fmu --from "6.94 MHz" --to "6.9408 MHz" --points 161 '
     "--direction both --out out/sweep"

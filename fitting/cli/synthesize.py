@@ -16,7 +16,6 @@ from fitting.lab.truth import TRUTH_NAME, read_bench
 from fitting.text.errors import BadInput
 
 NAME = "synthesize"
-SUMMARY = "a virtual laboratory: a campaign with known truth, noise and drift"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
 
 #: option -> (field of the bench, or of its modes, what it is)

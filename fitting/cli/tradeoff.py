@@ -28,7 +28,6 @@ from fitting.text.files import write_whole
 from fitting.text.records import to_plain
 
 NAME = "tradeoff"
-SUMMARY = "accuracy against cost, measured on this machine: solvers, windows, settling, steps"
 EXAMPLE = "fmu-fit tradeoff --scene string --out out/tradeoff --quick"
 
 #: What `--only` measures.

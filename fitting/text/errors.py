@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from fitting.text.arrays import Scalar
+if TYPE_CHECKING:  # the types of arrays take numpy along, which a command's help does not need
+    from fitting.text.arrays import Scalar
 
 Made = TypeVar("Made")
 

@@ -51,6 +51,21 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
         assert re.search(rf"\b{code} [a-z]", text), f"exit code {code} is not told"
 
 
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["frobnicate"]])
+def test_the_list_of_commands_takes_no_library(words: list[str]) -> None:
+    """Any of these takes longer to import than the interpreter takes to start."""
+    heavy = ("numpy", "scipy", "matplotlib", "fmpy", "pydantic", "pint", "jinja2", "mpmath")
+    script = (
+        "import contextlib, sys\n"
+        "from fitting.cli.main import main\n"
+        f"with contextlib.suppress(SystemExit):\n    main({words!r})\n"
+        f"sys.exit(str([name for name in {heavy!r} if name in sys.modules]))"
+    )
+    asked = [sys.executable, "-c", script]
+    told = subprocess.run(asked, capture_output=True, text=True, cwd=ROOT, check=False)
+    assert told.stderr.splitlines()[-1] == "[]"
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
