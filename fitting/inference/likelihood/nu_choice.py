@@ -15,11 +15,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtri
 
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Request
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
-from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Request
 
 #: Probability with which noise alone stays below the allowed chi square.
 ALLOWED_P = 0.95

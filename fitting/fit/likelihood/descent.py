@@ -18,9 +18,9 @@ from scipy.special import gammaincc
 
 from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import output_means
-from fitting.inference.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
