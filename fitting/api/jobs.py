@@ -20,7 +20,7 @@ from fitting.inference.determine import BUDGET
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.report.shown import shown_problem
+from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import BadInput
@@ -147,20 +147,20 @@ def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> P
     """
     result = with_external(found.result, external)
     write_result(result, Path(out))
-    return draw_report(found.source.problem, result, Path(out))
+    return draw_report(found, result, Path(out))
 
 
-def draw_report(problem: Problem, result: Result, out: Path) -> Path:
+def draw_report(found: Valued, result: Result, out: Path) -> Path:
     """Figures and report.html of a result; the path of the page.
 
     Args:
-        problem: What was solved.
-        result: What was found.
+        found: A fit, or what was inferred of one.
+        result: Its result, with what was added to it.
         out: Folder.
     """
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
-    written: Path = page.write_report(result, shown_problem(problem.record), out)
+    written: Path = page.write_report(result, shown_fit(found.source.record), out)
     return written
 
 

@@ -13,10 +13,10 @@ from fitting.report.plot import (
     drive_periods,
     expected_errors,
     periods,
-    spectrum,
     swept_tone,
 )
 from fitting.report.plot.axes import Axes
+from fitting.report.shown import figures_of
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 
@@ -29,12 +29,12 @@ __all__ = [
     "drive_periods",
     "expected_errors",
     "frequency_response",
+    "measurement",
     "objective_path",
     "parameter_path",
     "periods",
     "profile",
     "residuals",
-    "spectrum",
     "swept_tone",
 ]
 
@@ -109,6 +109,30 @@ def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
         BadInput: there are no peaks.
     """
     return plot.deviations(_with_peaks(found), ax=ax)
+
+
+def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw what was measured beside what the model says: a panel of a measurement's own figure.
+
+    Every kind of measurement has such figures; the report shows them whole.
+
+    Args:
+        found: A fit or an inference.
+        name: Which figure, as the report names its file ("2_spectra", with the series behind it
+            where there are several); empty: the first.
+        number: Which of its panels, from 0, row by row.
+        ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: there is no such figure, or no such panel of it.
+    """
+    figures = {figure.stem: figure for figure in figures_of(found.source.record)}
+    if not figures or (name and name not in figures):
+        raise BadInput(f"plot: no figure '{name}', wanted one of {', '.join(figures) or 'none'}")
+    panels = figures[name or next(iter(figures))].panels
+    if not 0 <= number < len(panels):
+        raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
+    return plot.panel(panels[number], among=panels, ax=ax)
 
 
 def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axes:

@@ -8,7 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.api.fitted import Tikhonov, fit, identity_of, profile, search_options
+from fitting.api.fitted import Tikhonov, Valued, fit, identity_of, profile, search_options
 from fitting.api.jobs import draw_report
 from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
@@ -91,7 +91,8 @@ def run(args: argparse.Namespace) -> int:
         memory = _memory(args, problem, out)
         shown = _Line(sys.stderr.isatty())
         try:
-            result = _result(args, problem, shown, memory)
+            found = _found(args, problem, shown, memory)
+            result = found.result
         except KeyboardInterrupt:
             shown.end()
             print("interrupted before the first level was finished: nothing to report")
@@ -106,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         return 1
     memory.remove()
     if not args.no_report:
-        print(f"report: {draw_report(problem, result, out)}")
+        print(f"report: {draw_report(found, result, out)}")
     return 0 if result.status == "converged" else 1
 
 
@@ -131,9 +132,9 @@ def _memory(args: argparse.Namespace, problem: Problem, out: Path) -> checkpoint
     return memory
 
 
-def _result(
+def _found(
     args: argparse.Namespace, problem: Problem, shown: _Line, memory: checkpoint.Checkpoint
-) -> Result:
+) -> Valued:
     found = fit(
         problem,
         _method(args, problem),
@@ -143,9 +144,7 @@ def _result(
         memory=memory,
     )
     found.command = _command(args)
-    if args.no_profiles:
-        return found.result
-    return profile(found, bootstrap=args.bootstrap or 0).result
+    return found if args.no_profiles else profile(found, bootstrap=args.bootstrap or 0)
 
 
 def _command(args: argparse.Namespace) -> str:

@@ -23,12 +23,16 @@ import numpy.typing as npt
 
 from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, Scalar
+
+#: Predicted or measured values (n,), real or complex.
+Values = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Prediction:
     need them. `maximum` is that of a simulated sweep, where the scale is taken from it.
     """
 
-    values: npt.NDArray[np.float64] | npt.NDArray[np.complex128]
+    values: Values
     maximum: Maximum | None = None
 
 
@@ -197,6 +201,16 @@ class Measurement(Protocol):
         """
         ...
 
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """What was measured beside what the model says, for report and plots.
+
+        Args:
+            before: predictions (n,) of everything that was measured, times the scale, at the start
+                parameters.
+            after: the same at the fitted parameters.
+        """
+        ...
+
 
 class MeasurementKind:
     """Answers for what a kind of measurement does not care about: a base class for its record.
@@ -262,6 +276,10 @@ class MeasurementKind:
     def unexplained(self, residuals: FloatArray) -> str:
         """Nothing is told from the residuals alone."""
         return ""
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """It has no figure."""
+        return ()
 
 
 @dataclass(frozen=True)

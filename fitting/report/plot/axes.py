@@ -145,7 +145,7 @@ def label_experiments(axes: Axes, labels: Sequence[str]) -> None:
         axes: axes to draw into.
         labels: of the experiments.
     """
-    width = _width_inches(axes)
+    width = width_inches(axes)
     step = math.ceil(0.17 * len(labels) / (width - 0.9))  # turned labels need that many inches
     shown = range(0, len(labels), max(1, step))
     axes.set_xticks(shown, [short(labels[i], LONGEST_NAME) for i in shown])
@@ -158,8 +158,12 @@ def label_experiments(axes: Axes, labels: Sequence[str]) -> None:
             text.set_rotation_mode("anchor")
 
 
-def _width_inches(axes: Axes) -> float:
-    """Width of the column of panels that axes stand in, labels included."""
+def width_inches(axes: Axes) -> float:
+    """Width of the column of panels that axes stand in, labels included.
+
+    Args:
+        axes: axes to draw into.
+    """
     whole = float(axes.figure.get_figure(root=True).get_size_inches()[0])
     spec = axes.get_subplotspec()
     if spec is None:
