@@ -31,6 +31,9 @@ from fitting.text.errors import BadInput
 from fitting.text.units import base_unit, convert
 from fitting.text.written import Written, in_unit
 
+#: Each combination of alternatives is a fit of its own.
+MOST_ALTERNATIVES = 100
+
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
@@ -493,8 +496,15 @@ def bind_alternatives(
         binder: of the campaign to its FMU.
 
     Raises:
-        BadInput: a variable that cannot be set, or a value that it cannot have.
+        BadInput: a variable that cannot be set, a value that it cannot have, or too many
+            combinations.
     """
+    count = math.prod(len(values) for values in asked.values())
+    if count > MOST_ALTERNATIVES:
+        raise BadInput(
+            f"[alternatives]: {count} combinations of values, wanted {MOST_ALTERNATIVES} at most: "
+            "each is a fit of its own"
+        )
     tried = {name: [binder.setting(name, w) for w in values] for name, values in asked.items()}
     return tuple(
         dict(zip(tried, combination, strict=True))

@@ -31,6 +31,7 @@ from fitting.text.keys import (
     Positives,
     Quantity,
     Refused,
+    Repeats,
     Rest,
     Share,
     Switch,
@@ -39,6 +40,7 @@ from fitting.text.keys import (
     Usually,
     Value,
     Values,
+    Weight,
     WholeNumber,
     listed,
     refusing,
@@ -403,25 +405,23 @@ class WrittenDerived(Keys):
 class ContinuationSettings(Keys):
     """Algorithm 2: nu_start, factor beta, number of nu, tolerance, misfit form, starts, seed."""
 
-    nu_start: Number = 0.1
+    nu_start: Weight = 0.1
     """First nu, zero or more."""
     beta: Positive = 0.1
     """Factor from one nu to the next, below 1."""
-    iterations: Count = 9
+    iterations: Repeats = 9
     """Number of nu."""
     tolerance: Positive = 2.22e-16
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
     misfit: Annotated[Text, OneOf(MISFITS)] = "slack"
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2."""
-    starts: Count = 3
+    starts: Repeats = 3
     """The campaign's own start and seeded ones in the box."""
     seed: WholeNumber = 1
     """Of the further starts."""
 
     def __post_init__(self) -> None:
-        if self.nu_start < 0.0:
-            raise Refused(f"found {self.nu_start}, wanted zero or more", "nu_start")
         if self.beta >= 1.0:
             raise Refused(f"found {self.beta}, wanted a factor below 1", "beta")
 
@@ -492,7 +492,7 @@ class WrittenDesign(Keys):
     """Largest detuning of a tone."""
     both_sides: Switch = True
     """Tones on both sides of the resonance."""
-    tones: Count | None = None
+    tones: Repeats | None = None
     """Tones at once; 1: single tones, as in a sweep."""
     levels: Positives | None = None
     """Drive levels to try, in units of the campaign's level."""
@@ -504,7 +504,7 @@ class WrittenDesign(Keys):
     """Noise of a peak as a share of it, which averaging does not lower."""
     largest: Value | None = None
     """What the detector bears; without it twice the largest amplitude seen."""
-    number: Annotated[Count | None, Usually(6)] = None
+    number: Annotated[Repeats | None, Usually(6)] = None
     """Measurements, at most."""
     target: Text = ""
     """The value that is to be known better."""

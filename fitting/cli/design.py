@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.cli.options import default_workers, whole_number
+from fitting.cli.options import default_workers, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
 from fitting.design.campaign import EXPERIMENTS_NAME, PEAK, campaign_files
 from fitting.design.candidates import Limits
@@ -66,9 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--criterion", choices=CRITERIA, help="error of the target, or D or A of all (target)"
     )
     parser.add_argument("--number", type=whole_number(1), help="measurements, at most (6)")
-    parser.add_argument("--seed", type=whole_number(0), default=1, help="of points of equal fit")
+    parser.add_argument("--seed", type=seed(), default=1, help="of points of equal fit")
     parser.add_argument(
-        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report")
 

@@ -12,7 +12,7 @@ from fitting.api.jobs import identify
 from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import whole_number
+from fitting.cli.options import seed, whole_number, worker_count
 from fitting.inference.determine import BUDGET
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.table import text_lines
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="refit N synthetic data sets (none)",
     )
-    parser.add_argument("--seed", type=whole_number(0), default=1, help="of starts and bootstrap")
+    parser.add_argument("--seed", type=seed(), default=1, help="of starts and bootstrap")
     parser.add_argument(
         "--budget",
         type=whole_number(1),
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"evaluations at most ({BUDGET})",
     )
     parser.add_argument(
-        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 

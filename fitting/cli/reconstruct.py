@@ -13,7 +13,7 @@ from fitting.api.jobs import draw_report
 from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import relative_accuracy, whole_number
+from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
 from fitting.fit import checkpoint
 from fitting.fit.fit import Progress
 from fitting.fit.solver.evaluator import MISFITS
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
     parser.add_argument(
-        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
     parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
     parser.add_argument(
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='a value from elsewhere to test, as lambda="0.8604 MHz" or "0.8604 MHz +- 1 kHz"',
     )
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
-    parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
+    parser.add_argument("--seed", type=seed(), help="seed of the starts (the campaign's)")
     parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(

@@ -7,7 +7,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from fitting.cli.options import whole_number
+from fitting.cli.options import seed
 from fitting.lab.benches import BUILT_IN, DUFFING
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
@@ -71,9 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TRUTH.toml",
         help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
     )
-    parser.add_argument(
-        "--seed", type=whole_number(0), default=1, help="seed of all noise (default 1)"
-    )
+    parser.add_argument("--seed", type=seed(), default=1, help="seed of all noise (default 1)")
     parser.add_argument(
         "--cross-mode",
         action="store_true",

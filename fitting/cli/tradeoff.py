@@ -14,7 +14,7 @@ from pathlib import Path
 
 import fitting
 from fitting.campaign import bind, read_campaign
-from fitting.cli.options import whole_number
+from fitting.cli.options import seed, worker_count
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.models import provide_fmu
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="a coarse grid, under a minute")
     parser.add_argument("--resume", action="store_true", help="go on from the finished settings")
     parser.add_argument(
-        "--workers", type=whole_number(1), default=1, help="worker processes (1: fair timings)"
+        "--workers", type=worker_count(), default=1, help="worker processes (1: fair timings)"
     )
     parser.add_argument(
         "--accuracies",
@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="accuracies of the table (1e-2,1e-3,1e-4,1e-6,1e-9)",
     )
     parser.add_argument("--only", choices=sorted(ONLY), help="amplitudes, or line widths (both)")
-    parser.add_argument("--seed", type=whole_number(0), default=1, help="order of the settings (1)")
+    parser.add_argument("--seed", type=seed(), default=1, help="order of the settings (1)")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import tempfile
 import time
 import weakref
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from fitting.fmu.archive import new_folder, unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
@@ -31,6 +30,8 @@ from fitting.text.errors import BadInput, FmuFailure
 POLL_S = 0.1
 CLOSING_S = 2.0
 MOST_WARNINGS = 50
+#: More processes than that are a slip of the pen on the machines of today.
+MOST_WORKERS = 256
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
 
 
@@ -92,8 +93,8 @@ class FmuWorkers:
         reuse: Literal["auto", "never"] = "auto",
         timeout_name: str = "timeout_s",
     ) -> None:
-        if workers < 1:
-            raise BadInput(f"workers is {workers!r}, wanted at least 1")
+        if not 1 <= workers <= MOST_WORKERS:
+            raise BadInput(f"workers is {workers!r}, wanted 1 to {MOST_WORKERS}")
         if not timeout_s > 0:
             raise BadInput(f"timeout_s is {timeout_s!r}, wanted a positive time")
         self.description = read_description(path)
@@ -269,20 +270,19 @@ def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:
 
 def _unpack(description: FmuDescription) -> Path:
     """Unpack the FMU to a folder of plain name; FMUs stumble over umlauts and brackets in it."""
-    home = Path(tempfile.mkdtemp(prefix="fmu-fit-"))
+    home = new_folder()
     if not _PLAIN.fullmatch(str(home)):
         shutil.rmtree(home)
         try:
-            home = Path(tempfile.mkdtemp(prefix="fmu-fit-", dir="/tmp"))
-        except OSError as error:
+            home = new_folder("/tmp")  # noqa: S108
+        except BadInput as error:
             raise BadInput(
                 f"{home.parent}: the folder for temporary files has a character in its name that "
                 "FMUs stumble over, wanted letters, digits and ._-/ (set TMPDIR)"
             ) from error
     folder = home / "fmu"
     try:
-        with zipfile.ZipFile(description.path) as archive:
-            archive.extractall(folder)
+        unpack(description.path, folder)
     except BaseException:
         shutil.rmtree(home, ignore_errors=True)
         raise

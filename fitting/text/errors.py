@@ -22,6 +22,25 @@ class BadInput(Exception):
         return "\n".join(map(str, self.args))
 
 
+#: Characters of a found value in a complaint.
+LONGEST_FOUND = 200
+
+
+def shown(value: object) -> str:
+    """A value as a complaint repeats it, cut where it is long.
+
+    Args:
+        value: what was found.
+    """
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # thousands of digits; lists in lists without end
+        return f"a {type(value).__name__} beyond all measure"
+    if len(text) <= LONGEST_FOUND:
+        return text
+    return f"{text[: LONGEST_FOUND // 2]} ... {text[-LONGEST_FOUND // 4 :]}"
+
+
 def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
     """What all the readers make.
 

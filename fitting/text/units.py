@@ -13,9 +13,12 @@ from typing import Any
 
 import pint
 
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+#: Characters of a quantity; the patterns take their time over longer ones.
+LONGEST = 400
 
 # Names that FMI tools write and pint does not know; all else is left to pint.
 _FMI_NAMES = {"-": "dimensionless", "": "dimensionless", "1": "dimensionless"}
@@ -33,7 +36,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 def _unit(text: str) -> pint.Unit | None:
     """Unit of a written name, in pint's spelling or FMI's ("kg.m2", "m/s2"); None if unknown."""
     name = _FMI_NAMES.get(text.strip(), text.strip())
-    if not _PLAIN.fullmatch(name):
+    if len(name) > LONGEST or not _PLAIN.fullmatch(name):
         return None
     spelled = re.sub(r"(?<=[A-Za-z)])(-?\d+)", r"**\1", name).replace("·", "*")
     spelled = re.sub(r"(?<=[\w)])\.(?=[A-Za-z(])", "*", spelled)
@@ -55,16 +58,18 @@ def parse_quantity(text: str, *, where: str) -> tuple[float, str | None]:
     Raises BadInput, beginning with ``where``, if it is not a finite number followed by a unit that
     exists.
     """
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text) if len(text) <= LONGEST else None
     if match is None:
-        raise BadInput(f'{where}: found {text!r}, wanted a number and a unit, as "6.94016 MHz"')
+        raise BadInput(
+            f'{where}: found {shown(text)}, wanted a number and a unit, as "6.94016 MHz"'
+        )
     value, unit = float(match[1]), match[2]
     if not math.isfinite(value):
-        raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+        raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     if not unit:
         return value, None
     if _unit(unit) is None:
-        raise BadInput(f"{where}: found {text!r}, but there is no unit {unit!r}")
+        raise BadInput(f"{where}: found {shown(text)}, but there is no unit {shown(unit)}")
     return value, unit
 
 
@@ -90,9 +95,15 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if source == target or not math.isfinite(value):
         return value
     try:
-        return float(_registry().Quantity(Decimal(repr(float(value))), source).to(target).magnitude)
+        made = _registry().Quantity(Decimal(repr(float(value))), source).to(target).magnitude
+        converted = float(made)
     except TypeError as error:  # logarithmic units (dBm) have no decimal arithmetic
         raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
+    except ArithmeticError:  # powers beyond all exponents
+        converted = math.inf
+    if not math.isfinite(converted):
+        raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
+    return converted
 
 
 def base_unit(unit: str) -> str:

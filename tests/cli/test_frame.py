@@ -74,7 +74,7 @@ def test_the_list_of_commands_takes_no_library(words: list[str]) -> None:
         ([], "COMMAND"),
         (["frobnicate"], "frobnicate"),
         (["simulate"], "FMU"),
-        (["check", "absent.fmu"], "absent.fmu: No such file"),
+        (["check", "absent.fmu"], "absent.fmu: no such file"),
         (["check", "absent.fmu", "--step", "long"], "--step"),
         (["check", "absent.fmu", "--timeout", "-1"], "--timeout: found '-1', wanted a positive"),
         (["reconstruct", "c.toml", "--workers", "0"], "--workers: found '0', wanted a whole"),
