@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,6 +24,7 @@ from fitting.simulate.response import USUAL_ACCURACY, DriveResponse
 from fitting.simulate.response import simulate as simulate_through
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy, convert, same_kind
 from fitting.text.written import as_written
 
@@ -54,9 +53,9 @@ class Fmu:
         self.workers = FmuWorkers(path, workers=workers, timeout_s=timeout_s)
 
     def _built(self, model: str) -> Path:
-        folder = tempfile.mkdtemp(prefix="fmu-fit-model-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return provide_fmu(WrittenFmu(model=model), Path(folder))
+        scratch = Scratch()
+        weakref.finalize(self, scratch.remove)
+        return provide_fmu(WrittenFmu(model=model), scratch.path)
 
     @property
     def description(self) -> FmuDescription:

@@ -13,7 +13,7 @@ from fitting.cli.options import positive_time
 from fitting.cli.progress import status_line
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, Run, validation_problems
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 NAME = "check"
 EXAMPLE = "fmu-fit check build/CoupledOscillator.fmu --campaign data/string_q1/campaign.toml"
@@ -56,12 +56,11 @@ def run(args: argparse.Namespace) -> int:
         for problem in problems:
             print(f"problem: {' '.join(problem.split())}")
         campaign_values = _suits(args.campaign, workers.description)
-        with status_line(NAME) as tell:
-            tell("trial run")
-            lines = _trial(workers, args.step, campaign_values)
-            tell("reset")
-            lines += _resets(workers, args.step, campaign_values)
-    print(*lines, sep="\n")
+        for what, look in (("trial run", _trial), ("reset", _resets)):
+            with status_line(NAME) as tell:
+                tell(what)
+                lines = look(workers, args.step, campaign_values)
+            print(*lines, sep="\n")
     for warning in workers.warnings:
         print(f"the FMU warns: {warning}")
     if problems:
@@ -147,6 +146,8 @@ def _resets(workers: FmuWorkers, step: float, values: Mapping[str, Scalar]) -> l
         changed = {**run.start_values, variable.name: other}
         try:
             workers.run([run, _trial_run(workers.description, step, changed)])
+        except NoAnswer:
+            raise
         except FmuFailure:
             unvaried.append(variable.name)  # the trial run itself went well: it is this value
     lines = [f"reset: {workers.reuse_note}"]

@@ -14,7 +14,7 @@ from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
 from fitting.measurements.tones import Tones, undriven
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,8 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
             (undriven(tones, model, starts(series.parameters), workers) for tones in peaks),
             default=0.0,
         )
+    except NoAnswer:
+        raise
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
         return
     if share > max(100.0 * setup.accuracy, 1e-4):

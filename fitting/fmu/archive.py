@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import lzma
 import shutil
-import tempfile
 import zipfile
 import zlib
 from collections import Counter
@@ -68,21 +67,6 @@ def unpack(path: Path, folder: Path) -> None:
             raise BadInput(
                 f"{path}: cannot be unpacked to {folder.parent}: {error.strerror} (set TMPDIR)"
             ) from error
-
-
-def new_folder(within: str | None = None) -> Path:
-    """A new folder for temporary files, in the usual place or in another one.
-
-    Raises:
-        BadInput: there is no room or no permission for one.
-    """
-    try:
-        return Path(tempfile.mkdtemp(prefix="fmu-fit-", dir=within))
-    except OSError as error:
-        where = within or error.filename or tempfile.gettempdir()
-        raise BadInput(
-            f"{where}: no folder for temporary files can be made: {error.strerror} (set TMPDIR)"
-        ) from error
 
 
 def _extract(archive: zipfile.ZipFile, member: zipfile.ZipInfo, folder: Path, path: Path) -> None:

@@ -50,7 +50,7 @@ from fitting.simulate.settling import (
     settling_decision,
 )
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.notation import hertz
 from fitting.text.units import checked_accuracy
 
@@ -336,6 +336,8 @@ class _Planner:
         try:
             here = self.probe.read({**settings, name: value}, settle_s)
             better = self.probe.read({**settings, name: finer}, settle_s)
+        except NoAnswer:
+            raise
         except FmuFailure:
             return math.inf
         if all((a.tones == b.tones).all() for a, b in zip(here, better, strict=True)):

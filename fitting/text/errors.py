@@ -82,3 +82,11 @@ class FmuFailure(Exception):
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {value!r}" for name, value in self.parameters.items())
         return f"{self.fmu}: {self.message}" + (f" [with {values}]" if values else "")
+
+
+class NoAnswer(FmuFailure):
+    """An FMU that gave no answer in time, or whose process was killed again and again.
+
+    Other values are no way round it: every attempt would cost as much time. Who catches failures in
+    order to try something else lets this one pass.
+    """

@@ -10,7 +10,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,14 +24,13 @@ from fitting.fmu import (
     read_description,
     validation_problems,
 )
-from fitting.fmu.worker import process as worker_process
 from fitting.fmu.worker.input_signal import held_values
 from fitting.fmu.worker.pulse import BEGUN, open_pulse
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.cfmu_build import build_c_fmu
-from tests.support.processes import is_gone, wait_until
+from tests.support.processes import Clock, is_gone, wait_until
 
 MASS, DAMPING, STIFFNESS = 1.25e-3, 2.5e-2, 4.1e3
 START: dict[str, Scalar] = {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
@@ -175,26 +173,6 @@ def test_failure_is_a_sentence_with_the_parameters(
             assert word in failure.value.message
         [after] = workers.run([PULLED])  # the caller, and the object, live on
     np.testing.assert_allclose(after[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
-
-
-class Clock:
-    """The clock by which workers are late: ten seconds on at every look while ``runs`` holds."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.runs: Callable[[], bool] = lambda: False
-
-    def monotonic(self) -> float:
-        self.now += 10.0 * self.runs()
-        return self.now
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    """A clock that no busy machine can disturb."""
-    clock = Clock()
-    monkeypatch.setattr(worker_process, "time", clock)
-    return clock
 
 
 def in_second_run(workers: FmuWorkers) -> bool:
