@@ -65,8 +65,9 @@ def shown(one: Judged) -> str:
     """Everything that was said of a laboratory, beside the truth."""
     lines = [
         f"{one.kind} {one.seed}: {one.status}, {one.fault or dict(one.notes)} {one.error}",
-        f"chi square of the truth {one.chi2_truth:.5g}, fit {one.chi2_fit:.5g}, profiles "
-        f"{one.chi2_profile:.5g}, {one.chi2_rows} rows; {one.seconds:.1f} s",
+        f"chi square of the truth {one.chi2_truth:.5g}, fit {one.chi2_end:.5g} (minimum beside it "
+        f"{one.chi2_fit:.5g}), profiles {one.chi2_best:.5g} ({one.chi2_profile:.5g}), "
+        f"{one.chi2_rows} rows; {one.seconds:.1f} s",
     ]
     for s in one.said:
         lines.append(

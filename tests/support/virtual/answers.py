@@ -6,7 +6,7 @@ of parameter vectors at once: a laboratory then costs seconds of processor time,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from fitting.measurements.measurement import Evaluation, Measurement, Prediction
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.scale import Maximum
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from tests.support.virtual.modes import derived, response
 
 NAMES = ("theta", "reflection", "d1", "d2", "eta_plus", "eta_minus", "g1", "g2")
@@ -31,25 +31,54 @@ class _Places:
 
     settings: tuple[Mapping[str, Scalar], ...]
     labels: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
 
-    def values(self, parameters: Sequence[Parameter], table: FloatArray) -> dict[str, FloatArray]:
-        """Variables (k, m) for parameter vectors (k, n)."""
-        found: dict[str, FloatArray] = {}
-        for name in NAMES:
-            base = [float(s.get(name, 1.0 if name in ("g1", "g2") else 0.0)) for s in self.settings]
-            column = np.tile(np.array(base), (len(table), 1))
-            for i, p in enumerate(parameters):
-                if p.role != "model" or (name not in p.adds_to and p.target != name):
-                    continue
-                mine = np.array(
-                    [not p.experiments or label in p.experiments for label in self.labels]
-                )
-                if p.adds_to:
-                    column[:, mine] += table[:, i, None]
-                else:
-                    column[:, mine] = table[:, i, None]
-            found[name] = column
+    @cached_property
+    def _base(self) -> dict[str, FloatArray]:
+        """Every variable (m,) before the parameters act."""
+        usual = {"g1": 1.0, "g2": 1.0}
+        return {
+            name: np.array([float(s.get(name, usual.get(name, 0.0))) for s in self.settings])
+            for name in NAMES
+        }
+
+    @cached_property
+    def _acting(self) -> list[tuple[int, str, BoolArray, bool]]:
+        """Parameter, variable, places (m,) it acts in, and whether it is added there."""
+        found = []
+        for i, p in enumerate(self.parameters):
+            mine = np.array([not p.experiments or e in p.experiments for e in self.labels])
+            names = p.adds_to if p.adds_to else (p.target,)
+            found += [(i, name, mine, bool(p.adds_to)) for name in names if p.role == "model"]
         return found
+
+    def values(self, table: FloatArray) -> dict[str, FloatArray]:
+        """Variables (k, m) for parameter vectors (k, n); (m,) where no parameter acts."""
+        found = dict(self._base)
+        for i, name, mine, adds in self._acting:
+            old = found[name] if found[name].ndim == 2 else np.tile(found[name], (len(table), 1))
+            column = table[:, i, None]
+            found[name] = np.where(mine, old + column if adds else column, old)
+        return found
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """What is read of some experiments: places, frequency, level and output of every line (m,)."""
+
+    places: _Places
+    u_hz: FloatArray
+    levels: FloatArray
+    outputs: tuple[str, ...]
+
+    def amplitudes(self, table: FloatArray) -> FloatArray:
+        """Amplitudes (k, m) for parameter vectors (k, n)."""
+        values = self.places.values(table)
+        found = np.empty((len(table), self.u_hz.size))
+        for output in set(self.outputs):
+            mine = np.array([o == output for o in self.outputs])
+            found[:, mine] = np.abs(response(values, self.u_hz, output))[..., mine]
+        return np.asarray(found * self.levels)
 
 
 @dataclass(frozen=True)
@@ -61,16 +90,17 @@ class ModesResponse:
 
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
         table = np.array([np.asarray(p, dtype=float) for p in ps])
-        columns = [self._predicted(m, table) for m in self.record.measurements]
+        columns = [self._predicted(k, table) for k in range(len(self.record.measurements))]
         return [Evaluation(tuple(c[k] for c in columns), 1) for k in range(len(table))]
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         table = np.array([np.asarray(p, dtype=float) for p in ps])
         answers: list[dict[str, list[FloatArray]]] = [{} for _ in ps]
         for series, places in self._reading.items():
-            found = derived(places.values(self.record.parameters, table))
+            found = derived(places.values(table))
             for name in self.record.derived.get(series, ()):
-                for k, row in enumerate(found[name]):
+                whole = np.broadcast_to(found[name], (len(table), len(places.labels)))
+                for k, row in enumerate(whole):
                     answers[k].setdefault(name, []).append(row)
         return [{name: np.concatenate(v) for name, v in a.items()} for a in answers]
 
@@ -88,19 +118,43 @@ class ModesResponse:
         self, of: Sequence[tuple[Measurement, tuple[str, Mapping[str, Scalar]]]]
     ) -> _Places:
         settings = tuple({**m.setup.start_values, **self.alternative, **own} for m, (_, own) in of)
-        return _Places(settings, tuple(label for _, (label, _) in of))
+        labels = tuple(label for _, (label, _) in of)
+        return _Places(settings, labels, self.record.parameters)
 
-    def _predicted(self, measurement: Measurement, table: FloatArray) -> list[Prediction]:
-        if isinstance(measurement, Tones):
-            return [Prediction(row) for row in self._peaks(measurement, table)]
+    @cached_property
+    def _lines(self) -> dict[int, _Lines]:
+        """What is read of each measurement of tones, by its number."""
+        measurements = enumerate(self.record.measurements)
+        return {k: self._read(m) for k, m in measurements if isinstance(m, Tones)}
+
+    def _read(self, tones: Tones) -> _Lines:
+        drive = tones.setup.drive
+        places, lines, levels, outputs = [], [], [], []
+        for e in tones.experiments:
+            for line in e.read_hz:
+                name = drive.amplitude_names[e.tones_hz.index(line)]
+                places.append((tones, (e.label, e.settings)))
+                lines.append(line)
+                levels.append(float(e.settings.get(name, drive.amplitude)))
+                outputs.append(e.output or tones.setup.output)
+        return _Lines(self._places(places), np.array(lines), np.array(levels), tuple(outputs))
+
+    @cached_property
+    def _during(self) -> dict[int, _Places]:
+        """Settings of each sweep, by the number of the measurement."""
+        measurements = enumerate(self.record.measurements)
+        return {k: self._places([(m, m.places[0])]) for k, m in measurements if m.is_curve}
+
+    def _predicted(self, number: int, table: FloatArray) -> list[Prediction]:
+        if number in self._lines:
+            return [Prediction(row) for row in self._lines[number].amplitudes(table)]
+        measurement = self.record.measurements[number]
         assert isinstance(measurement, Sweep)
-        values = self._places([(measurement, measurement.places[0])]).values(
-            self.record.parameters, table
-        )
+        values = self._during[number].values(table)
         level = measurement.setup.drive.amplitude
 
         def swept(u: FloatArray) -> FloatArray:
-            return level * np.abs(response(values, u, measurement.setup.output))
+            return np.asarray(level * np.abs(response(values, u, measurement.setup.output)))
 
         rows = swept(measurement.frequency_hz)
         if measurement.scaled_by != "maximum":
@@ -108,28 +162,10 @@ class ModesResponse:
         tops = _maxima(swept, measurement.frequency_hz, rows)
         return [Prediction(row, top) for row, top in zip(rows, tops, strict=True)]
 
-    def _peaks(self, tones: Tones, table: FloatArray) -> FloatArray:
-        drive = tones.setup.drive
-        places, lines, levels, outputs = [], [], [], []
-        for e in tones.experiments:
-            for line in e.read_hz:
-                k = int(np.argmin(np.abs(np.array(e.tones_hz) - line)))
-                named = dict(zip(drive.frequency_names, drive.amplitude_names, strict=True))
-                amplitude = tuple(named.values())[k]
-                places.append((tones, (e.label, e.settings)))
-                lines.append(line)
-                levels.append(float(e.settings.get(amplitude, drive.amplitude)))
-                outputs.append(e.output or tones.setup.output)
-        values = self._places(places).values(self.record.parameters, table)
-        found = np.empty((len(table), len(lines)))
-        for output in set(outputs):
-            found_all = np.abs(response(values, np.array(lines), output))
-            mine = np.array([o == output for o in outputs])
-            found[:, mine] = found_all[:, mine]
-        return np.asarray(found * np.array(levels))
 
-
-def _maxima(swept, frequency_hz: FloatArray, rows: FloatArray) -> list[Maximum]:  # type: ignore[no-untyped-def]
+def _maxima(
+    swept: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray, rows: FloatArray
+) -> list[Maximum]:
     """Tops (k,) of the curves between the points: twice a finer grid, then 1/A^2 as a parabola."""
     place = np.argmax(rows, axis=1)
     step = np.max(np.diff(frequency_hz))

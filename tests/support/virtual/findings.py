@@ -57,17 +57,26 @@ def _false(judged: Judged) -> Iterator[tuple[str, str]]:
                 f"{one} {said[one].verdict}, {other} {said[other].verdict}",
             )
     if judged.honest:
-        worse = judged.chi2_fit - judged.chi2_truth
-        if worse > WORSE:
-            yield "wrong minimum", f"fit ends {worse:.4g} above chi square of the truth"
-        worse = judged.chi2_profile - judged.chi2_truth
-        if worse > WORSE:
-            yield "wrong optimum", f"profiles are {worse:.4g} above chi square of the truth"
+        yield from _wrong_minima(judged)
         if warned and fits(judged):
             words = next(w for w in judged.warnings if CONTRADICTED.search(w))
             yield "contradicts", f"the truth fits, but: {words[:160]}"
     if judged.fault and not NAMED[judged.fault].search(" ".join(judged.warnings)):
         yield "not named", f"{judged.fault} is not named by its kind"
+
+
+def _wrong_minima(judged: Judged) -> Iterator[tuple[str, str]]:
+    """Ends of the fit and lowest points of the profiles that are less likely than the truth."""
+    for about, end, bottom in (
+        ("minimum", judged.chi2_end, judged.chi2_fit),
+        ("optimum", judged.chi2_best, judged.chi2_profile),
+    ):
+        what = "fit ends" if about == "minimum" else "profiles are"
+        if bottom - judged.chi2_truth > WORSE:
+            away = bottom - judged.chi2_truth
+            yield f"wrong {about}", f"{what} {away:.4g} above chi square of the truth"
+        elif end - judged.chi2_truth > WORSE:
+            yield f"short of {about}", f"{what} {end - bottom:.4g} above a minimum beside"
 
 
 def _of_value(judged: Judged, s: Statement, *, warned: bool) -> Iterator[tuple[str, str]]:
@@ -118,6 +127,7 @@ COLUMNS = (
     "verdict changed by wider boxes",
     "Q and width differ",
     "wrong minimum: fit, profiles",
+    "not at their minimum: fit, profiles",
     "“contradict” where the truth fits",
     "absent, but held",
     "seconds",
@@ -159,6 +169,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
         f"{count('changed by the box')} in {widened}",
         count("twins"),
         f"{count('wrong minimum')}, {count('wrong optimum')}",
+        f"{count('short of minimum')}, {count('short of optimum')}",
         count("contradicts"),
         count("absent"),
         f"{np.median([j.seconds for j in mine]):.1f}",

@@ -75,7 +75,12 @@ class Statement:
 
 @dataclass(frozen=True)
 class Judged:
-    """All statements on one laboratory as plain numbers: what a line of the record holds."""
+    """All statements on one laboratory as plain numbers: what a line of the record holds.
+
+    Chi square of the laboratory's own likelihood at the truth, where the fit ended (`end`) and
+    where the profiles have their lowest point (`best`), and after a local descent from these two
+    (`fit`, `profile`).
+    """
 
     kind: str
     seed: int
@@ -87,12 +92,13 @@ class Judged:
     wide: Mapping[str, str]
     warnings: Sequence[str]
     chi2_truth: float
+    chi2_end: float
     chi2_fit: float
+    chi2_best: float
     chi2_profile: float
     chi2_rows: int
     seconds: float
     error: str = ""
-    at: str = ""
 
     @property
     def said(self) -> list[Statement]:
@@ -152,7 +158,9 @@ def _failed(laboratory: Laboratory, error: Exception, seconds: float) -> Judged:
         wide={},
         warnings=(),
         chi2_truth=math.nan,
+        chi2_end=math.nan,
         chi2_fit=math.nan,
+        chi2_best=math.nan,
         chi2_profile=math.nan,
         chi2_rows=0,
         seconds=seconds,
@@ -207,7 +215,9 @@ def _compared(
         wide=wide,
         warnings=_sentences(inference),
         chi2_truth=judge.chi_square(judge.true),
+        chi2_end=judge.chi_square(at_fit),
         chi2_fit=judge.descended(at_fit),
+        chi2_best=judge.chi_square(at_best),
         chi2_profile=judge.descended(at_best),
         chi2_rows=judge.rows(judge.true).size,
         seconds=seconds,

@@ -421,20 +421,22 @@ def _spectrum(
     """A magnitude spectrum with noise sigma per quadrature, or peaks with that noise."""
     exact = amplitude_v(of.values, tones_hz, "q1_hybrid", of.gain)
     grid = of.widths_hz[0] / 20.0
-    spectrum = None
+    peaks, spectrum = np.abs(exact + sigma_v * rng.standard_normal(2)), None
     if spectra:
         places = np.round(tones_hz / grid).astype(int)
         bins = np.arange(places[0] - 100, places[1] + 101)
         noise = sigma_v * (rng.standard_normal(bins.size) + 1j * rng.standard_normal(bins.size))
         noise[np.searchsorted(bins, places)] += exact
         spectrum = np.array([bins * grid, np.abs(noise)])
+        read = spectrum[1, np.searchsorted(bins, places)]
+        peaks = np.sqrt(np.maximum(read**2 - sigma_v**2, (0.1 * sigma_v) ** 2))
     return Reading(
         label=label,
         values=of.values,
         tones_hz=tones_hz,
         levels=np.ones(2),
         output="q1_hybrid",
-        peaks_v=np.abs(exact + sigma_v * rng.standard_normal(2)),
+        peaks_v=peaks,
         sigmas_v=np.full(2, sigma_v),
         spectrum=spectrum,
     )
