@@ -24,9 +24,12 @@ from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import results_folder
 from fitting.text.shipped import shipped
 
 CAMPAIGN = "campaign.toml"
+#: What a report of a fit consists of.
+RESULT_FILES = ("result.json", "history.csv", "report.html", "figures/[0-9]*_*.*")
 
 
 def identify(
@@ -146,8 +149,9 @@ def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> P
         BadInput: the folder cannot be written, or a value that the result has not.
     """
     result = with_external(found.result, external)
-    write_result(result, Path(out))
-    return draw_report(found, result, Path(out))
+    with results_folder(Path(out), "reconstruct", RESULT_FILES):
+        write_result(result, Path(out))
+        return draw_report(found, result, Path(out))
 
 
 def draw_report(found: Valued, result: Result, out: Path) -> Path:

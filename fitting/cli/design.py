@@ -13,7 +13,8 @@ import numpy as np
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli.options import default_workers, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
-from fitting.design.campaign import EXPERIMENTS_NAME, PEAK, campaign_files
+from fitting.cli.results import writes
+from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME, campaign_files
 from fitting.design.candidates import Limits
 from fitting.design.choice import CRITERIA
 from fitting.design.goal import goal_of, start_of, variable_of
@@ -27,11 +28,17 @@ from fitting.result.result import read_result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.notation import hertz, number, prefixed
-from fitting.text.tables import read_table
 
 NAME = "design"
 EXAMPLE = "fmu-fit design data/string_q1/campaign.toml --target lambda --out out/next_q1"
 CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
+WRITTEN = (
+    "design.json",
+    TABLE_NAME,
+    "report.html",
+    *(f"{CAMPAIGN_FOLDER}/{name}" for name in (CAMPAIGN_NAME, EXPERIMENTS_NAME, f"{SWEEP_NAME}.*")),
+    "figures/[0-9]*_*.*",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,6 +80,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report")
 
 
+def _out(args: argparse.Namespace) -> Path:
+    return args.out or Path("out") / f"next_{args.campaign.resolve().parent.name}"
+
+
+@writes(NAME, *WRITTEN, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Propose and write; returns 0.
 
@@ -88,10 +100,9 @@ def run(args: argparse.Namespace) -> int:
             campaign.file.fmu.file,
         ):
             raise BadInput(f"{other.path}: [fmu]: wanted the FMU of {campaign.path}")
-    out: Path = args.out or Path("out") / f"next_{args.campaign.resolve().parent.name}"
+    out = _out(args)
     design_table = read_design_table(args.candidates or args.campaign)
     fitted = read_result(args.at) if args.at is not None else None
-    _refuse_filled(out / CAMPAIGN_FOLDER / EXPERIMENTS_NAME)
     fmu = provide_fmu(campaign.file.fmu, out / "fmu")
     count = args.workers or default_workers()
     with FmuWorkers(fmu, workers=count, timeout_s=campaign.file.fmu.timeout_s) as workers:
@@ -136,19 +147,6 @@ def _write(
         figures = plots.save_figures(design, out / "figures")
         page = importlib.import_module("fitting.report.design").write_report(design, figures, out)
         print(f"report: {page}")
-
-
-def _refuse_filled(path: Path) -> None:
-    """A campaign that a laboratory has filled in is not written over."""
-    if not path.is_file():
-        return
-    rows = read_table(path)
-    filled = [c for c in rows.columns if c.name.startswith(PEAK) and any(rows.texts(c))]
-    if filled:
-        raise BadInput(
-            f"{path}: column '{filled[0].name}' holds measured peaks; wanted another --out, "
-            "nothing was written"
-        )
 
 
 def _command(args: argparse.Namespace) -> str:

@@ -13,6 +13,7 @@ from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.options import seed, whole_number, worker_count
+from fitting.cli.results import writes
 from fitting.inference.determine import BUDGET
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.table import text_lines
@@ -64,6 +65,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
 
+def _out(args: argparse.Namespace) -> Path:
+    return args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
+
+
+@writes(NAME, JSON_NAME, "report.html", "figures/[0-9]*_*.*", to=_out)
 def run(args: argparse.Namespace) -> int:
     """Identify and write; returns 0.
 
@@ -72,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     campaign = read_campaign(args.campaign)
-    out: Path = args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
+    out = _out(args)
     fitted = read_result(args.at) if args.at is not None else None
     with fmu_for([campaign], out, args.workers) as fmu:
         found = identify(

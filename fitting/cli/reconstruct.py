@@ -9,11 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from fitting.api.fitted import Tikhonov, Valued, fit, identity_of, profile, search_options
-from fitting.api.jobs import draw_report
+from fitting.api.jobs import RESULT_FILES, draw_report
 from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
+from fitting.cli.results import writes
 from fitting.fit import checkpoint
 from fitting.fit.fit import Progress
 from fitting.fit.solver.evaluator import MISFITS
@@ -73,6 +74,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
 
+def _out(args: argparse.Namespace) -> Path:
+    folders = [path.resolve().parent.name for path in args.campaign]
+    return args.out or Path("out") / "+".join(dict.fromkeys(folders))
+
+
+@writes(NAME, *RESULT_FILES, checkpoint.NAME, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Reconstruct and write; returns 0 if converged, else 1.
 
@@ -82,12 +89,10 @@ def run(args: argparse.Namespace) -> int:
     """
     check_external(args.external)
     campaigns = [read_campaign(path) for path in args.campaign]
-    folders = [path.resolve().parent.name for path in args.campaign]
-    out: Path = args.out or Path("out") / "+".join(dict.fromkeys(folders))
+    out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu:
         problem = Problem.of(campaigns, fmu, accuracy=args.accuracy)
-        record = problem.record
-        check_external(args.external, [*(p.name for p in record.parameters), *record.outputs])
+        check_external(args.external, _units(problem))
         memory = _memory(args, problem, out)
         shown = _Line(sys.stderr.isatty())
         try:
@@ -98,8 +103,10 @@ def run(args: argparse.Namespace) -> int:
             print("interrupted before the first level was finished: nothing to report")
             return 1
         shown.end()
-    result = with_external(result, args.external)
-    files = write_result(result, out)
+    files = write_result(result, out)  # before anything else that may fail
+    if args.external:
+        result = with_external(result, args.external)
+        write_result(result, out)
     print("\n".join(table(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if result.status == "interrupted":
@@ -109,6 +116,13 @@ def run(args: argparse.Namespace) -> int:
     if not args.no_report:
         print(f"report: {draw_report(found, result, out)}")
     return 0 if result.status == "converged" else 1
+
+
+def _units(problem: Problem) -> dict[str, str]:
+    """Units of the values that there will be, by name."""
+    record, variables = problem.record, problem.fmu.description.variables
+    shared = {p.name: p.unit for p in record.parameters if not p.experiments}
+    return shared | {name: variables[name].unit or "" for name in record.outputs}
 
 
 def _method(args: argparse.Namespace, problem: Problem) -> Tikhonov:

@@ -18,6 +18,7 @@ from fitting.cli.options import (
     whole_number,
 )
 from fitting.cli.progress import status_line
+from fitting.cli.results import writes
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import combination_name
@@ -46,6 +47,10 @@ from fitting.text.units import convert, same_kind
 NAME = "simulate"
 EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" --out out/two-tone'
 
+WRITTEN = (
+    *(f"{name}.csv" for name in ("carrier", "spectrum", "peaks", "beating", "lines")),
+    *(f"{name}.{kind}" for name in ("trace", "spectrum") for kind in ("png", "svg")),
+)
 DEFAULT_TONES = ("u1", "u2")
 MOST_MIXED = 4
 
@@ -117,6 +122,7 @@ def _add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         )
 
 
+@writes(NAME, *WRITTEN)
 def run(args: argparse.Namespace) -> int:
     """Simulate and write; returns 0, or 1 if the accuracy could not be promised.
 

@@ -13,6 +13,7 @@ import numpy as np
 from fitting.cli.drive_options import first_output, other_tones, start_values
 from fitting.cli.options import positive_quantity, positive_time, quantity, whole_number
 from fitting.cli.progress import status_line
+from fitting.cli.results import writes
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.simulate.budget import Kind
 from fitting.simulate.frf import (
@@ -76,6 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for CSV file and figure")
 
 
+@writes(NAME, "sweep.csv", "sweep.png", "sweep.svg")
 def run(args: argparse.Namespace) -> int:
     """Sweep and write; returns 0, or 1 if the response did not become steady.
 

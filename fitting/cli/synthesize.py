@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fitting.cli.options import seed
+from fitting.cli.results import writes
 from fitting.lab.benches import BUILT_IN, DUFFING
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
@@ -94,6 +95,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+@writes(NAME)
 def run(args: argparse.Namespace) -> int:
     """Write the campaign; returns exit code 0.
 

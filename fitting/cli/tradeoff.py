@@ -16,12 +16,13 @@ import fitting
 from fitting.campaign import bind, read_campaign
 from fitting.cli.options import seed, worker_count
 from fitting.cli.progress import status_line
+from fitting.cli.results import writes
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.models import provide_fmu
 from fitting.lab.tradeoff.campaign import scene_of_campaign
 from fitting.lab.tradeoff.records import QUANTITIES, Study
 from fitting.lab.tradeoff.scenes import BUILT_IN, Scene, scene_named
-from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study
+from fitting.lab.tradeoff.study import CHECKPOINT_NAME, Memory, StudyOptions, run_study
 from fitting.report.tables.tradeoff import csv_of, markdown, terminal
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -58,6 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed(), default=1, help="order of the settings (1)")
 
 
+@writes(NAME, "tradeoff.csv", "tradeoff.md", "report.html", CHECKPOINT_NAME, "figures/tradeoff_*.*")
 def run(args: argparse.Namespace) -> int:
     """Measure and write; returns 0, or 1 if interrupted with something to show.
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Protocol
 
 from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
 from fitting.text.shipped import shipped
 
 BUILDER = "build_fmu.py"
@@ -40,11 +42,18 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """
     if source.file is not None:
         return source.file
+    with tempfile.TemporaryDirectory(prefix="fmu-fit-build-") as folder:
+        built = _build(str(source.model), Path(folder))
+        write_whole(cache / built.name, built.read_bytes())
+        return cache / built.name
+
+
+def _build(model: str, folder: Path) -> Path:
     builder = shipped(BUILDER)
-    command = [sys.executable, str(builder), "--model", str(source.model), "--out", str(cache)]
+    command = [sys.executable, str(builder), "--model", model, "--out", str(folder)]
     built = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
     lines = built.stdout.strip().splitlines()
     if built.returncode != 0 or not lines:
         said = built.stderr.strip().splitlines() or ["no message"]
-        raise BadInput(f"[fmu] model = {source.model!r} could not be built: {said[-1]}")
+        raise BadInput(f"[fmu] model = {model!r} could not be built: {said[-1]}")
     return Path(lines[-1])

@@ -14,6 +14,7 @@ from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
+from fitting.text.results_folder import results_folder
 
 
 @dataclass(frozen=True)
@@ -35,15 +36,11 @@ class Synthetic:
             folder: where the files go.
 
         Raises:
-            BadInput: a file cannot be written, or there is a campaign that is not synthetic.
+            BadInput: a file cannot be written, or is there and was not synthesized.
         """
-        path = folder / CAMPAIGN_NAME
-        if path.is_file() and not path.read_bytes().startswith(b"# synthetic"):
-            raise BadInput(
-                f"{path}: is there and not synthetic; wanted another folder, nothing was written"
-            )
-        write_all(folder, self.files)
-        return path
+        with results_folder(folder, "synthesize", self.files):
+            write_all(folder, self.files)
+        return folder / CAMPAIGN_NAME
 
 
 def synthesize(
@@ -78,7 +75,7 @@ def synthesize(
 
     Raises:
         BadInput: no such bench, impossible numbers, a plan that the bench cannot follow, or a
-            folder with a campaign that is not synthetic.
+            folder with files that were not synthesized.
     """
     if seed < 0:
         raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")

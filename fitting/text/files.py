@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import stat
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from fitting.text.errors import BadInput
+from fitting.text.atomic import replace_file
+from fitting.text.results_folder import open_folder_of
 
 #: A file that is larger is none of those that people mean here.
 MOST_BYTES = 2 * 2**30
@@ -61,34 +60,22 @@ def _kind(mode: int) -> str:
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file under a temporary name beside it, then rename: never half a file.
 
-    Text is written as UTF-8 with line feeds on every system. Folders are made as needed.
+    Text is written as UTF-8 with line feeds on every system. Folders are made as needed. Below a
+    folder that `results_folder` has opened, a file that others wrote is not replaced.
 
     Args:
         path: of the file.
         content: of the file.
 
     Raises:
-        BadInput: the folder or file cannot be written.
+        BadInput: the folder or file cannot be written, or is not this command's to replace.
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            # mkstemp makes files private; give this one the mode any new file has
-            os.chmod(name, 0o666 & ~_umask())
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
-    except ValueError as error:  # a NUL character
-        raise BadInput(f"{path}: cannot be written: no file can have this name") from error
+    folder = open_folder_of(path)
+    if folder is None:
+        replace_file(path, data)
+    else:
+        folder.write(path, data)
 
 
 def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
@@ -106,9 +93,3 @@ def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]
             raise BadInput(f"{folder}: {name!r} would be written outside this folder")
     for name, text in texts.items():
         write_whole(folder / name, text)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

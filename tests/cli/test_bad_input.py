@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from fitting.cli.main import main
+from fitting.text.results_folder import RECORD_NAME
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.oscillator_campaign import CAMPAIGN, FILES
 
@@ -44,7 +45,8 @@ def broken(folder: Path, name: str, old: str, new: str) -> None:
 
 
 def left_in(out: Path) -> list[str]:
-    return sorted(str(p.relative_to(out)) for p in out.rglob("*") if p.is_file())
+    files = (p for p in out.rglob("*") if p.is_file() and p.name != RECORD_NAME)
+    return sorted(str(p.relative_to(out)) for p in files)
 
 
 def refused(
@@ -279,4 +281,17 @@ def test_the_program_itself_ends_so(folder: Path) -> None:
         f"fmu-fit: {folder}/sweep.csv: row 2, column 'amplitude': found 'NaN', "
         "wanted a finite number\n"
     )
+    assert not out.exists()
+
+
+def test_a_value_from_elsewhere_in_a_wrong_unit_is_refused_before_the_fit(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = folder / "out"
+    words = ["reconstruct", str(folder / TOML), "--out", str(out), "--external"]
+    assert main([*words, "stiffness=3 kHz"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "--external stiffness: " in told.err
+    assert "N/m" in told.err
     assert not out.exists()

@@ -391,6 +391,11 @@ def test_values_from_elsewhere_that_cannot_be_read_are_refused(text: str) -> Non
 
 
 def test_a_name_that_nobody_will_report_is_refused_before_the_fit() -> None:
-    check_external(["lambda=1 MHz"], ["theta", "lambda"])
+    known = {"theta": "rad", "lambda": "Hz"}
+    check_external(["lambda=1 MHz +- 2 kHz", "theta=110 deg"], known)
     with pytest.raises(BadInput, match=r"no 'lamda'.*lambda"):
-        check_external(["lamda=1 MHz"], ["theta", "lambda"])
+        check_external(["lamda=1 MHz"], known)
+    with pytest.raises(BadInput, match=r"--external lambda: .*Hz"):
+        check_external(["lambda=3 kg"], known)
+    with pytest.raises(BadInput, match=r"--external lambda: .*Hz"):
+        check_external(["lambda=3 MHz +- 1 s"], known)
