@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from fitting.text.atomic import replace_file
+from fitting.text.errors import BadInput
 from fitting.text.results_folder import open_folder_of
 
 #: A file that is larger is none of those that people mean here.
