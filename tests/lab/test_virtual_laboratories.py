@@ -46,7 +46,7 @@ def test_paper_s_numbers_of_lambda() -> None:
     assert float(derived(values)["lambda"]) == pytest.approx(0.6476e6, abs=60.0)
 
 
-@pytest.mark.parametrize("kind", ["pairs", "drift", "joint", "crossing", "readings"])
+@pytest.mark.parametrize("kind", ["pairs", "drift", "joint", "crossing", "one_pair", "readings"])
 def test_campaign_files_mean_what_the_laboratory_did(kind: str, tmp_path: Path) -> None:
     """Through the files, the truth explains the data of an honest laboratory up to its noise."""
     laboratory = next(lab for lab in map(KINDS[kind], range(3, 99)) if lab.honest)

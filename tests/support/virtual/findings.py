@@ -21,6 +21,9 @@ from tests.support.virtual.judge import (
     fits,
 )
 
+#: What one pair of peaks cannot determine.
+UNSEEN = ("theta", "d1", "d2", "g1")
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -95,7 +98,7 @@ def _of_value(judged: Judged, s: Statement, *, warned: bool) -> Iterator[tuple[s
         sigma = max(s.high - s.low, 1e-300) / 3.92
         away = max(s.low - s.truth, s.truth - s.high) / sigma
         yield f"truth {'far ' if away > 2.0 else ''}outside", f"{shown} ({away:.2g} sigma beyond)"
-    if judged.kind == "one_pair" and s.verdict == DETERMINED and s.name in ("theta", "d1", "d2"):
+    if judged.kind == "one_pair" and s.verdict == DETERMINED and s.name in UNSEEN:
         yield "determined by two peaks", shown
     wide = judged.wide.get(s.name)
     if wide is not None and wide != s.verdict and s.name != "theta":
@@ -129,7 +132,7 @@ COLUMNS = (
     "wrong minimum: fit, profiles",
     "not at their minimum: fit, profiles",
     "“contradict” where the truth fits",
-    "absent, but held",
+    "absent, but held (λ)",
     "seconds",
 )
 
@@ -155,6 +158,8 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
     plain = sum(s.name != "theta" for s in errors)
     widened = sum(bool(j.wide) for j in done)
 
+    absent = [f for f in found if f.about == "absent"]
+
     def count(*about: str) -> int:
         return len({(f.seed, f.sentence) for f in found if f.about in about})
 
@@ -171,7 +176,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
         f"{count('wrong minimum')}, {count('wrong optimum')}",
         f"{count('short of minimum')}, {count('short of optimum')}",
         count("contradicts"),
-        count("absent"),
+        f"{count('absent')} ({sum(f.sentence.startswith('lambda') for f in absent)})",
         f"{np.median([j.seconds for j in mine]):.1f}",
     ]
     return f"| {' | '.join(map(str, cells))} |"

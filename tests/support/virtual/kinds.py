@@ -354,9 +354,17 @@ def crossing(seed: int) -> Laboratory:
 
 
 def one_pair(seed: int) -> Laboratory:
-    """Two peaks for three unknowns: none of the three may be called determined."""
+    """Two peaks for three unknowns: none of the three may be called determined.
+
+    Either theta, d1 and d2 beside a sweep that gives the scale; or an uncoupled mode's frequency,
+    damping and modal gain without any: its frequency and half its width then lie on a circle of
+    Apollonius about the tones, so that nothing but the box ends width and gain from below.
+    """
     rng = np.random.default_rng([5, seed])
     of = sample(rng, overlap=0.0)
+    coupled = seed % 2 == 0
+    if not coupled:
+        of = _uncoupled(of)
     reading = _read(
         rng,
         of,
@@ -367,21 +375,35 @@ def one_pair(seed: int) -> Laboratory:
         },
         float(rng.choice([0.002, 0.01])),
     )
+    told = _told(of) if coupled else {n: of.values[n] for n in ("theta", "d2", "eta_minus")}
     series = Series(
         name="q1",
         output="q1_hybrid",
         readings=(reading,),
-        sweep=_sweep(rng, of, 0),
-        start=_told(of),
+        sweep=_sweep(rng, of, 0) if coupled else None,
+        start=told,
+        amplitude="V peak" if coupled else "m peak",
     )
     return Laboratory(
         kind="one_pair",
         seed=seed,
         values=of.values,
         series=(series,),
-        unknowns=_unknowns(rng, of),
+        unknowns=_unknowns(rng, of) if coupled else _line(rng, of),
         gain=of.gain,
     )
+
+
+def _uncoupled(of: Sample) -> Sample:
+    """The same lines without coupling, read in metres."""
+    values = {**of.values, "theta": 0.0, "g1": 1.0}
+    return Sample(values, (values["d1"], values["d2"]), 1.0)
+
+
+def _line(rng: Random, of: Sample) -> tuple[Unknown, ...]:
+    """Frequency, damping and gain of one uncoupled line."""
+    gain = replace(_damping(rng, "g1", 1.0), unit="1")
+    return (_eta(rng, "eta_plus", of), _damping(rng, "d1", of.values["d1"]), gain)
 
 
 def readings(seed: int) -> Laboratory:

@@ -229,6 +229,7 @@ def _experiments(series: Series) -> tuple[dict[str, Any], dict[str, str]]:
     files: dict[str, str] = {}
     table: dict[str, Any] = {"file": "experiments.csv", "amplitude": series.amplitude}
     readings = series.readings
+    unit = series.amplitude.split()[0]
     columns: dict[str, Sequence[str] | FloatArray] = {
         "experiment": [r.label for r in readings],
         "u1 (Hz)": np.array([r.tones_hz[0] for r in readings]),
@@ -242,8 +243,12 @@ def _experiments(series: Series) -> tuple[dict[str, Any], dict[str, str]]:
     if readings[0].spectrum is None:
         table |= {"peaks": ["p1", "p2"], "peak_sigmas": ["s1", "s2"]}
         for k in (0, 1):
-            columns[f"p{k + 1} (V)"] = series.factor * np.array([r.peaks_v[k] for r in readings])
-            columns[f"s{k + 1} (V)"] = series.factor * np.array([r.sigmas_v[k] for r in readings])
+            columns[f"p{k + 1} ({unit})"] = series.factor * np.array(
+                [r.peaks_v[k] for r in readings]
+            )
+            columns[f"s{k + 1} ({unit})"] = series.factor * np.array(
+                [r.sigmas_v[k] for r in readings]
+            )
     else:
         table |= {"spectra": "spectra/{experiment}.csv"}
         for r in readings:
@@ -252,6 +257,11 @@ def _experiments(series: Series) -> tuple[dict[str, Any], dict[str, str]]:
                 {"frequency (Hz)": r.spectrum[0], "amplitude (V)": series.factor * r.spectrum[1]}
             )
     return table, files | {"experiments.csv": _csv(columns)}
+
+
+def _read(readings: Sequence[Reading]) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Peaks and their standard deviations of all readings."""
+    return [r.peaks_v for r in readings], [r.sigmas_v for r in readings]
 
 
 def _csv(columns: Mapping[str, Sequence[str] | FloatArray]) -> str:
