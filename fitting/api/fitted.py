@@ -28,7 +28,7 @@ from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.report.table import Table, html_table, terminal_text, text_lines
-from fitting.report.tables.values import values_table
+from fitting.report.tables.values import interval_table
 from fitting.result.provenance import Identity
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
@@ -246,7 +246,7 @@ class Valued(ABC):
     @property
     def table(self) -> Table:
         """The values as a table."""
-        return values_table(self.inferred, self.source.problem.record.title)
+        return interval_table(self.inferred, self.source.problem.record.title)
 
     def __repr__(self) -> str:
         fit = self.source
@@ -395,6 +395,8 @@ def fit(
         BadInput: the problem cannot be planned, or settings out of their range.
         FmuFailure: the FMU failed inside the box.
     """
+    if not isinstance(problem, Problem):
+        raise BadInput(f"fit: found a {type(problem).__name__}, wanted a Problem")
     begun = time.perf_counter()
     options = search_options(problem, method, starts, seed)
     hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
@@ -446,6 +448,8 @@ def profile(
 
     Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87.
     """
+    if not isinstance(fit, Fit):
+        raise BadInput(f"profile: found a {type(fit).__name__}, wanted a Fit")
     begun = time.perf_counter()
     asked = (names,) if isinstance(names, str) else tuple(names or ())
     record = fit.problem.record

@@ -58,6 +58,7 @@ def identify(
         BadInput: the problem cannot be planned, or the fit is of another one.
         FmuFailure: the FMU failed.
     """
+    _check_problem("identify", problem)
     fitted = at.result if isinstance(at, Valued) else at
     asked = IdentificationOptions(
         values=None if fitted is None else fitted.fitted_values,
@@ -114,6 +115,7 @@ def design(
         BadInput: no campaign, a criterion that there is not, a fit of another problem.
         FmuFailure: the FMU failed.
     """
+    _check_problem("design", problem)
     if not problem.campaigns:
         raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
     if criterion and criterion not in CRITERIA:
@@ -134,6 +136,11 @@ def design(
     return propose(bound, weighed, limits, goal, unit, {**provenance, "seed": str(seed)})
 
 
+def _check_problem(verb: str, problem: object) -> None:
+    if not isinstance(problem, Problem):
+        raise BadInput(f"{verb}: found a {type(problem).__name__}, wanted a Problem")
+
+
 def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> Path:
     """Write what the command line writes: result.json, history.csv, figures, report.html.
 
@@ -148,6 +155,8 @@ def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> P
     Raises:
         BadInput: the folder cannot be written, or a value that the result has not.
     """
+    if not isinstance(found, Valued):
+        raise BadInput(f"report: found a {type(found).__name__}, wanted a Fit or an Inference")
     result = with_external(found.result, external)
     with results_folder(Path(out), "reconstruct", RESULT_FILES):
         write_result(result, Path(out))

@@ -201,7 +201,7 @@ def _setup(
     if source.kind == "tones":
         for name, tone in zip(source.frequency_names, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"
-            settings[name] = convert(tone, "Hz", source.frequency_unit, where=where)
+            settings[name] = convert(tone, "Hz", source.tone_unit, where=where)
     read = tuple(line.frequency_hz(tones) for line in lines)
     blank = np.full(len(read or tones), np.nan)
     return Setup(

@@ -154,7 +154,7 @@ def _drift_hz(bound: BoundCampaign) -> dict[str, tuple[float, float]]:
     found = {}
     for name, (before, after) in bound.drift.ends.items():
         unit = bound.drift.units.get(name, "1")
-        unit = bound.setup.drive.frequency_unit if unit == "1" else unit
+        unit = bound.setup.drive.tone_unit if unit == "1" else unit
         try:
             found[name] = (
                 convert(before, unit, "Hz", where=name),

@@ -48,12 +48,13 @@ def _unit(text: str) -> pint.Unit | None:
     return None
 
 
-def parse_quantity(text: str, *, where: str) -> tuple[float, str | None]:
+def parse_quantity(text: str, *, where: str, wanted: str | None = None) -> tuple[float, str | None]:
     """Number and unit of a written quantity: "6.94016 MHz" -> (6.94016, "MHz"), "3" -> (3.0, None).
 
     Args:
         text: as it was written.
         where: file, row or key, for complaints.
+        wanted: unit that is wanted, for complaints; None where nobody knows.
 
     Raises BadInput, beginning with ``where``, if it is not a finite number followed by a unit that
     exists.
@@ -69,7 +70,9 @@ def parse_quantity(text: str, *, where: str) -> tuple[float, str | None]:
     if not unit:
         return value, None
     if _unit(unit) is None:
-        raise BadInput(f"{where}: found {shown(text)}, but there is no unit {shown(unit)}")
+        raise BadInput(
+            f"{where}: found {shown(text)}, but there is no unit {shown(unit)}{_instead(wanted)}"
+        )
     return value, unit
 
 
@@ -83,7 +86,7 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if source is None:
         if unit == wanted:  # a private unit name of the FMU, used as the FMU writes it
             return value
-        raise BadInput(f"{where}: there is no unit {unit!r}")
+        raise BadInput(f"{where}: there is no unit {unit!r}{_instead(wanted)}")
     if wanted is None:
         target = _registry().get_base_units(source, check_nonmult=False)[1]
     elif (found := _unit(wanted)) is not None:
@@ -104,6 +107,11 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if not math.isfinite(converted):
         raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
     return converted
+
+
+def _instead(wanted: str | None) -> str:
+    """What to write instead of a unit that there is not."""
+    return f", wanted {wanted!r} or one convertible to it" if wanted else ""
 
 
 def base_unit(unit: str) -> str:

@@ -71,7 +71,7 @@ def in_unit(written: Written, unit: str | None) -> float:
     if isinstance(value, bool):
         raise BadInput(f"{written.where}: found {value!r}, wanted a number")
     if isinstance(value, str):
-        value, found = parse_quantity(value, where=written.where)
+        value, found = parse_quantity(value, where=written.where, wanted=unit)
     if found is None:
         return float(value)
     return convert(float(value), found, unit, where=written.where)

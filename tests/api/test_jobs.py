@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -51,6 +53,25 @@ def test_plots_take_fits_and_draw_where_they_are_told(fit: ff.Fit) -> None:
     assert ff.plot.frequency_response(fit, ax=ax) is ax
     with pytest.raises(ff.BadInput, match="has no profile"):
         ff.plot.profile(fit["width_plus"], ax=ax)
+
+
+def test_a_profile_is_drawn_by_the_name_of_its_value(fit: ff.Fit) -> None:
+    found = ff.profile(fit, ["width_plus"])
+    curves = []
+    for words in ((found, "width_plus"), (found,), (found["width_plus"],)):
+        ax = ff.plot.profile(*words, ax=Figure().subplots())
+        curves.append(np.array(ax.lines[0].get_xydata()))
+        assert "width" in ax.get_xlabel()
+    assert all(np.array_equal(curve, curves[0]) for curve in curves)
+    with pytest.raises(ff.BadInput, match="no profile of 'd1', wanted one of width_plus"):
+        ff.plot.profile(found, "d1", ax=Figure().subplots())
+    with pytest.raises(ff.BadInput, match=r"wanted what fitting\.profile\(fit\) returns"):
+        ff.plot.profile(fit, "d1", ax=Figure().subplots())  # type: ignore[arg-type]
+
+
+def test_every_plot_is_in_the_list_of_its_module() -> None:
+    listed = re.findall(r"^(\w+) {2,}\w", ff.plot.__doc__ or "", re.MULTILINE)
+    assert sorted(listed) == ff.plot.__all__
 
 
 def test_what_is_identified_sets_out_from_a_fit(fit: ff.Fit) -> None:

@@ -397,6 +397,7 @@ BINDING = [
         "[fmu.start] theta: found unit 'Hz', wanted 'rad'",
     ),
     ("periodic_start = true ", "f1 = 1.0 ", "causality output, which cannot be set"),
+    ("periodic_start = true ", "d1 = 1.0 ", "'d1' is fitted and also set by [fmu.start]"),
     (
         "reflection = [false, true]",
         "theta = [0.0, 1.0]",
