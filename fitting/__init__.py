@@ -14,9 +14,11 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from fitting.api import plot
+    from fitting.api.check import check
+    from fitting.api.examples import example
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
-    from fitting.api.fmu import Fmu, simulate, sweep
-    from fitting.api.jobs import design, example, identify, report
+    from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
+    from fitting.api.jobs import design, identify, report
     from fitting.api.problem import Problem
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
@@ -29,8 +31,10 @@ if TYPE_CHECKING:
 #: nothing and a worker process or ``--help`` loads no more than it needs.
 _HOMES = {
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
-    "api.fmu": ("Fmu", "simulate", "sweep"),
-    "api.jobs": ("design", "example", "identify", "report"),
+    "api.check": ("check",),
+    "api.examples": ("example",),
+    "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
+    "api.jobs": ("design", "identify", "report"),
     "api.problem": ("Problem",),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
@@ -41,6 +45,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "Accuracy",
     "BadInput",
     "Drive",
     "Fit",
@@ -56,6 +61,7 @@ __all__ = [
     "Tones",
     "Value",
     "__version__",
+    "check",
     "design",
     "example",
     "fit",

@@ -1,4 +1,4 @@
-"""Whole jobs besides the fit: what data determine, a report, a shipped example."""
+"""Whole jobs besides the fit: what data determine, the next measurements, a report."""
 
 from __future__ import annotations
 
@@ -25,9 +25,7 @@ from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
-from fitting.text.shipped import shipped
 
-CAMPAIGN = "campaign.toml"
 #: What a report of a fit consists of.
 RESULT_FILES = ("result.json", "history.csv", "report.html", "figures/[0-9]*_*.*")
 
@@ -175,24 +173,3 @@ def draw_report(found: Valued, result: Result, out: Path) -> Path:
     page = importlib.import_module("fitting.report.reconstruction")
     written: Path = page.write_report(result, shown_fit(found.source.record), out)
     return written
-
-
-def example(name: str = "string_q1") -> Path:
-    """Path of the campaign.toml of a shipped example, to be read as it stands.
-
-    Args:
-        name: Which one, as ``fmu-fit example`` lists them.
-
-    Raises:
-        BadInput: there is none of that name.
-    """
-    known = examples()
-    if name not in known:
-        raise BadInput(f"example {name!r}: wanted one of {', '.join(known)}")
-    return known[name] / CAMPAIGN
-
-
-def examples() -> dict[str, Path]:
-    """Name and folder of every shipped campaign, by name."""
-    found = sorted(shipped("data").glob(f"*/{CAMPAIGN}"))
-    return {path.parent.name: path.parent for path in found}

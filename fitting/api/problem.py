@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fitting.api.fmu import Fmu
+from fitting.api.fmu import Fmu, held_fmu
 from fitting.campaign import Campaign, WrittenFmu, bind, read_campaign
 from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
@@ -66,7 +66,7 @@ class Problem:
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,
         noise: Noise | None = None,
     ) -> None:
-        fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+        fmu = held_fmu(fmu)
         data = ArrayData(
             parameters=[parameters] if isinstance(parameters, Parameter) else parameters,
             measurements=[measurements]

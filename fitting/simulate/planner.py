@@ -169,6 +169,11 @@ class DrivePlan:
         return self.budget.promised
 
     @property
+    def settles(self) -> bool:
+        """Whether what is left of the transient alone keeps to what was wanted."""
+        return self.budget.of(Kind.SETTLING)[0].bound <= self.budget.wanted
+
+    @property
     def record(self) -> PlanRecord:
         """The plan for a result."""
         return record_of(self.budget, self.settings)

@@ -9,11 +9,12 @@ import math
 import re
 from decimal import Decimal
 from functools import cache
-from typing import Any
-
-import pint
+from typing import TYPE_CHECKING, Any
 
 from fitting.text.errors import BadInput, shown
+
+if TYPE_CHECKING:  # takes a while to load: only where a unit is met
+    import pint
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
@@ -27,6 +28,8 @@ _PLAIN = re.compile(r"[\w°Ωµμ%./*^() \u00b2\u00b3·-]+")
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Decimal)
     registry.define("@alias ohm = Ohm")  # as SI and Modelica write it; takes prefixes
     return registry
