@@ -98,7 +98,7 @@ class Tikhonov:
 
         Args:
             starts: How many starts, at least 1.
-            seed: Of the starts, at least 0.
+            seed: Of the search, at least 0.
         """
         if starts < 1 or seed < 0:
             raise BadInput(f"starts = {starts}, seed = {seed}: wanted at least 1 and at least 0")
@@ -377,14 +377,14 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     memory: Memory | None = None,
 ) -> Fit:
-    """Solve a problem by Algorithms 1 and 2 from several starts, for every alternative.
+    """Solve a problem by Algorithms 1 and 2 and a search of its box, for every alternative.
 
     Args:
         problem: What is looked for, and from what.
         method: How; None: as the campaign says, `Tikhonov` without one.
-        starts: How many starts, the problem's own and seeded ones in its box; None: as the campaign
-            says, 3 without one.
-        seed: Of the further starts; None: as the campaign says, 1 without one.
+        starts: How many starts are followed to the last ν: the problem's own, and the lowest minima
+            that a search of its box finds; 1: no search; None: as the campaign says, 3 without one.
+        seed: Of the search; None: as the campaign says, 1 without one.
         progress: Called before and after every level with the state of the search.
         memory: Where finished levels are kept, to go on after an interruption.
 

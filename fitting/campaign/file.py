@@ -417,9 +417,10 @@ class ContinuationSettings(Keys):
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2."""
     starts: Repeats = 3
-    """The campaign's own start and seeded ones in the box."""
+    """The campaign's own start, and the lowest minima that a search of the box finds; 1: no
+    search."""
     seed: WholeNumber = 1
-    """Of the further starts."""
+    """Of the search."""
 
     def __post_init__(self) -> None:
         if self.beta >= 1.0:

@@ -59,8 +59,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='a value from elsewhere to test, as lambda="0.8604 MHz" or "0.8604 MHz +- 1 kHz"',
     )
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
-    parser.add_argument("--seed", type=seed(), help="seed of the starts (the campaign's)")
-    parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
+    parser.add_argument("--seed", type=seed(), help="seed of the search (the campaign's)")
+    parser.add_argument(
+        "--starts",
+        type=whole_number(1),
+        help="starts followed; 1: no search (the campaign's)",
+    )
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(
         "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"

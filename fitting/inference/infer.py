@@ -129,7 +129,7 @@ def _knowledge(
     try:
         knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_of(solution.objective, noise.sigma, noise.common)
-        return replace(knowledge, nu=choose_nu(plain, solution.chain.steps, fit.path)), []
+        return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), []
     except KeyboardInterrupt:
         why = "Interrupted before the profiles were done"
     except FmuFailure as failure:

@@ -11,13 +11,14 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import prior_sigmas
+from fitting.fit.alternative import Outcome
 from fitting.fit.fit import Fit
 from fitting.fit.linearisation import IDENTIFIABLE, Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.fit.solver.continuation import Outcome, distance, equal_j
+from fitting.fit.solver.continuation import distance, equal_j
 from fitting.inference.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.signal.peaks import DETECTION_SIGMA
@@ -159,16 +160,34 @@ def _other_minima(solution: Solution, outcome: Outcome) -> list[str]:
         there = np.array(chain.steps[-1].x)
         apart = distance(solution.parameters, there, np.array(best.steps[-1].x))
         values = named(solution.parameters, np.array(chain.steps[-1].parameters))
-        own = [p.name for p in solution.parameters if not p.experiments]
-        shown = ", ".join(f"{name} = {values[name]:.7g}" for name in own)
+        names = [p.name for p in solution.parameters if not p.experiments]
+        shown = ", ".join(f"{name} = {values[name]:.7g}" for name in names)
         if equal_j(chain.steps[-1].j, best.steps[-1].j) and apart > APART:
             said.append(f"Start {chain.start + 1} found an equal J elsewhere: {shown}.")
-        elif len(chain.steps) == len(best.steps):
+        elif chain.nu == best.nu:
+            own = " (Algorithm 2 from the campaign's start)" if chain.start == 0 else ""
             said.append(
-                f"Start {chain.start + 1} ended in another minimum, "
+                f"Start {chain.start + 1}{own} ended in another minimum, "
                 f"J = {chain.steps[-1].j:.4g}: {shown}."
             )
-    return said
+    return said + _open_search(outcome)
+
+
+def _open_search(outcome: Outcome) -> list[str]:
+    """What a search of the box leaves open: a minimum that noise would explain."""
+    search = outcome.search
+    if search is None or search.explained:
+        return []
+    low, others = search.apart_by_height()
+    count = sum(minimum.descents for minimum in low)
+    said = (
+        f"The box was searched from {search.screened} points without finding parameters that the "
+        f"stated noise explains: {count} of {search.descents} descents ended at the least chi "
+        f"square, {low[0].chi_square:.4g}"
+    )
+    if others:
+        said += f", the others higher, from {others[0].chi_square:.4g} on"
+    return [f"{said}."]
 
 
 def _drift(problem: Problem, offsets: Sequence[OffsetResult]) -> list[str]:

@@ -16,11 +16,12 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
+from fitting.fit.alternative import run_alternative
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.options import options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
-from fitting.fit.solver.continuation import Schedule, run_alternative
+from fitting.fit.solver.continuation import Course, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings
 from fitting.fmu import FmuWorkers, read_description
@@ -252,7 +253,8 @@ def agreement(
     _, joint, objective = joined(folder, modes, seed, other)
     evaluator = Evaluator(objective)
     schedule = Schedule(nu_start=1e-3, levels=1, starts=1)
-    outcome = run_alternative(objective, schedule, SolveSettings(misfit="squares"))
+    settings = SolveSettings(misfit="squares")
+    outcome = run_alternative(Course(objective=objective, schedule=schedule, settings=settings))
     assert outcome.best is not None
     return consistency(joint, solution_of(evaluator, outcome.best, schedule, "squares"))
 

@@ -153,7 +153,7 @@ def test_result_files_come_back_whole(result: Result, tmp_path: Path) -> None:
     whole, history = write_result(result, tmp_path)
     assert repr(read_result(whole)) == repr(result)
     rows = read_rows(history.read_text())
-    assert len(rows) == len(result.history) == 10
+    assert len(rows) == len(result.history) >= 10
     for row, kept in zip(rows, result.history, strict=True):
         assert float(row["theta (rad)"]) == kept.parameters["theta"]
         assert float(row["j_fit"]) == kept.j_fit

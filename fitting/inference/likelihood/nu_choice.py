@@ -148,5 +148,5 @@ def _sentences(
         second = (
             f"Discrepancy principle: the misfit is within the noise up to nu = {discrepancy:.1e}."
         )
-    last = f"The schedule ends at nu = {rows[-1].nu:.1e}, whose values are reported."
+    last = f"The schedule ends at nu = {rows[-1].nu:.1e}."
     return first, second, last
