@@ -329,7 +329,7 @@ class Likelihood:
     def bounds(self) -> dict[str, float]:
         """Cramér and Rao's bound on the standard deviation of every value, at the truth.
 
-        Infinite along directions that the data do not see.
+        Very large along directions that the data do not see.
         """
         scale = np.abs([u.scale for u in self.laboratory.unknowns])
         step = 1e-5 * scale
@@ -343,8 +343,8 @@ class Likelihood:
         _, singular, right = np.linalg.svd(jacobian, full_matrices=True)
         weights = np.zeros(self.true.size)
         weights[: singular.size] = singular
-        with np.errstate(divide="ignore"):
-            spread = 1.0 / np.maximum(weights, 1e-12)
+        # below 1e-7 of the largest, weights and slopes are differences of rounding errors
+        spread = 1.0 / np.maximum(weights, 1e-7 * max(float(weights.max()), 1e-300))
         found = {}
         for name, gradient in self._gradients(step, scale).items():
             found[name] = float(np.linalg.norm((right @ gradient) * spread))
