@@ -149,9 +149,9 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
     found = [f for j in mine for f in findings(j)]
     done = [j for j in mine if not j.error]
     right = [j for j in done if j.honest]
-    values = [
-        s for j in right for s in j.said if s.verdict == DETERMINED and math.isfinite(s.truth)
-    ]
+    # what does not depend on the unknowns is known without data
+    known = [s for j in right for s in j.said if math.isfinite(s.truth) and s.high > s.low]
+    values = [s for s in known if s.verdict == DETERMINED]
     inside = sum(s.holds for s in values)
     errors = [s for s in values if s.std > 0.0 and math.isfinite(s.value)]
     near = sum(abs(s.value - s.truth) <= s.std for s in errors if s.name != "theta")
