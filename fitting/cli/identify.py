@@ -13,6 +13,7 @@ from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.options import seed, whole_number, worker_count
+from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.inference.determine import BUDGET
 from fitting.inference.likelihood.knowledge import Identification
@@ -80,7 +81,10 @@ def run(args: argparse.Namespace) -> int:
     campaign = read_campaign(args.campaign)
     out = _out(args)
     fitted = read_result(args.at) if args.at is not None else None
-    with fmu_for([campaign], out, args.workers) as fmu:
+    with (
+        fmu_for([campaign], out, args.workers) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs"),
+    ):
         found = identify(
             Problem.of(campaign, fmu),
             fitted,

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import fitting
+from fitting.cli.interrupts import INTERRUPTED, interruptible
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.streams import outlets
 
@@ -41,7 +42,7 @@ COMMANDS = {
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
 }
 
-BAD_INPUT, FMU_FAILED, FAULT, INTERRUPTED = 2, 3, 70, 130
+BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
 #: Name of the file that keeps a traceback: what it begins and ends with.
 FAULT_FILE = ("fmu-fit-fault-", ".txt")
 #: What the machine may refuse that is no fault of the program, with what is wanted.
@@ -79,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words of the command line, None for the process's own.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    with outlets() as output:
+    with outlets() as output, interruptible():
         code = _run(given)
         output.flush()
         lost = output.failure
@@ -156,7 +157,10 @@ def _folders_for_faults(given: Sequence[str]) -> Iterator[str | None]:
 
 def _complain(error: object, code: int) -> int:
     """A line on stderr for each complaint."""
-    complaints = error.args if isinstance(error, BadInput) else (error,)
+    complaints = (
+        *(error.args if isinstance(error, BadInput) else (error,)),
+        *getattr(error, "__notes__", ()),  # what the command knows to do about it
+    )
     for complaint in complaints[:MOST_COMPLAINTS]:
         print(f"fmu-fit: {_in_a_line(str(complaint))}", file=sys.stderr)
     if len(complaints) > MOST_COMPLAINTS:

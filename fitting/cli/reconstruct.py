@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from fitting.api.fitted import Tikhonov, Valued, fit, identity_of, profile, search_options
 from fitting.api.jobs import RESULT_FILES, draw_report
 from fitting.api.problem import Problem
 from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
+from fitting.cli.interrupts import to_the_end
 from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
+from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.fit import checkpoint
-from fitting.fit.fit import Progress
+from fitting.fit.fit import Progress, Status
 from fitting.fit.solver.evaluator import MISFITS
 from fitting.inference.sweep_line import line_sentences
+from fitting.inference.warnings import Kind
 from fitting.report.table import text_lines
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
@@ -27,8 +31,14 @@ from fitting.report.words.plan import plan_line
 from fitting.result.external import check_external, with_external
 from fitting.result.provenance import job_of
 from fitting.result.result import Result, write_result
+from fitting.text.errors import FmuFailure
 
 NAME = "reconstruct"
+#: Of a result that is written before the profiles are done, and stands where they never are.
+NO_PROFILES = (
+    "The command ended before the profiles were done: intervals and verdicts are those of the "
+    "linearised problem."
+)
 EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 
@@ -98,27 +108,29 @@ def run(args: argparse.Namespace) -> int:
         problem = Problem.of(campaigns, fmu, accuracy=args.accuracy)
         check_external(args.external, _units(problem))
         memory = _memory(args, problem, out)
-        shown = _Line(sys.stderr.isatty())
         try:
-            found = _found(args, problem, shown, memory)
-            result = found.result
+            with status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell:
+                ended = _ending(args, _Reconstruction(problem, out, memory, tell))
         except KeyboardInterrupt:
-            shown.end()
-            print("interrupted before the first level was finished: nothing to report")
+            print(f"interrupted before there was a result{_way_on(args, memory)}")
             return 1
-        shown.end()
+        except FmuFailure as failure:
+            if way_on := _way_on(args, memory):
+                failure.add_note(way_on.removeprefix("; "))
+            raise
+    result = ended.result
     files = write_result(result, out)  # before anything else that may fail
     if args.external:
         result = with_external(result, args.external)
         write_result(result, out)
     print("\n".join(table(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
-    if result.status == "interrupted":
-        print(f"go on with: {_command(args)}{'' if args.resume else ' --resume'}")
+    if not ended.done:
+        print(f"go on with: {_command(args, resume=True)}")
         return 1
-    memory.remove()
     if not args.no_report:
-        print(f"report: {draw_report(found, result, out)}")
+        print(f"report: {draw_report(ended.found, result, out)}")
+    memory.remove()  # when all is done that may be killed
     return 0 if result.status == "converged" else 1
 
 
@@ -127,6 +139,32 @@ def _units(problem: Problem) -> dict[str, str]:
     record, variables = problem.record, problem.fmu.description.variables
     shared = {p.name: p.unit for p in record.parameters if not p.experiments}
     return shared | {name: variables[name].unit or "" for name in record.outputs}
+
+
+@dataclass(frozen=True)
+class _Reconstruction:
+    """What is solved, where results and finished levels go, and who is told how far it is."""
+
+    problem: Problem
+    out: Path
+    memory: checkpoint.Checkpoint
+    tell: Callable[[str], None]
+
+
+class _Ending(NamedTuple):
+    """What was found, the result of it, and whether all that was asked for is done."""
+
+    found: Valued
+    result: Result
+    done: bool
+
+
+def _way_on(args: argparse.Namespace, memory: checkpoint.Checkpoint) -> str:
+    """Where finished levels are kept: how to go on from them."""
+    count = len(memory)
+    return f"; {count} finished levels are kept, go on with: {_command(args, resume=True)}" * (
+        count > 0
+    )
 
 
 def _method(args: argparse.Namespace, problem: Problem) -> Tikhonov:
@@ -150,22 +188,49 @@ def _memory(args: argparse.Namespace, problem: Problem, out: Path) -> checkpoint
     return memory
 
 
-def _found(
-    args: argparse.Namespace, problem: Problem, shown: _Line, memory: checkpoint.Checkpoint
-) -> Valued:
-    found = fit(
-        problem,
-        _method(args, problem),
+def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
+    """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
+    job.tell("planning")
+    found: Valued
+    found = fitted = fit(
+        job.problem,
+        _method(args, job.problem),
         starts=_starts(args),
         seed=args.seed,
-        progress=shown,
-        memory=memory,
+        progress=lambda state: job.tell(_in_words(state)),
+        memory=job.memory,
     )
-    found.command = _command(args)
-    return found if args.no_profiles else profile(found, bootstrap=args.bootstrap or 0)
+    fitted.command = _command(args)
+    with to_the_end():
+        result = fitted.result
+    interrupted = fitted.record.status is Status.INTERRUPTED
+    if args.no_profiles or interrupted:
+        return _Ending(found, result, not interrupted)
+    done = False
+    try:
+        with to_the_end():
+            result = replace(result, warnings=(*result.warnings, NO_PROFILES))
+            write_result(result, job.out)
+        job.tell("profiles")
+        inferred = profile(fitted, bootstrap=args.bootstrap or 0)
+        with to_the_end():
+            found, result = inferred, inferred.result
+            done = all(w.kind is not Kind.PROFILES for w in inferred.inferred.warnings)
+    except KeyboardInterrupt:
+        pass
+    return _Ending(found, result, done)
 
 
-def _command(args: argparse.Namespace) -> str:
+def _in_words(state: Progress) -> str:
+    left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
+    return (
+        f"alternative {state.alternative + 1}/{state.alternatives}, "
+        f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
+        f"J = {state.j_fit + state.j_reg:.5g}{left}"
+    )
+
+
+def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
     for name in ("out", "workers", "accuracy", "misfit", "seed", "starts", "bootstrap"):
         value = getattr(args, name)
@@ -173,37 +238,11 @@ def _command(args: argparse.Namespace) -> str:
             words += [f"--{name}", str(value)]
     for text in args.external:
         words += ["--external", text]
-    flags = [
-        name for name in ("resume", "quick", "no_profiles", "no_report") if getattr(args, name)
-    ]
+    flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]
+    if args.resume or resume:
+        flags.insert(0, "resume")
     words += [f"--{name.replace('_', '-')}" for name in flags]
     return shlex.join(words)
-
-
-class _Line:
-    """One line of progress on a terminal, nothing in a pipe."""
-
-    def __init__(self, terminal: bool) -> None:
-        self.terminal = terminal
-
-    def __call__(self, state: Progress) -> None:
-        if not self.terminal:
-            return
-        left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
-        text = (
-            f"alternative {state.alternative + 1}/{state.alternatives}, "
-            f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
-            f"J = {state.j_fit + state.j_reg:.5g}, {state.evaluations} evaluations, "
-            f"{state.elapsed_s:.0f} s{left}"
-        )
-        sys.stderr.write(f"\r\x1b[K{text}")
-        sys.stderr.flush()
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self.terminal:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
 
 
 def table(result: Result) -> list[str]:
