@@ -79,8 +79,6 @@ def try_resets(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
             workers.run([run, _trial_run(workers.description, step_s, changed)])
         except NoAnswer:
             raise
-        except NoAnswer:
-            raise
         except FmuFailure:
             refused.append(variable.name)  # the trial run itself went well: it is this value
     return Resets(reuse=workers.reuse_note, unvaried=tuple(refused))

@@ -141,7 +141,7 @@ def test_a_hang_is_told_after_one_time_out(
 ) -> None:
     """The FMU hangs at every stiffness but its own: it is tried once, and what is known is told."""
     hung = tmp_path / "hung"
-    fmu = build_c_fmu(tmp_path, hangs=hung)
+    fmu = build_c_fmu(tmp_path, marks={"HANGS_WHERE_VARIED": hung})
     clock.runs = hung.exists
     assert main(["check", str(fmu), "--timeout", "70 s"]) == 3
     told = capsys.readouterr()

@@ -93,6 +93,17 @@ static void model_crash(void) {
 }
 
 #ifndef _WIN32
+/* a child that never ends and keeps open whatever is open here; its number goes to a file */
+static void model_fork(const char *path) {
+    FILE *file;
+    pid_t child;
+    if (!access(path, F_OK)) return;
+    child = fork();
+    if (!child)
+        for (;;) pause();
+    file = fopen(path, "w"), fprintf(file, "%d\n", (int)child), fclose(file);
+}
+
 /* what befalls the process as a whole; `label` is a path where one is wanted */
 static void model_befall(const Model *m) {
     FILE *file;
@@ -100,19 +111,15 @@ static void model_befall(const Model *m) {
     if (m->reals[STIFFNESS] != 4e3)
         file = fopen(HANGS_WHERE_VARIED, "a"), fputs("hangs\n", file), fclose(file), model_hang();
 #endif
+#ifdef FORKS_ONCE
+    model_fork(FORKS_ONCE);
+#endif
     switch (m->misbehave) {
     case IS_KILLED: raise(SIGKILL); break;
     case IS_KILLED_ONCE:
         if (access(m->label, F_OK)) fclose(fopen(m->label, "w")), raise(SIGKILL);
         break;
-    case FORKS: /* a child that never ends and keeps open whatever is open here */
-        if (access(m->label, F_OK)) {
-            pid_t child = fork();
-            if (!child)
-                for (;;) pause();
-            file = fopen(m->label, "w"), fprintf(file, "%d\n", (int)child), fclose(file);
-        }
-        break;
+    case FORKS: model_fork(m->label); break;
     case PRINTS_MUCH_AND_ABORTS:
         for (int i = 0; i < 300000; i++) printf("line %d of very many\n", i);
         fflush(stdout);
