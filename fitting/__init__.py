@@ -15,10 +15,11 @@ __version__ = "0.2.0"
 if TYPE_CHECKING:
     from fitting.api import plot
     from fitting.api.check import check
+    from fitting.api.design import Goal, Limits, design, limits
     from fitting.api.examples import example
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
     from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
-    from fitting.api.jobs import design, identify, report
+    from fitting.api.jobs import identify, report
     from fitting.api.problem import Problem
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
@@ -34,7 +35,8 @@ _HOMES = {
     "api.check": ("check",),
     "api.examples": ("example",),
     "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
-    "api.jobs": ("design", "identify", "report"),
+    "api.design": ("Goal", "Limits", "design", "limits"),
+    "api.jobs": ("identify", "report"),
     "api.problem": ("Problem",),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
@@ -51,7 +53,9 @@ __all__ = [
     "Fit",
     "Fmu",
     "FmuFailure",
+    "Goal",
     "Inference",
+    "Limits",
     "Noise",
     "Parameter",
     "Problem",
@@ -66,6 +70,7 @@ __all__ = [
     "example",
     "fit",
     "identify",
+    "limits",
     "plot",
     "profile",
     "read_campaign",

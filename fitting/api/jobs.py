@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
-from fitting.campaign import bind
-from fitting.design.choice import CRITERIA
-from fitting.design.goal import goal_of, start_of, variable_of
-from fitting.design.limits import limits_of, read_design_table
-from fitting.design.proposal import propose
-from fitting.design.result import Design
-from fitting.design.weighing import weigh
 from fitting.inference.determine import BUDGET
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
@@ -56,7 +48,7 @@ def identify(
         BadInput: the problem cannot be planned, or the fit is of another one.
         FmuFailure: the FMU failed.
     """
-    _check_problem("identify", problem)
+    check_problem("identify", problem)
     fitted = at.result if isinstance(at, Valued) else at
     asked = IdentificationOptions(
         values=None if fitted is None else fitted.fitted_values,
@@ -84,57 +76,16 @@ def identify(
     )
 
 
-def design(
-    problem: Problem,
-    target: str = "",
-    *,
-    criterion: str = "",
-    number: int | None = None,
-    at: Valued | Result | None = None,
-    seed: int = 1,
-) -> Design:
-    """Which measurements next, to know a value better, and how well it would then be known.
-
-    The limits of the instrument are those of the campaign's table [design].
+def check_problem(verb: str, problem: object) -> None:
+    """Complain of what is no problem.
 
     Args:
-        problem: Of campaigns; the first is to be continued, the others count as measured.
-        target: A parameter or derived output; empty: as the campaign says, else its first output.
-        criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
-            campaign says, else the target's.
-        number: Measurements at most; None: as the campaign says, else 6.
-        at: A fit to set out from; None: the fit nearest to the references.
-        seed: Of points of equal fit, at least 0.
-
-    Returns:
-        ``proposals`` in their order, each with the error that is expected then, in ``unit``.
+        verb: What was called.
+        problem: What it was given.
 
     Raises:
-        BadInput: no campaign, a criterion that there is not, a fit of another problem.
-        FmuFailure: the FMU failed.
+        BadInput: it is something else.
     """
-    _check_problem("design", problem)
-    if not problem.campaigns:
-        raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
-    if criterion and criterion not in CRITERIA:
-        raise BadInput(f"design: criterion {criterion!r}, wanted one of {', '.join(CRITERIA)}")
-    description, first = problem.fmu.description, problem.campaigns[0]
-    bound, *also = [bind(campaign, description.variables) for campaign in problem.campaigns]
-    table = read_design_table(first.path)
-    limits = limits_of(bound, description.variables, table, first.file.drive.lines)
-    if number is not None:
-        limits = replace(limits, number=number)
-    goal = replace(goal_of(bound, table.keys, target, criterion), seed=seed)
-    fitted = at.result if isinstance(at, Valued) else at
-    if fitted is not None:
-        goal = replace(goal, start=start_of(fitted, bound, "at"))
-    weighed = weigh(bound, problem.fmu.workers, limits, goal, also=also)
-    unit = description.variables[variable_of(bound, goal.target)].unit or ""
-    provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
-    return propose(bound, weighed, limits, goal, unit, {**provenance, "seed": str(seed)})
-
-
-def _check_problem(verb: str, problem: object) -> None:
     if not isinstance(problem, Problem):
         raise BadInput(f"{verb}: found a {type(problem).__name__}, wanted a Problem")
 

@@ -18,6 +18,8 @@ from fitting.text.units import convert
 
 #: Offsets of a tone from the middle of a resonance, at most; a finer grid is thinned to it.
 MOST_OFFSETS = 24
+#: Measurements, at most, that are proposed.
+MOST_NUMBER = 50
 #: Setups, at most, that are simulated.
 MOST_SETUPS = 20_000
 
@@ -37,6 +39,10 @@ class Limits:
     and `setting_sigmas` are errors, in the FMU's unit, of what the laboratory believes of
     quantities that drift: common to the tones of one experiment, new in the next. `tones` are
     driven at once, one or two; `lines` are read at combinations of them, at the tones if empty.
+    At most `number` measurements are proposed.
+
+    Raises:
+        BadInput: a limit that no instrument can have.
     """
 
     outputs: tuple[str, ...]
@@ -55,6 +61,29 @@ class Limits:
     number: int = 6
     tones: int = 2
     lines: tuple[Combination, ...] = ()
+
+    def __post_init__(self) -> None:
+        above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
+        for name in above:
+            self._check(name, getattr(self, name) > 0.0, "a positive number")
+        for name in ("noise_floor_v", "relative_noise"):
+            self._check(name, getattr(self, name) >= 0.0, "zero or more")
+        for name in ("centres_hz", "levels", "repeats"):
+            values = getattr(self, name)
+            good = len(values) > 0 and all(0.0 < v < math.inf for v in values)
+            self._check(name, good, "positive numbers, one at least")
+        self._check("outputs", len(self.outputs) > 0, "one name at least")
+        whole = all(v == int(v) for v in self.repeats)
+        self._check("repeats", whole, "whole numbers")
+        self._check("tones", self.tones in (1, 2), "1 or 2")
+        self._check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
+        for name in ("levels", "repeats"):
+            object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
+
+    def _check(self, name: str, good: bool, wanted: str) -> None:
+        value = getattr(self, name)
+        if not good or (isinstance(value, float) and not math.isfinite(value)):
+            raise BadInput(f"limits: {name}: found {value!r}, wanted {wanted}")
 
     def sigma(self, amplitude_v: float, repeats: int) -> float:
         """Standard deviation of a peak, see the class; in the detector's unit.
