@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
     from fitting.api.jobs import identify, report
     from fitting.api.problem import Problem
+    from fitting.api.synthesis import LockIns, synthesize
+    from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
     from fitting.campaign.data import read_campaign
     from fitting.campaign.noise import Noise
-    from fitting.lab.synthesis import synthesize
     from fitting.text.errors import BadInput, FmuFailure
 
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
@@ -42,7 +43,8 @@ _HOMES = {
     "campaign.binding": ("Drive", "Setup"),
     "campaign.data": ("read_campaign",),
     "campaign.noise": ("Noise",),
-    "lab.synthesis": ("synthesize",),
+    "api.synthesis": ("LockIns", "synthesize"),
+    "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "text.errors": ("BadInput", "FmuFailure"),
 }
 
@@ -56,10 +58,12 @@ __all__ = [
     "Goal",
     "Inference",
     "Limits",
+    "LockIns",
     "Noise",
     "Parameter",
     "Problem",
     "Setup",
+    "StudyOptions",
     "Sweep",
     "Tikhonov",
     "Tones",
@@ -78,6 +82,8 @@ __all__ = [
     "simulate",
     "sweep",
     "synthesize",
+    "tradeoff",
+    "write_tradeoff",
 ]
 
 

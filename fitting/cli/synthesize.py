@@ -7,14 +7,10 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import fitting as ff
+from fitting.api.synthesis import SERIES, TRUTH_NAME
 from fitting.cli.options import seed
 from fitting.cli.results import writes
-from fitting.lab.benches import BUILT_IN, DUFFING
-from fitting.lab.duffing import CubicModes
-from fitting.lab.instruments.lock_in import LockIns
-from fitting.lab.synthesis import bench_of, synthesize
-from fitting.lab.truth import TRUTH_NAME, read_bench
-from fitting.text.errors import BadInput
 
 NAME = "synthesize"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
@@ -51,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument(
         "--series",
-        choices=BUILT_IN,
+        choices=SERIES,
         help="one of the paper's two series, or the q1 string driven until it is nonlinear",
     )
     kind.add_argument(
@@ -104,12 +100,11 @@ def run(args: argparse.Namespace) -> int:
             a campaign which is not synthetic.
     """
     if (args.plan is None) != (args.truth is None):
-        raise BadInput("synthesize: --plan and --truth are wanted together")
-    bench = read_bench(args.truth) if args.truth else bench_of(args.series or args.like)
-    cubic = isinstance(bench.sample, CubicModes)
-    _refuse_meaningless(args, cubic)
-    made = synthesize(
-        bench,
+        raise ff.BadInput("synthesize: --plan and --truth are wanted together")
+    if args.noise is not None and not args.cross_mode:
+        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode")
+    made = ff.synthesize(
+        args.series or args.like or args.truth,
         seed=args.seed,
         instrument=_lock_ins(args),
         plan=args.plan,
@@ -117,28 +112,16 @@ def run(args: argparse.Namespace) -> int:
         **_changes(args),
     )
     path = made.write(args.out)
-    what = f"the plan {args.plan}" if args.plan else f"{len(bench.pairs_hz)} drive pairs"
+    pairs = len(made.measured.bench.pairs_hz)
+    what = f"the plan {args.plan}" if args.plan else f"{pairs} drive pairs"
     print(f"{path}: synthetic, seed {args.seed}, {what}")
     return 0
 
 
-def _refuse_meaningless(args: argparse.Namespace, cubic: bool) -> None:
-    """Refuse options that this laboratory would not look at."""
-    for option in () if cubic else (*CUBIC_OPTIONS, *LEVEL_OPTIONS):
-        if _value(args, option) is not None:
-            raise BadInput(f"--{option}: has no meaning here, only with --series {DUFFING}")
-    if args.cross_mode and (args.plan is not None or cubic):
-        raise BadInput("--cross-mode: has no meaning here, only with --series q1|q2 or --like")
-    if args.noise is not None and not args.cross_mode:
-        raise BadInput("--noise: has no meaning here, only with --cross-mode")
-    if args.noise is not None and not 0.0 < args.noise < 0.5:
-        raise BadInput(f"--noise: found {args.noise}, wanted a share between 0 and 0.5")
-
-
-def _lock_ins(args: argparse.Namespace) -> LockIns | None:
+def _lock_ins(args: argparse.Namespace) -> ff.LockIns | None:
     if not args.cross_mode:
         return None
-    return LockIns() if args.noise is None else LockIns(args.noise)
+    return ff.LockIns() if args.noise is None else ff.LockIns(args.noise)
 
 
 def _changes(args: argparse.Namespace) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from typing import Any
 
 from fitting.lab.bench import Bench, Instrument, Measured, measure
 from fitting.lab.benches import bench_named, changed
+from fitting.lab.duffing import CubicModes
+from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.plan import Plan
 from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files
@@ -81,6 +83,7 @@ def synthesize(
         raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")
     try:
         bench = changed(bench_of(truth), **changes)
+        _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
         made = _planned(bench, plan, seed, command) if plan else _series(bench, seed, command)
     except ValueError as error:
@@ -88,6 +91,16 @@ def synthesize(
     if out is not None:
         made.write(out)
     return made
+
+
+def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path | None) -> None:
+    if instrument is not None and plan is not None:
+        raise BadInput("instrument: a plan says how it is read, in its [design]; wanted none")
+    if isinstance(instrument, LockIns) and isinstance(bench.sample, CubicModes):
+        raise BadInput(
+            f"instrument: lock-in amplifiers have no meaning for the bench {bench.series!r}, which "
+            "is read at its lines"
+        )
 
 
 def _series(bench: Bench, seed: int, command: str) -> Synthetic:
