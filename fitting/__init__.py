@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
     from fitting.api.jobs import identify, report
     from fitting.api.problem import Problem
-    from fitting.api.synthesis import LockIns, synthesize
+    from fitting.api.synthesis import synthesize
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
 #: nothing and a worker process or ``--help`` loads no more than it needs.
 _HOMES = {
-    "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
     "api.check": ("check",),
-    "api.examples": ("example",),
-    "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
     "api.design": ("Goal", "Limits", "design", "limits"),
+    "api.examples": ("example",),
+    "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
+    "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
     "api.jobs": ("identify", "report"),
     "api.problem": ("Problem",),
+    "api.synthesis": ("synthesize",),
+    "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
     "campaign.data": ("read_campaign",),
     "campaign.noise": ("Noise",),
-    "api.synthesis": ("LockIns", "synthesize"),
-    "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "text.errors": ("BadInput", "FmuFailure"),
 }
 
@@ -58,7 +58,6 @@ __all__ = [
     "Goal",
     "Inference",
     "Limits",
-    "LockIns",
     "Noise",
     "Parameter",
     "Problem",

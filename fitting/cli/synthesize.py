@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import fitting as ff
-from fitting.api.synthesis import SERIES, TRUTH_NAME
+from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns
 from fitting.cli.options import seed
 from fitting.cli.results import writes
 
@@ -118,10 +118,10 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _lock_ins(args: argparse.Namespace) -> ff.LockIns | None:
+def _lock_ins(args: argparse.Namespace) -> LockIns | None:
     if not args.cross_mode:
         return None
-    return ff.LockIns() if args.noise is None else ff.LockIns(args.noise)
+    return LockIns() if args.noise is None else LockIns(args.noise)
 
 
 def _changes(args: argparse.Namespace) -> dict[str, Any]:

@@ -26,20 +26,30 @@ MOST_SETUPS = 20_000
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the instrument can do, frequencies in Hz, amplitudes in the detector's unit.
+    """What the instrument can do.
 
-    Tones lie on a grid of `frequency_step_hz`, no further than `farthest_hz` from one of the
-    `centres_hz`, `least_spacing_hz` apart and, with `both_sides`, on both sides of it. `outputs`
-    are FMU outputs that can be observed; `levels` factors on the campaign's drive level, proposed
-    where the amplitude stays below `largest_v`; `settings` lists values of further FMU parameters.
-    A peak of amplitude A, averaged over `repeats` spectra, is known to
+    A peak of amplitude A, averaged over n of ``repeats`` spectra, is known to
 
-        sigma^2 = noise_floor^2/repeats + (relative_noise A)^2
+        sigma^2 = noise_floor_v^2/n + (relative_noise A)^2
 
-    and `setting_sigmas` are errors, in the FMU's unit, of what the laboratory believes of
-    quantities that drift: common to the tones of one experiment, new in the next. `tones` are
-    driven at once, one or two; `lines` are read at combinations of them, at the tones if empty.
-    At most `number` measurements are proposed.
+    Args:
+        outputs: FMU outputs that can be observed.
+        centres_hz: Resonances, Hz, around which the tones are placed.
+        frequency_step_hz: Of the grid on which tones lie, Hz.
+        least_spacing_hz: Least distance of two tones, Hz.
+        farthest_hz: Largest distance of a tone from a resonance, Hz.
+        both_sides: Tones of one measurement lie on both sides of the resonance.
+        levels: Factors on the campaign's drive level.
+        repeats: Numbers of spectra that are averaged.
+        noise_floor_v: Of a peak in one spectrum, in the detector's unit.
+        relative_noise: Of a peak as a share of it; averaging does not lower it.
+        largest_v: Largest amplitude that is proposed, in the detector's unit.
+        settings: Values of further FMU parameters to try, in their units.
+        setting_sigmas: Errors, in the FMU's unit, of what the laboratory believes of quantities
+            that drift: common to the tones of one experiment, new in the next.
+        number: Measurements, at most, 1 to 50.
+        tones: That are driven at once, 1 or 2.
+        lines: Read at combinations of the tones; empty: at the tones.
 
     Raises:
         BadInput: a limit that no instrument can have.
