@@ -22,7 +22,7 @@ from fitting.fit.search.twins import Twin, find_twins
 from fitting.fit.solver.continuation import (
     Chain,
     Course,
-    equal_j,
+    is_lower,
     lowered,
     met,
     next_level,
@@ -58,7 +58,8 @@ class Outcome:
     def best(self) -> Chain | None:
         """The chain of the least J at the last nu; None before the first level is done.
 
-        Of chains with equal J the first: the campaign's own start, if it is among them.
+        Of chains of one J but for rounding the first: the campaign's own start, if it is among
+        them.
         """
         if self.reported is not None:
             return self.reported
@@ -66,7 +67,7 @@ class Outcome:
         furthest = min((chain.nu for chain in done), default=math.inf)
         done = [chain for chain in done if chain.nu == furthest]
         least = min((chain.steps[-1].j for chain in done), default=0.0)
-        return next((chain for chain in done if equal_j(chain.steps[-1].j, least)), None)
+        return next((chain for chain in done if not is_lower(least, chain.steps[-1].j)), None)
 
 
 @dataclass(frozen=True)

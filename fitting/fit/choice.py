@@ -10,7 +10,7 @@ import numpy as np
 from fitting.campaign.parameters import to_model
 from fitting.fit.alternative import Outcome
 from fitting.fit.objective import Objective
-from fitting.fit.solver.continuation import Chain, equal_j
+from fitting.fit.solver.continuation import Chain, equal_j, is_lower
 
 
 def chosen(
@@ -108,9 +108,7 @@ def _best_alternative(outcomes: list[Outcome], complete: list[bool]) -> int:
             continue
         further = one is None or other.nu < one.nu
         as_far = one is not None and other.nu == one.nu
-        lower = one is not None and other.steps[-1].j < one.steps[-1].j - 1e-6 * (
-            1.0 + one.steps[-1].j
-        )
+        lower = one is not None and is_lower(other.steps[-1].j, one.steps[-1].j)
         equal = as_far and one is not None and equal_j(other.steps[-1].j, one.steps[-1].j)
         if equal and complete[k] != complete[best]:
             lower = complete[k]

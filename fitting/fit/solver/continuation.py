@@ -21,13 +21,22 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_search
 from fitting.fit.objective import Nu, Objective, j_reg, weights
 from fitting.fit.solver.evaluator import Counts, Evaluator, total
-from fitting.fit.solver.interior_point import Solve, SolveSettings, finish, inside, solve
+from fitting.fit.solver.interior_point import (
+    Solve,
+    SolveSettings,
+    finish,
+    inside,
+    solve,
+    to_the_last_digits,
+)
 from fitting.text.arrays import FloatArray
 
 #: Starts that end closer than this, in units of the search vector, ended in one minimum ...
 SAME_POINT = 1e-2
 #: ... if their J agree to this share of J and to this amount.
 SAME_SHARE, SAME_AMOUNT = 1e-3, 1e-6
+#: Difference of J, and share of it, from which one of two ends is the lower all the same.
+LOWER = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,6 +230,8 @@ def _solved(
     misfit = course.settings.misfit
     tikhonov_weights = weights(course.objective, nu, misfit)
     answer = solver(evaluator, x, tikhonov_weights, course.settings, np.random.default_rng(seeds))
+    if level + 1 >= course.schedule.levels:
+        answer = to_the_last_digits(evaluator, answer, tikhonov_weights, course.settings)
     point = evaluator.point(answer.x)
     following = j_reg(answer.x, weights(course.objective, nu * course.schedule.beta, misfit))
     return ContinuationStep(
@@ -280,6 +291,16 @@ def equal_j(one: float, other: float) -> bool:
         other: value of J.
     """
     return abs(one - other) <= SAME_AMOUNT + SAME_SHARE * min(abs(one), abs(other))
+
+
+def is_lower(one: float, other: float) -> bool:
+    """Whether a value of J is below another by more than what solving leaves.
+
+    Args:
+        one: value of J.
+        other: value of J.
+    """
+    return one < other - LOWER * (1.0 + abs(other))
 
 
 def distance(parameters: Sequence[Parameter], x: FloatArray, y: FloatArray) -> float:
