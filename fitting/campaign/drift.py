@@ -2,14 +2,16 @@
 
     eta_m = before + s_m (after - before) + delta_m
 
-s_m from the time stamps, else (m - 1)/(n - 1) as in the paper. "linear": delta = 0. "offsets": the
+s_m from the time stamps, else (m - 1)/(n - 1) as in the paper, m counting the drives: what several
+outputs read of one drive is one state of the sample. "linear": delta = 0. "offsets": the
 delta_m are independent, delta_m ~ N(0, prior^2). "walk": delta_m = delta_(m-1) + step_m, the steps
 N(0, prior^2 dt_m/mean dt); the steps are the parameters, so that every prior stands alone.
-Experiments of one time stamp are one state of the sample: they share their delta.
+Experiments of one state, by time stamp or by drive, share their delta.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +21,7 @@ import numpy as np
 
 from fitting.campaign.binder import Binder
 from fitting.campaign.data import Campaign
+from fitting.campaign.measured import MeasuredExperiment
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.variables import SETTABLE
 from fitting.text.errors import BadInput
@@ -87,9 +90,10 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
 
 def _positions(campaign: Campaign) -> tuple[float, ...]:
     choice, experiments = campaign.file.drift, campaign.experiments
-    count = len(experiments)
     if not choice.time or not choice.ends:
-        return tuple(0.5 if count == 1 else m / (count - 1) for m in range(count))
+        drives = _drives(experiments)
+        last = max(drives, default=0)
+        return tuple(m / last if last else 0.5 for m in drives)
     stamps = np.array([stamp_of(e.stamp) for e in experiments])
     begin = float(np.min(stamps)) if choice.before_time is None else stamp_of(choice.before_time)
     end = float(np.max(stamps)) if choice.after_time is None else stamp_of(choice.after_time)
@@ -106,6 +110,24 @@ def _positions(campaign: Campaign) -> tuple[float, ...]:
                 "before_time to after_time"
             )
     return tuple(map(float, places))
+
+
+def _drives(experiments: Sequence[MeasuredExperiment]) -> list[int]:
+    """Number of each experiment's drive: one after the other, rows of other outputs count once."""
+    numbers: list[int] = []
+    seen: set[str | None] = set()
+    for before, here in itertools.pairwise([None, *experiments]):
+        assert here is not None  # noqa: S101 - only the first `before` is
+        output = None if here.output is None else str(here.output.value)
+        same = before is not None and _drive(before) == _drive(here) and output not in seen
+        seen = {*seen, output} if same else {output}
+        numbers.append((numbers[-1] + (not same)) if numbers else 0)
+    return numbers
+
+
+def _drive(experiment: MeasuredExperiment) -> object:
+    settings = {name: (w.value, w.unit) for name, w in experiment.settings.items()}
+    return experiment.tones_hz, settings
 
 
 def stamp_of(written: Written | None) -> float:
@@ -166,8 +188,9 @@ def _corrections(
     """One parameter per state of the sample: its offset, or the step of the walk to it."""
     choice = campaign.file.drift
     states: dict[float, list[str]] = {}
-    for m, (e, position) in enumerate(zip(campaign.experiments, positions, strict=True)):
-        states.setdefault(position if choice.time else float(m), []).append(e.label)
+    places = positions if choice.time else map(float, _drives(campaign.experiments))
+    for e, place in zip(campaign.experiments, places, strict=True):
+        states.setdefault(place, []).append(e.label)
     order = sorted(states)
     walk = choice.model == "walk"
     mean = (order[-1] - order[0]) / max(len(order) - 1, 1)

@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign.binder import Binder
+from fitting.campaign.drift import bind_drift
+from fitting.campaign.measured import MeasuredExperiment
 from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Objective, weights
 from fitting.fit.options import Options, options_of
@@ -29,6 +32,7 @@ from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.written import Written, written_values
 from tests.support.datasets import answer, dataset
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
@@ -271,3 +275,32 @@ def test_a_prior_keeps_the_weight_that_bayes_gives_it() -> None:
         settings = SolveSettings(misfit="squares", absolute=1e-9, relative=1e-9)
         found = solve(evaluator, np.zeros(3), held, settings, np.random.default_rng(1))
         assert evaluator.point(found.x).parameters == pytest.approx(truth, abs=1e-5)
+
+
+def test_what_two_outputs_read_of_one_drive_is_one_state(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """Three drives, two of them read at both outputs; a drive that comes again later is another."""
+    measured = [
+        MeasuredExperiment(
+            label=label,
+            tones_hz=(tone - 40.0, tone + 40.0),
+            peaks_v=np.array([2e-5, 2e-5]),
+            settings=written_values({"u1": tone - 40.0, "u2": tone + 40.0}, label),
+            output=Written(output, None, label),
+        )
+        for label, tone, output in [
+            ("a1", 6.94e6, "q1_hybrid"),
+            ("a2", 6.94e6, "q2_hybrid"),
+            ("b1", 6.9401e6, "q1_hybrid"),
+            ("c1", 6.94e6, "q1_hybrid"),
+            ("c2", 6.94e6, "q2_hybrid"),
+        ]
+    ]
+    files = campaign_files(series_of(5.0, 1), "test")
+    changes = ("eta_plus = {", OFFSETS + "eta_plus = {")
+    campaign = read_campaign(written(tmp_path, files, changes))
+    campaign = replace(campaign, experiments=tuple(measured))
+    drift = bind_drift(campaign, Binder(read_description(oscillator_fmu).variables))
+    assert drift.positions == (0.0, 0.0, 0.5, 1.0, 1.0)
+    assert [p.experiments for p in drift.parameters] == [("a1", "a2"), ("b1",), ("c1", "c2")]
