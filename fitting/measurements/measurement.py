@@ -15,7 +15,7 @@ settings of the runs, by label, as those of an experiment are.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -176,6 +176,14 @@ class Measurement(Protocol):
         """
         ...
 
+    def first_drive(self, *, driven: bool) -> Measurement | None:
+        """The same with the first of its drives alone; None where it has none.
+
+        Args:
+            driven: False: every amplitude of that drive is zero.
+        """
+        ...
+
     def scale(self, prediction: Prediction) -> Scale | None:
         """What a prediction says of the scale; None where this measurement says nothing of it.
 
@@ -269,6 +277,10 @@ class MeasurementKind:
         """No samples that should be mean and tones alone."""
         return []
 
+    def first_drive(self, *, driven: bool) -> Measurement | None:
+        """It has no drive."""
+        return None
+
     def scale(self, prediction: Prediction) -> Scale | None:
         """It says nothing of the scale."""
         return None
@@ -280,6 +292,18 @@ class MeasurementKind:
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """It has no figure."""
         return ()
+
+
+def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:
+    """Setup and settings of a drive with every amplitude zero, also those that are its own.
+
+    Args:
+        setup: how the FMU is driven.
+        settings: of the drive, by name.
+    """
+    drive = replace(setup.drive, amplitude=0.0)
+    own = {name: 0.0 for name in drive.amplitude_names if name in settings}
+    return replace(setup, drive=drive), {**settings, **own}
 
 
 @dataclass(frozen=True)

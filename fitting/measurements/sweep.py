@@ -26,6 +26,7 @@ from fitting.measurements.measurement import (
     Sampled,
     Scale,
     Values,
+    without_drive,
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.tones import PLATEAU
@@ -260,6 +261,13 @@ class Sweep(MeasurementKind):
         """The run at the first point."""
         [(run, window)] = self._ask(model, p, self.frequency_hz[:1], batch, 0)
         return [Sampled(run, window, self.setup.output)]
+
+    def first_drive(self, *, driven: bool) -> Sweep:
+        """It begins with its first point."""
+        if driven:
+            return self
+        setup, settings = without_drive(self.setup, self.settings)
+        return replace(self, setup=setup, settings=settings)
 
     def scale(self, prediction: Prediction) -> Scale | None:
         """chi of one prediction and the relative bias that the simulated grid leaves in it.

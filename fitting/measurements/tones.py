@@ -21,10 +21,11 @@ from fitting.measurements.measurement import (
     Prediction,
     Sampled,
     Values,
+    without_drive,
 )
 from fitting.measurements.plan import Plan
 from fitting.signal.window import Window
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import window_decision
 from fitting.simulate.words import window_in_words
@@ -136,6 +137,16 @@ class Tones(MeasurementKind):
             Sampled(ks[0], window, output)
             for (window, output), (ks, _) in zip(self._observed(model), requested, strict=True)
         ]
+
+    def first_drive(self, *, driven: bool) -> Tones | None:
+        """Its first experiment."""
+        if not self.experiments:
+            return None
+        setup, first = self.setup, self.experiments[0]
+        if not driven:
+            setup, settings = without_drive(setup, first.settings)
+            first = replace(first, settings=settings)
+        return Tones(setup, (first,))
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(chi z - z*)/z*, shape (rows,)."""
@@ -374,38 +385,3 @@ def _repeats(bound: BoundCampaign) -> list[object]:
         (frozenset(e.settings.items()), e.output, e.read_hz, own[e.label])
         for e in bound.experiments
     ]
-
-
-def undriven(tones: Tones, model: DrivenModel, p: FloatArray, workers: Workers) -> float:
-    """Range of the output without any tone of the campaign, over the range with them.
-
-    Args:
-        tones: the measured peaks.
-        model: how the FMU is driven for one series, and by which plan.
-        p: parameters (n,), each in its own unit.
-        workers: processes that run the FMU.
-    """
-    if not tones.experiments:
-        return 0.0
-    silent, driven = (
-        _range(tones, model, amplitude, p, workers)
-        for amplitude in (0.0, tones.setup.drive.amplitude)
-    )
-    return silent / driven if driven > 0.0 else 0.0
-
-
-def _range(
-    tones: Tones, model: DrivenModel, amplitude: float, p: FloatArray, workers: Workers
-) -> float:
-    """Range of the first experiment's samples with the drive at that amplitude."""
-    drive = replace(tones.setup.drive, amplitude=amplitude)
-    experiment = tones.experiments[0]
-    if not amplitude:  # also where the experiment has a level of its own
-        own = {n: 0.0 for n in drive.amplitude_names if n in experiment.settings}
-        experiment = replace(experiment, settings={**experiment.settings, **own})
-    setup = replace(tones.setup, drive=drive)
-    one = Tones(setup, (experiment,))
-    batch = Batch()
-    [found] = one.sampled(replace(model, setup=setup), p, batch)
-    batch.simulate(workers)
-    return float(np.ptp(batch.samples(found.run, found.output)))
