@@ -19,6 +19,12 @@ from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import distance, equal_j
+from fitting.inference.mistakes import (
+    agreement_sentences,
+    fault_sentences,
+    line_sentences_of,
+    swapped_sentences,
+)
 from fitting.inference.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.signal.peaks import DETECTION_SIGMA
@@ -51,6 +57,10 @@ class Kind(Enum):
     OUTLIERS = "outliers"
     ALTERNATIVES = "alternatives that fit as well"
     LINE = "the line of the sweep"
+    SWEEP = "faults of the sweep"
+    SWAPPED = "peaks that changed places"
+    LINES = "lines of a spectrum that no drive explains"
+    SCALE_FACTOR = "peaks and sweep that contradict each other"
     NOTE = "a note of the campaign"
     PROFILES = "profiles that were not walked"
     FMU = "what the FMU says"
@@ -96,8 +106,12 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
         *warned(Kind.DRIFT, _drift(problem, offsets)),
         *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution))),
+        *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
+        *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *warned(Kind.LINE, line_warnings(line, fitted=fitted) if line else []),
+        *warned(Kind.SWEEP, fault_sentences(problem)),
+        *warned(Kind.SCALE_FACTOR, agreement_sentences(solution)),
     ]
 
 
