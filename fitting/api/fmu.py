@@ -23,6 +23,7 @@ from fitting.campaign.file import WrittenFmu
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.models import provide_fmu
+from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, pairs_table
 from fitting.simulate.drive import Drive
@@ -38,6 +39,8 @@ from fitting.text.results_folder import results_folder
 from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy, convert, same_kind
 from fitting.text.written import as_written, in_unit
+
+__all__ = ["MOST_WORKERS", "Accuracy", "Fmu", "OtherTone", "held_fmu", "simulate", "sweep"]
 
 #: Parameters that hold the frequencies of the tones in the models of this project.
 USUAL_TONES = ("u1", "u2")

@@ -28,10 +28,13 @@ from fitting.fit.options import Options, options_of
 from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
+from fitting.fmu.models import provide_fmu
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
+
+__all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
 #: Makes the model of one discrete alternative.
 Respond = Callable[[Mapping[str, Scalar]], Response]
@@ -332,6 +335,21 @@ class Problem:
     def __repr__(self) -> str:
         rows = self.record.data.sigma.size
         return f"<Problem {self.record.title}: {', '.join(self.names)} from {rows} rows>"
+
+
+def fmu_of(campaigns: Sequence[Campaign], folder: str | Path, workers: int) -> Fmu:
+    """The FMU that campaigns name; a model of this project is built into a folder.
+
+    Args:
+        campaigns: One or more that are fitted together.
+        folder: Where it is built.
+        workers: Number of processes, at least 1.
+
+    Raises:
+        BadInput: they name different ones, or one that is not there.
+    """
+    named = one_fmu(campaigns)
+    return Fmu(provide_fmu(named, Path(folder)), workers, named.timeout_s)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:

@@ -23,7 +23,7 @@ def seed() -> Callable[[str], int]:
 
 def worker_count() -> Callable[[str], int]:
     """An argparse type: a number of worker processes."""
-    from fitting.fmu.pool import MOST_WORKERS  # not every command has any
+    from fitting.api.fmu import MOST_WORKERS  # not every command has any
 
     return whole_number(1, MOST_WORKERS)
 

@@ -9,29 +9,25 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from fitting.api.fitted import Tikhonov, Valued, fit, identity_of, profile, search_options
+import fitting as ff
+from fitting.api.fitted import (
+    LEVELS_FILE,
+    MISFITS,
+    KeptLevels,
+    Progress,
+    Valued,
+    kept_levels,
+    search_options,
+)
 from fitting.api.jobs import RESULT_FILES, draw_report
-from fitting.api.problem import Problem
-from fitting.campaign import read_campaign
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.interrupts import to_the_end
 from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
-from fitting.fit import checkpoint
-from fitting.fit.fit import Progress, Status
-from fitting.fit.solver.evaluator import MISFITS
-from fitting.inference.sweep_line import line_sentences
-from fitting.inference.warnings import Kind
-from fitting.report.table import text_lines
-from fitting.report.tables.values import values_table
-from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.inference import knowledge_lines
-from fitting.report.words.plan import plan_line
+from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
-from fitting.result.provenance import job_of
 from fitting.result.result import Result, write_result
-from fitting.text.errors import FmuFailure
 
 NAME = "reconstruct"
 #: Of a result that is written before the profiles are done, and stands where they never are.
@@ -93,7 +89,7 @@ def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / "+".join(dict.fromkeys(folders))
 
 
-@writes(NAME, *RESULT_FILES, checkpoint.NAME, to=_out)
+@writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Reconstruct and write; returns 0 if converged, else 1.
 
@@ -102,10 +98,10 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     check_external(args.external)
-    campaigns = [read_campaign(path) for path in args.campaign]
+    campaigns = [ff.read_campaign(path) for path in args.campaign]
     out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu:
-        problem = Problem.of(campaigns, fmu, accuracy=args.accuracy)
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy)
         check_external(args.external, _units(problem))
         memory = _memory(args, problem, out)
         try:
@@ -114,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print(f"interrupted before there was a result{_way_on(args, memory)}")
             return 1
-        except FmuFailure as failure:
+        except ff.FmuFailure as failure:
             if way_on := _way_on(args, memory):
                 failure.add_note(way_on.removeprefix("; "))
             raise
@@ -123,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     if args.external:
         result = with_external(result, args.external)
         write_result(result, out)
-    print("\n".join(table(result)))
+    print("\n".join(result_lines(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if not ended.done:
         print(f"go on with: {_command(args, resume=True)}")
@@ -134,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if result.status == "converged" else 1
 
 
-def _units(problem: Problem) -> dict[str, str]:
+def _units(problem: ff.Problem) -> dict[str, str]:
     """Units of the values that there will be, by name."""
     record, variables = problem.record, problem.fmu.description.variables
     shared = {p.name: p.unit for p in record.parameters if not p.experiments}
@@ -145,9 +141,9 @@ def _units(problem: Problem) -> dict[str, str]:
 class _Reconstruction:
     """What is solved, where results and finished levels go, and who is told how far it is."""
 
-    problem: Problem
+    problem: ff.Problem
     out: Path
-    memory: checkpoint.Checkpoint
+    memory: KeptLevels
     tell: Callable[[str], None]
 
 
@@ -159,7 +155,7 @@ class _Ending(NamedTuple):
     done: bool
 
 
-def _way_on(args: argparse.Namespace, memory: checkpoint.Checkpoint) -> str:
+def _way_on(args: argparse.Namespace, memory: KeptLevels) -> str:
     """Where finished levels are kept: how to go on from them."""
     count = len(memory)
     return f"; {count} finished levels are kept, go on with: {_command(args, resume=True)}" * (
@@ -167,9 +163,9 @@ def _way_on(args: argparse.Namespace, memory: checkpoint.Checkpoint) -> str:
     )
 
 
-def _method(args: argparse.Namespace, problem: Problem) -> Tikhonov:
+def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
     """As the campaign says, but for what the options change."""
-    method = replace(Tikhonov.of(problem.options), quick=args.quick)
+    method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
     return method if args.misfit is None else replace(method, misfit=args.misfit)
 
 
@@ -177,14 +173,12 @@ def _starts(args: argparse.Namespace) -> int | None:
     return 1 if args.quick and args.starts is None else args.starts
 
 
-def _memory(args: argparse.Namespace, problem: Problem, out: Path) -> checkpoint.Checkpoint:
+def _memory(args: argparse.Namespace, problem: ff.Problem, out: Path) -> KeptLevels:
     """Finished levels of this very job: those of an interrupted run, or none yet."""
     options = search_options(problem, _method(args, problem), _starts(args), args.seed)
-    job = job_of(problem.record, identity_of(problem, _command(args)), options)
-    if not args.resume:
-        return checkpoint.begin(out, job)
-    memory = checkpoint.resume(out, job)
-    print(memory.resumed("levels"))
+    memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
+    if args.resume:
+        print(memory.resumed("levels"))
     return memory
 
 
@@ -192,7 +186,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
     job.tell("planning")
     found: Valued
-    found = fitted = fit(
+    found = fitted = ff.fit(
         job.problem,
         _method(args, job.problem),
         starts=_starts(args),
@@ -203,7 +197,7 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     fitted.command = _command(args)
     with to_the_end():
         result = fitted.result
-    interrupted = fitted.record.status is Status.INTERRUPTED
+    interrupted = fitted.status == "interrupted"
     if args.no_profiles or interrupted:
         return _Ending(found, result, not interrupted)
     done = False
@@ -212,10 +206,9 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
             result = replace(result, warnings=(*result.warnings, NO_PROFILES))
             write_result(result, job.out)
         job.tell("profiles")
-        inferred = profile(fitted, bootstrap=args.bootstrap or 0)
+        inferred = ff.profile(fitted, bootstrap=args.bootstrap or 0)
         with to_the_end():
-            found, result = inferred, inferred.result
-            done = all(w.kind is not Kind.PROFILES for w in inferred.inferred.warnings)
+            found, result, done = inferred, inferred.result, inferred.profiled
     except KeyboardInterrupt:
         pass
     return _Ending(found, result, done)
@@ -243,38 +236,3 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
         flags.insert(0, "resume")
     words += [f"--{name.replace('_', '-')}" for name in flags]
     return shlex.join(words)
-
-
-def table(result: Result) -> list[str]:
-    """The result as lines of text.
-
-    Args:
-        result: of a reconstruction.
-    """
-    marked = result.synthetic and "synthetic" not in result.title.lower()
-    lines = [result.title + (" [synthetic]" if marked else ""), ""]
-    lines += text_lines(values_table(result, result.title))
-    agreement = agreement_sentences(result)
-    lines += ["", *agreement] if agreement else []
-    before, after = result.deviations.initial.mean, result.deviations.final.mean
-    lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
-    for other in result.alternatives:
-        if not other.settings:  # the campaign names no alternatives
-            continue
-        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items())
-        mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
-        lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
-    if result.line is not None:
-        lines += line_sentences(result.line)
-    if result.knowledge is not None:
-        lines += ["", *knowledge_lines(result.knowledge), ""]
-    cost = result.evaluations
-    lines.append(
-        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
-        f"{result.seconds:.1f} s"
-    )
-    if result.plan is not None:
-        lines.append(plan_line(result.plan))
-    lines += ["", f"{result.status}: {result.message}"]
-    lines += [f"warning: {text}" for text in result.warnings]
-    return lines

@@ -24,6 +24,7 @@ from fitting.fit.problem import problem_of
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.sweep import swept_amplitudes
+from fitting.report.words.result import result_lines
 from fitting.result.provenance import Identity, job_of, provenance_of
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
@@ -94,7 +95,7 @@ def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Pa
     assert data["parameters"]["theta"]["std"] is None
     assert data["derived"]["lambda"]["std"] is None
     assert data["derived"]["lambda"]["ci95"][0] > 0.0
-    told = {line.split()[0]: line for line in command.table(result) if "determined" in line}
+    told = {line.split()[0]: line for line in result_lines(result) if "determined" in line}
     for name in ("theta", "lambda"):  # a range, and neither a value nor an error
         assert told[name].split()[1] == told[name].split()[3] == "-"
     highest = result.derived["lambda"].box[1]
@@ -103,12 +104,12 @@ def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Pa
 
 
 def test_the_table_says_nothing_twice(result: Result) -> None:
-    assert command.table(result)[0] == "string [synthetic]"
-    told = command.table(replace(result, title="String (synthetic)"))
+    assert result_lines(result)[0] == "string [synthetic]"
+    told = result_lines(replace(result, title="String (synthetic)"))
     assert told[0] == "String (synthetic)"
     assert sum(line.startswith("alternative ") for line in told) == 2
     single = replace(result.alternatives[0], settings={})
-    told = command.table(replace(result, alternatives=(single,)))
+    told = result_lines(replace(result, alternatives=(single,)))
     assert not any("alternative" in line for line in told if not line.startswith("warning"))
 
 
