@@ -10,7 +10,7 @@ swept_tone            a simulated sweep, each way
 amplitude_spectrum    the spectrum of a simulated drive
 beating               its envelope over two beats
 periods               some of its periods
-spectrum              a measured spectrum, and what is simulated at its tones
+measurement           what was measured beside what the model says: a panel of its own figure
 drive_envelope        the envelope of an experiment's drive
 drive_periods         some periods of it
 candidates            the expected error of a design's target, by kinds of candidates
