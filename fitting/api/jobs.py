@@ -18,7 +18,7 @@ from fitting.result.result import Result, write_result
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
 
-__all__ = ["BUDGET", "RESULT_FILES", "design", "draw_report", "identify", "report"]
+__all__ = ["BUDGET", "RESULT_FILES", "draw_report", "identify", "report"]
 
 #: What a report of a fit consists of.
 RESULT_FILES = ("result.json", "history.csv", "report.html", "figures/[0-9]*_*.*")
