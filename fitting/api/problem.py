@@ -23,6 +23,7 @@ from fitting.campaign import Campaign, WrittenFmu, bind, read_campaign
 from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
+from fitting.campaign.repeats import refuse_repeats
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
 from fitting.fit.options import Options, options_of
 from fitting.fit.planned_fmu import PlannedFmu, plan_problem
@@ -79,7 +80,9 @@ class Problem:
             alternatives=alternatives or {},
             noise=noise or Noise(),
         )
-        self._take(problem_of(bind_arrays(data, fmu.variables)), Options(), fmu)
+        bound = bind_arrays(data, fmu.variables)
+        refuse_repeats(bound)
+        self._take(problem_of(bound), Options(), fmu)
 
     @classmethod
     def of(
@@ -111,8 +114,10 @@ class Problem:
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
             bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+        record = problem_of(bound)
+        refuse_repeats(bound)
         made = cls.__new__(cls)
-        made._take(problem_of(bound), options_of(read[0].file.continuation), fmu, read)
+        made._take(record, options_of(read[0].file.continuation), fmu, read)
         return made
 
     @classmethod
