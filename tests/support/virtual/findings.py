@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.support.virtual.judge import (
+    ALARM,
     CONTRADICTED,
     DETERMINED,
     HELD,
@@ -64,6 +65,8 @@ def _false(judged: Judged) -> Iterator[tuple[str, str]]:
         if warned and fits(judged):
             words = next(w for w in judged.warnings if CONTRADICTED.search(w))
             yield "contradicts", f"the truth fits, but: {words[:160]}"
+        for words in filter(ALARM.search, judged.warnings):
+            yield "false alarm", f"no such mistake was made: {words[:160]}"
     if judged.fault and not NAMED[judged.fault].search(" ".join(judged.warnings)):
         yield "not named", f"{judged.fault} is not named by its kind"
 
@@ -132,6 +135,7 @@ COLUMNS = (
     "wrong minimum: fit, profiles",
     "not at their minimum: fit, profiles",
     "“contradict” where the truth fits",
+    "mistake named that was not made",
     "absent, but held (λ)",
     "seconds",
 )
@@ -176,6 +180,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
         f"{count('wrong minimum')}, {count('wrong optimum')}",
         f"{count('short of minimum')}, {count('short of optimum')}",
         count("contradicts"),
+        count("false alarm"),
         f"{count('absent')} ({sum(f.sentence.startswith('lambda') for f in absent)})",
         f"{np.median([j.seconds for j in mine]):.1f}",
     ]
