@@ -55,5 +55,5 @@ def _build(model: str, folder: Path) -> Path:
     lines = built.stdout.strip().splitlines()
     if built.returncode != 0 or not lines:
         said = built.stderr.strip().splitlines() or ["no message"]
-        raise BadInput(f"[fmu] model = {model!r} could not be built: {said[-1]}")
+        raise BadInput(f"model {model!r} could not be built: {said[-1]}")
     return Path(lines[-1])

@@ -53,8 +53,16 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
         assert re.search(rf"\b{code} [a-z]", text), f"exit code {code} is not told"
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["frobnicate"]])
-def test_the_list_of_commands_takes_no_library(words: list[str]) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["frobnicate"],
+        *([name, "--help"] for name in ("simulate", "sweep", "check", "example")),
+    ],
+)
+def test_help_takes_no_library(words: list[str]) -> None:
     """Any of these takes longer to import than the interpreter takes to start."""
     heavy = ("numpy", "scipy", "matplotlib", "fmpy", "pydantic", "pint", "jinja2", "mpmath")
     script = (
@@ -75,6 +83,7 @@ def test_the_list_of_commands_takes_no_library(words: list[str]) -> None:
         (["frobnicate"], "frobnicate"),
         (["simulate"], "FMU"),
         (["check", "absent.fmu"], "absent.fmu: no such file"),
+        (["check", "Absent"], "model 'Absent' could not be built: build_fmu.py: there is no model"),
         (["check", "absent.fmu", "--step", "long"], "--step"),
         (["check", "absent.fmu", "--timeout", "-1"], "--timeout: found '-1', wanted a positive"),
         (["reconstruct", "c.toml", "--workers", "0"], "--workers: found '0', wanted a whole"),
