@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import suppress
+from glob import escape
 from pathlib import Path
 
 from fitting.text.errors import BadInput
+
+#: What the temporary name of a file ends with.
+PART = ".part"
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -23,7 +28,7 @@ def replace_file(path: Path, data: bytes) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, name = tempfile.mkstemp(PART, f".{path.name}.", path.parent)
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
@@ -37,6 +42,17 @@ def replace_file(path: Path, data: bytes) -> None:
             raise
     except OSError as error:
         raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def remove_parts(path: Path) -> None:
+    """Remove what processes left that were killed while they wrote a file, which nobody writes now.
+
+    Args:
+        path: of the file.
+    """
+    for part in path.parent.glob(f".{escape(path.name)}.*{PART}"):
+        with suppress(OSError):
+            part.unlink()
 
 
 def _umask() -> int:

@@ -18,7 +18,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
-from fitting.text.atomic import replace_file
+from fitting.text.atomic import remove_parts, replace_file
 from fitting.text.errors import BadInput
 
 RECORD_NAME, LOCK_NAME = ".fmu-fit-files.json", ".fmu-fit.lock"
@@ -53,6 +53,11 @@ class ResultsFolder:
         self.path = folder.resolve()
         self.thread = threading.get_ident()
         self._own = _read_record(folder / RECORD_NAME)
+
+    def remove_parts(self) -> None:
+        """Remove what killed processes left of files that they were writing."""
+        for name in (*self._own, RECORD_NAME):
+            remove_parts(self.path / name)
 
     def refuse_foreign(self, patterns: Iterable[str]) -> None:
         """Complain of the first file that is there and not this command's to replace.
@@ -194,6 +199,7 @@ def results_folder(folder: Path, command: str, names: Iterable[str] = ()) -> Ite
     try:
         with _locked(path, folder):
             opened = ResultsFolder(folder, command)
+            opened.remove_parts()
             opened.refuse_foreign(names)
             _OPEN[path] = opened
             try:

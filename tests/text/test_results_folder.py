@@ -170,6 +170,32 @@ def test_killed_while_a_file_is_replaced_both_contents_are_known(
     assert (tmp_path / "a").read_text() == "newer"
 
 
+KILLED_IN_WRITING = """
+import os, signal, sys
+from pathlib import Path
+from fitting.text.files import write_whole
+from fitting.text.results_folder import results_folder
+
+os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL) if armed else None
+folder, armed = Path(sys.argv[1]), False
+with results_folder(folder, "sweep", ["sweep.csv"]):
+    write_whole(folder / "sweep.csv", "old")
+    armed = True
+    write_whole(folder / "sweep.csv", "new")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_what_a_killed_process_left_half_written_is_removed(tmp_path: Path) -> None:
+    (tmp_path / ".mine.csv.part").write_text("somebody's own")
+    script = [sys.executable, "-c", KILLED_IN_WRITING, str(tmp_path)]
+    killed = subprocess.run(script, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.glob(".*.part"))) == 2
+    put(tmp_path, "sweep", **{"sweep.csv": "newer"})
+    assert names(tmp_path) == [RECORD_NAME, ".mine.csv.part", "sweep.csv"]
+
+
 def test_what_is_no_folder_or_no_record_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BadInput, match=r"file: cannot be written: "):
