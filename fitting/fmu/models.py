@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import Protocol
 
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
+from fitting.text.scratch import Scratch
 from fitting.text.shipped import shipped
 
 BUILDER = "build_fmu.py"
@@ -42,8 +43,8 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """
     if source.file is not None:
         return source.file
-    with tempfile.TemporaryDirectory(prefix="fmu-fit-build-") as folder:
-        built = _build(str(source.model), Path(folder))
+    with Scratch() as folder:
+        built = _build(str(source.model), folder)
         write_whole(cache / built.name, built.read_bytes())
         return cache / built.name
 
@@ -51,7 +52,15 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
 def _build(model: str, folder: Path) -> Path:
     builder = shipped(BUILDER)
     command = [sys.executable, str(builder), "--model", model, "--out", str(folder)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+    built = subprocess.run(  # noqa: S603
+        command,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        # what a builder leaves that is killed goes with the folder
+        env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))},
+    )
     lines = built.stdout.strip().splitlines()
     if built.returncode != 0 or not lines:
         said = built.stderr.strip().splitlines() or ["no message"]

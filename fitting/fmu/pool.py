@@ -29,7 +29,7 @@ from fitting.text.scratch import Scratch
 
 POLL_S = 0.1
 CLOSING_S = 2.0
-MOST_WARNINGS = 50
+MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: More processes than that are a slip of the pen on the machines of today.
 MOST_WORKERS = 256
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
@@ -295,7 +295,8 @@ class FmuWorkers:
 
 
 def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:
-    return (*kept, *(text for text in more if text not in kept))[:MOST_WARNINGS]
+    found = (*kept, *(text for text in more if text not in kept))
+    return found if len(found) <= MOST_WARNINGS else (*found[:MOST_WARNINGS], DROPPED)
 
 
 def _unpack(description: FmuDescription) -> Scratch:

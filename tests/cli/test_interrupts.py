@@ -19,7 +19,7 @@ from fitting.fit import checkpoint
 from fitting.result.result import read_result
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.processes import Job, wait_until
-from tests.support.small_campaign import small_campaign
+from tests.support.small_campaign import STRING, small_campaign
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
@@ -111,6 +111,16 @@ def test_another_command_ends_with_130_and_leaves_nothing(tmp_path: Path) -> Non
     ]
     with Job(words, tmp_path / "tmp") as job:
         wait_until(hung.exists, "the endless loop")
+        job.send(signal.SIGTERM)
+        code, _, err = job.ended()
+    assert (code, err) == (130, "fmu-fit: interrupted\n")
+    assert job.left_behind() == []
+
+
+def test_a_model_that_is_being_built_leaves_nothing(tmp_path: Path) -> None:
+    words = ["reconstruct", str(STRING / "campaign.toml"), "--out", str(tmp_path / "out")]
+    with Job(words, tmp_path / "tmp") as job:
+        wait_until(lambda: any(job.temporary.iterdir()), "the folder of the build")
         job.send(signal.SIGTERM)
         code, _, err = job.ended()
     assert (code, err) == (130, "fmu-fit: interrupted\n")

@@ -225,6 +225,19 @@ def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
     assert latest == [("slow today, 99 % load",), ()]
 
 
+def test_a_flood_of_warnings_is_cut_short_in_a_sentence(good: Path) -> None:
+    """One for every step; what is beyond fifty is dropped, and that is said."""
+    lost = replace(PULLED, start_values={**START, "misbehave": NAN}, allow_nan=True)
+    with FmuWorkers(good) as workers:
+        workers.run([replace(lost, samples=51)])
+        assert len(workers.warnings) == 50
+        assert workers.warnings[-1].startswith("lost the state after ")
+        workers.run([replace(lost, samples=81)])
+        assert len(workers.warnings) == 51
+        assert workers.warnings[-1] == "… further warnings dropped"
+        assert workers.latest_warnings == workers.warnings
+
+
 def test_nan_is_handed_back_only_where_it_is_allowed(good: Path) -> None:
     run = replace(PULLED, start_values={**START, "misbehave": NAN}, allow_nan=True)
     with FmuWorkers(good) as workers:
