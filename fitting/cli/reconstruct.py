@@ -32,9 +32,11 @@ from fitting.result.result import Result, write_result
 NAME = "reconstruct"
 #: Of a result that is written before the profiles are done, and stands where they never are.
 NO_PROFILES = (
-    "The command ended before the profiles were done: intervals and verdicts are those of the "
-    "linearised problem."
+    "The command ended before the profiles were done: errors are those of the linearised "
+    "problem, and no verdict is given."
 )
+#: Exit code by how the fit ended; any other ending is 1.
+EXIT_CODES = {Status.CONVERGED.value: 0, Status.MISFIT.value: 4}
 EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 
@@ -91,7 +93,7 @@ def _out(args: argparse.Namespace) -> Path:
 
 @writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_out)
 def run(args: argparse.Namespace) -> int:
-    """Reconstruct and write; returns 0 if converged, else 1.
+    """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
 
     Raises:
         BadInput: campaign, data or FMU are not what they should be.
@@ -127,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.no_report:
         print(f"report: {draw_report(ended.found, result, out)}")
     memory.remove()  # when all is done that may be killed
-    return 0 if result.status == "converged" else 1
+    return EXIT_CODES.get(result.status, 1)
 
 
 def _units(problem: ff.Problem) -> dict[str, str]:

@@ -84,6 +84,7 @@ class Status(Enum):
     CONVERGED = "converged"
     NOT_CONVERGED = "not converged"
     INTERRUPTED = "interrupted"
+    MISFIT = "does not describe the data"
 
 
 @dataclass(frozen=True, kw_only=True)

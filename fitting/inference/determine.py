@@ -12,10 +12,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.fit.likelihood.descent import Optimum, most_likely
+from fitting.campaign.parameters import canonical, to_model
+from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.inference.adequacy import (
+    adequacy_of,
+    adequacy_sentences,
+    is_redundant,
+    outside_sentences,
+)
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
@@ -27,18 +34,21 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
+from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
 
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
-#: Evaluations at most, by default.
-BUDGET = 12000
+#: Simulation runs at most, by default; runs that points of a batch share count once.
+BUDGET = 100_000
+#: Share of them for other minima and for the ends of ranges.
+FOR_MINIMA = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
 class InferenceOptions:
-    """What is asked of the inference: units of outputs, seed, evaluations at most, bootstrap.
+    """What is asked of the inference: units of outputs, seed, simulation runs at most, bootstrap.
 
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
     as well. Without `data` the measurements are taken to be what the model says at the solution.
@@ -81,17 +91,25 @@ def determine(
     """
     options = options or InferenceOptions()
     parameters = objective.parameters
-    ranges = output_ranges(objective.response, parameters, options.seed, [solution])
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(ranges))
+    boxes = output_ranges(objective.response, parameters, options.seed, [solution])
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes))
     if not options.data:
         [point] = evaluate_many(objective, [solution])
         likelihood = replace(likelihood, shift=point.residuals)
     evaluator = LikelihoodEvaluator(likelihood, options.budget)
-    optimum = most_likely(evaluator, [solution, *options.others])
-    found = _explored(evaluator, optimum, ranges, options)
+    optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
+    found = _explored(evaluator, optimum, boxes, options)
     optimum = found.optimum
     equivalents = (*identifiability.equivalents(found), *options.alternatives)
-    profiles = profiles_of(found, equivalents, options.units)
+    adequacy = adequacy_of(optimum)
+    basis = Basis(
+        equivalents=equivalents,
+        units=options.units,
+        boxes={name: (range_.low, range_.high) for name, range_ in boxes.items()},
+        describes=adequacy.describes,
+        redundant=is_redundant(optimum),
+    )
+    profiles = profiles_of(found, basis)
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
@@ -107,37 +125,76 @@ def determine(
         data=options.data,
         chi_square=optimum.chi_square,
         freedom=optimum.degrees_of_freedom,
+        adequacy=adequacy,
+        most_likely=_most_likely_values(optimum),
         inflation=optimum.likelihood.inflation,
         parameters={name: p for name, p in profiles.items() if name in named},
         derived={name: p for name, p in profiles.items() if name not in named},
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
-        sentences=identifiability.sentences(
-            optimum, profiles, directions, idle, equivalents, options.widening
+        sentences=(
+            *adequacy_sentences(adequacy, optimum, options.widening),
+            *outside_sentences(optimum),
+            *identifiability.sentences(profiles, directions, idle, equivalents),
         ),
         effort=spent,
         bootstrap=resampled,
     )
 
 
+def _most_likely_values(optimum: Optimum) -> dict[str, float]:
+    """All parameters at the most likely point, periodic ones in their first period."""
+    parameters = optimum.likelihood.parameters
+    shown = canonical(parameters, to_model(parameters, optimum.expansion.x))
+    return {p.name: float(value) for p, value in zip(parameters, shown, strict=True)}
+
+
 def _explored(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
-    ranges: Mapping[str, OutputRange],
+    boxes: Mapping[str, OutputRange],
     options: InferenceOptions,
 ) -> Exploration:
     """Other minima, then profiles around the best; once more, should they come by a better one."""
-    minima = other_minima(evaluator, optimum, options.seed, options.starts)
+    with evaluator.within(FOR_MINIMA):
+        minima = other_minima(evaluator, optimum, options.seed, options.starts)
     begin = _better(optimum, minima)
     if begin is not None:
         optimum, minima = _moved(evaluator, optimum, begin, minima)
-    found = explore(evaluator, optimum, ranges, minima, options.only)
+    found = explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
     begin = _better(optimum, found.points)
     if begin is None:
         return found
     optimum, minima = _moved(evaluator, optimum, begin, minima)
-    return explore(evaluator, optimum, ranges, minima, options.only)
+    return explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
+
+
+def _ranges(
+    optimum: Optimum, boxes: Mapping[str, OutputRange], options: InferenceOptions
+) -> dict[str, OutputRange]:
+    """Ranges of the outputs over the room that profiles have; extremes of the box count in it."""
+    likelihood, x = optimum.likelihood, optimum.expansion.x
+    goes_round = np.isfinite(likelihood.periods)
+    half = np.where(goes_round, 0.5 * likelihood.periods, 0.0)
+    room = (
+        np.where(goes_round, x - half, likelihood.lower),
+        np.where(goes_round, x + half, likelihood.upper),
+    )
+    extremes = [at for box in boxes.values() for at in (box.x_low, box.x_high)]
+    inside = [
+        at
+        for at in extremes
+        if np.all(np.isfinite(at))
+        and np.all(goes_round | ((at >= likelihood.lower) & (at <= likelihood.upper)))
+    ]
+    return output_ranges(
+        likelihood.objective.response,
+        likelihood.parameters,
+        options.seed,
+        [x, *inside],
+        room,
+    )
 
 
 def _better(optimum: Optimum, points: Sequence[ProfilePoint]) -> ProfilePoint | None:
@@ -164,7 +221,7 @@ def _moved(
     minima: Sequence[ProfilePoint],
 ) -> tuple[Optimum, tuple[ProfilePoint, ...]]:
     """The optimum at a better point, and the other minima, their chi square counted from there."""
-    again = most_likely(evaluator, [begin.x])
+    again = let_out(evaluator, most_likely(evaluator, [begin.x]))
     gain = optimum.least - again.least
     moved = replace(
         again,
