@@ -181,7 +181,9 @@ def _ranges(
         np.where(goes_round, x - half, likelihood.lower),
         np.where(goes_round, x + half, likelihood.upper),
     )
-    extremes = [at for box in boxes.values() for at in (box.x_low, box.x_high)]
+    extremes = [
+        np.where(box.depends, at, x) for box in boxes.values() for at in (box.x_low, box.x_high)
+    ]
     inside = [
         at
         for at in extremes

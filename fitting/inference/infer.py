@@ -88,7 +88,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     request = request or InferenceRequest()
     solution, problem = fit.solution, fit.problem
     knowledge, missing = _knowledge(fit, request)
-    best, adequacy = _best(fit, knowledge)
+    best, adequacy, inflation = _best(fit, knowledge)
     parameters = parameter_results(solution, best)
     derived = derived_results(solution, best, request.units, fit.options.schedule.seed)
     offsets = offset_results(solution, best)
@@ -113,7 +113,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, warnings_of(joint) if joint is not None else []),
-            *fit_warnings(fit, offsets, describes=describes),
+            *fit_warnings(fit, offsets, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
@@ -148,8 +148,8 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
     return None, [f"{why}: errors are those of the linearised problem, and no verdict is given."]
 
 
-def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy | None]:
-    """The most likely parameters (n,), each in its unit, and whether the model will do there.
+def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy | None, float]:
+    """The most likely parameters (n,), in their units, whether the model will do, the inflation.
 
     Where no profiles were walked it is looked for from the end of Algorithm 2; an interrupted fit
     is reported where it stood.
@@ -157,17 +157,18 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     solution = fit.solution
     if knowledge is not None:
         found = [knowledge.most_likely[p.name] for p in solution.parameters]
-        return np.array(found), knowledge.adequacy
+        return np.array(found), knowledge.adequacy, knowledge.inflation
     if fit.status is Status.INTERRUPTED:
-        return solution.final.parameters, None
+        return solution.final.parameters, None, 1.0
     noise = noise_at(solution)
     likelihood = likelihood_of(solution.objective, noise.sigma, noise.common)
     evaluator = LikelihoodEvaluator(likelihood)
     try:
         optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
     except (FmuFailure, KeyboardInterrupt):
-        return solution.final.parameters, None
-    return to_model(solution.parameters, optimum.expansion.x), adequacy_of(optimum)
+        return solution.final.parameters, None, 1.0
+    p = to_model(solution.parameters, optimum.expansion.x)
+    return p, adequacy_of(optimum), optimum.likelihood.inflation
 
 
 def _status(fit: Fit, adequacy: Adequacy | None) -> tuple[Status, str]:

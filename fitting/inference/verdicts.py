@@ -155,6 +155,11 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     range_ends = explored.range_ends[quantity.name]
     goes_round = quantity.round and all(branch.end == "bound" for branch in branches)
     fits, ends = _ends_of(branches, range_ends, goes_round)
+    if quantity.round and "bound" in ends:  # half a period up and down is one and the same system
+        ends = (
+            "bound" if ends[0] == "lost" else ends[0],
+            "bound" if ends[1] == "lost" else ends[1],
+        )
     wide = _interval(subject, branches, fits, ends)
     tight = tuple(point is not None and point.delta <= ROOT_68**2 for point in range_ends)
     narrow = interval(quantity, branches, (tight[0], tight[1]), "68")

@@ -87,15 +87,13 @@ def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
     return [Warned(kind, sentence) for sentence in sentences]
 
 
-def fit_warnings(
-    fit: Fit, offsets: Sequence[OffsetResult], *, describes: bool = True
-) -> list[Warned]:
+def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult], inflation: float = 1.0) -> list[Warned]:
     """Everything that a fit itself warns of, whatever is inferred from it.
 
     Args:
         fit: the finished fit.
         offsets: values of single experiments.
-        describes: whether the model describes the data; else errors are not widened but withdrawn.
+        inflation: by how much residuals beyond the noise widen the errors.
     """
     problem, solution = fit.problem, fit.solution
     line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
@@ -105,7 +103,7 @@ def fit_warnings(
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
         *warned(Kind.BOUND, _on_bounds(solution)),
-        *warned(Kind.INFLATION, _inflation(solution) if describes else ()),
+        *warned(Kind.INFLATION, _inflation(inflation)),
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
         *warned(Kind.DRIFT, _drift(problem, offsets)),
@@ -163,12 +161,12 @@ def _on_bounds(solution: Solution) -> list[str]:
     return said
 
 
-def _inflation(solution: Solution) -> list[str]:
+def _inflation(inflation: float) -> list[str]:
     said = []
-    if solution.errors.inflation > 1.5:
+    if inflation > 1.5:
         said.append(
-            f"The residuals are {solution.errors.inflation:.3g} times what the noise explains: the "
-            "model, or the interpolated drift, does not describe these data; errors are widened."
+            f"The residuals are {inflation:.3g} times what the noise explains: it was stated too "
+            "small, or the model, or the drift, is not quite right; errors are widened."
         )
     return said
 

@@ -46,6 +46,8 @@ Variables = Mapping[str, VariableLike]
 
 #: Departure from the straight line at the middle of a series, Hz (standard deviation).
 CURVED_HZ = 30.0
+#: What is written into [drift] for offsets to be fitted.
+OFFSETS = 'model = "offsets"\nprior = "30 Hz"\n'
 #: Relative noise of every amplitude where the other mode is recorded too.
 CROSS_NOISE = 0.01
 
@@ -92,9 +94,8 @@ def coupling_of(series: Series) -> float:
 def bound_of(series: Series, variables: Variables, folder: Path, drift: str = "") -> BoundCampaign:
     """The campaign of a series, written, read and bound; `drift` lines go into [drift]."""
     files = campaign_files(series, "bench_coverage")
-    files["campaign.toml"] = files["campaign.toml"].replace(
-        "eta_plus = { before", drift + "eta_plus = { before", 1
-    )
+    text = files["campaign.toml"].replace(OFFSETS, "", 1)
+    files["campaign.toml"] = text.replace("eta_plus = { before", drift + "eta_plus = { before", 1)
     write_all(folder, files)
     bound = bind(read_campaign(folder / "campaign.toml"), variables)
     return replace(bound, alternatives=bound.alternatives[:1])
@@ -126,7 +127,7 @@ def offsets(seed: int, variables: Variables, folder: Path) -> Laboratory:
     """A drift that bends by 30 Hz (one sigma), with one fitted offset per experiment."""
     bend = CURVED_HZ * float(np.random.default_rng([seed, 2]).standard_normal())
     series = measure(replace(string_bench("q1"), curvature_hz=bend), seed)
-    bound = bound_of(series, variables, folder, 'model = "offsets"\nprior = "30 Hz"\n')
+    bound = bound_of(series, variables, folder, OFFSETS)
     truth = truth_of(series)
     own = [p for p in bound.parameters if p.experiments]
     ends = series.eta_before_hz[0], series.eta_after_hz[0]

@@ -39,8 +39,10 @@ OTHER_STARTS = 12
 WORTH_REACHING = 0.3
 #: Share of an interval by which a point that fits lies beyond it; how often it is gone on from one.
 BEYOND, EXTENSIONS = 0.02, 2
+#: Points from which an end is tried once more where a branch lost its way.
+NEAREST = 2
 #: Strides across a range whose ends are both known to fit: they only show what is between.
-OPEN_STEPS = 6
+OPEN_STEPS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +129,35 @@ def explore(
         explored, more = _extended(evaluator, explored)
         if not more:
             break
-    return explored
+    return _with_lost_ends(evaluator, explored)
+
+
+def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
+    """Where a branch lost its way, its end tried from the points in hand that are nearest to it."""
+    optimum, fitting = explored.optimum, explored.fitting
+    periods = optimum.likelihood.periods
+    tries: list[tuple[str, int]] = []
+    tasks = []
+    for quantity in explored.quantities:
+        for side, end in enumerate((quantity.low, quantity.high)):
+            lost = explored.branches[quantity.name][side].end == "lost"
+            if not lost or quantity.round or explored.range_ends[quantity.name][side] is not None:
+                continue
+            gaps = np.array([abs(quantity.of(p, periods) - end) for p in fitting])
+            for k in np.argsort(gaps)[:NEAREST]:
+                begin = fitting[int(k)].x.copy()
+                if quantity.index >= 0:
+                    begin[quantity.index] = end
+                tries.append((quantity.name, side))
+                tasks.append(fit_at_end(optimum, quantity, begin, end))
+    found = _possible(evaluator, optimum, run_in_lockstep(tasks, evaluator))
+    range_ends = dict(explored.range_ends)
+    for (name, side), reached in zip(tries, found, strict=True):
+        if reached is not None:
+            both = list(range_ends[name])
+            both[side] = reached
+            range_ends[name] = (both[0], both[1])
+    return replace(explored, range_ends=range_ends)
 
 
 def _walked(

@@ -184,7 +184,7 @@ class _BranchTracer:
         self.optimum, self.quantity, self.direction = optimum, quantity, direction
         self.limit = quantity.high if direction > 0.0 else quantity.low
         self.span = abs(self.limit - quantity.best)
-        self.longest = self.span / steps
+        self.longest, self.steps = self.span / steps, steps
         self.here = optimum.expansion
         self.points: list[ProfilePoint] = []
         self.places: dict[int, Expansion] = {}
@@ -202,7 +202,8 @@ class _BranchTracer:
     def go(self) -> Task[str]:
         """Walk; the word for how it ended."""
         quantity = self.quantity
-        step = min(self.longest, 1.03 * quantity.sigma, quantity.first)
+        first = quantity.first if self.steps >= STEPS else math.inf
+        step = min(self.longest, 1.03 * quantity.sigma, first)
         misses = 0
         for _ in range(POINTS):
             left = abs(self.limit - quantity.at(self.here))
@@ -212,13 +213,23 @@ class _BranchTracer:
             if not (yield from self._stride(step)):
                 misses += 1
                 if misses > 4:
-                    return "lost"
+                    return "bound" if self._at_limit() else "lost"
                 step *= 0.25
                 continue
+            misses = max(0, misses - 1)
             if self._root() > ROOT_95:
                 return (yield from self._crossed())
             step = min(self.longest, self._next(step))
         return "lost"
+
+    def _at_limit(self) -> bool:
+        """Whether another parameter has come to the end of its room: no walk goes beyond that."""
+        likelihood, x = self.optimum.likelihood, self.here.x
+        near = AT_END * likelihood.widths
+        at = (x - likelihood.lower <= near) | (likelihood.upper - x <= near)
+        if self.quantity.index >= 0:
+            at[self.quantity.index] = False
+        return bool(np.any(at))
 
     def _stride(self, step: float) -> Task[bool]:
         """One step along the profile; whether it led anywhere."""
