@@ -83,8 +83,8 @@ def _test(result: Result, text: str) -> ExternalTest:
             found=found.value,
             found_std=math.nan,
             sigmas=math.nan,
-            sentence=f"{name} = {outside} cannot be tested: {name} is not determined by these "
-            f"data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
+            sentence=f"{name} = {outside} cannot be tested: {name} is {found.identifiable} by "
+            f"these data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
         )
     own = _towards(found, value)
     sigmas = (found.value - value) / math.hypot(own, std)

@@ -271,7 +271,7 @@ def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
     assert (found.status, found.x.shape) == ("converged", (3,))
     assert [row.nu for row in found.path][-3:] == pytest.approx([0.1, 0.01, 0.001])
     assert found.fun == found.record.solution.final.j_fit
-    for name, verdict in (("lambda", "not determined"), ("width_plus", "determined")):
+    for name, verdict in (("lambda", "not known"), ("width_plus", "linearised only")):
         assert found[name].verdict == verdict
     coupling, width = found["lambda"], found["width_plus"]
     assert math.isnan(coupling.value)

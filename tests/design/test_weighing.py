@@ -27,6 +27,7 @@ from fitting.text.errors import BadInput
 from fitting.text.files import write_all
 from fitting.text.schema import read_record
 from tests.support import closed_form
+from tests.support.datasets import linear
 from tests.support.design_laboratories import Laboratory
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
@@ -42,7 +43,7 @@ def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
 
 @pytest.fixture(scope="module")
 def bound(workers: FmuWorkers) -> BoundCampaign:
-    return bind(read_campaign(Q1), workers.description.variables)
+    return linear(bind(read_campaign(Q1), workers.description.variables))
 
 
 def design_table(path: Path, table: dict[str, object]) -> DesignTable:

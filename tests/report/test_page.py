@@ -149,7 +149,7 @@ def test_parameters_stand_as_they_are_in_the_record(page: Any, result: Result) -
             parameter.std,
             parameter.reference,
             parameter.start,
-            parameter.shrinkage,
+            parameter.algorithm2,
         ]
         assert cells[2].text_content() == parameter.unit
         assert cells[9].text_content() == parameter.identifiable

@@ -26,7 +26,7 @@ from fitting.text.arrays import FloatArray
 
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
-ITERATIONS = 40
+ITERATIONS = 30
 #: Chi square that a step across the whole box costs at first, and from which nothing moves.
 LEAST_DAMPING, MOST_DAMPING = 0.1, 1e8
 #: Free promises below which a descent that got stuck has arrived all the same.

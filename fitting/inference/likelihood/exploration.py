@@ -32,6 +32,7 @@ from fitting.inference.likelihood.ranges import OutputRange
 from fitting.text.arrays import FloatArray
 
 Branches = tuple[ProfileBranch, ProfileBranch]
+RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
 
 #: Seeded points of the box from which other minima are looked for.
 OTHER_STARTS = 12
@@ -108,11 +109,11 @@ def explore(
     """
     chosen = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
     wide = [q for q in chosen if q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)]
-    branches = _walked(evaluator, optimum, [q for q in chosen if q not in wide], STEPS)
+    branches = _walked(evaluator, optimum, [q for q in chosen if q not in wide], {})
     range_ends = _range_ends(evaluator, optimum, chosen, ranges, minima)
     shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
-    branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], STEPS)
-    branches |= _walked(evaluator, optimum, shown, OPEN_STEPS)
+    branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
+    branches |= _walked(evaluator, optimum, shown, range_ends)
     explored = _with_outputs(
         evaluator,
         Exploration(
@@ -161,11 +162,17 @@ def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Ex
 
 
 def _walked(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, chosen: Sequence[Quantity], steps: int
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    chosen: Sequence[Quantity],
+    range_ends: Mapping[str, RangeEnds],
 ) -> dict[str, Branches]:
-    """Both branches of some quantities, in common batches."""
-    sides = [(quantity, direction) for quantity in chosen for direction in (-1.0, 1.0)]
-    traces = [trace_branch(optimum, q, direction, steps) for q, direction in sides]
+    """Both branches of some quantities, in common batches; few strides to ends that fit."""
+    traces = []
+    for q in chosen:
+        for direction, end in zip((-1.0, 1.0), range_ends.get(q.name, (None, None)), strict=True):
+            steps = STEPS if end is None else OPEN_STEPS
+            traces.append(trace_branch(optimum, q, direction, steps))
     none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
     found = [branch or none for branch in run_in_lockstep(traces, evaluator)]
     return {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
