@@ -41,7 +41,7 @@ from fitting.text.arrays import FloatArray
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
 #: Simulation runs at most, by default; runs that points of a batch share count once.
-BUDGET = 100_000
+BUDGET = 500_000
 #: Share of them for other minima and for the ends of ranges.
 FOR_MINIMA = 0.25
 
