@@ -36,7 +36,7 @@ NO_PROFILES = (
     "problem, and no verdict is given."
 )
 #: Exit code by how the fit ended; any other ending is 1.
-EXIT_CODES = {Status.CONVERGED.value: 0, Status.MISFIT.value: 4}
+EXIT_CODES = {"converged": 0, "does not describe the data": 4}
 EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 
