@@ -232,7 +232,8 @@ def test_a_solution_outside_the_box_ends_on_its_bound(
     result = fitted(Scene(fitted={"d1": Fitted(*box, sum(box) / 2.0, 100.0)}))
     assert any("ended on a bound" in said for said in result.warnings)
     assert result.parameters["d1"].algorithm2 == pytest.approx(min(box, key=lambda b: abs(b - 100)))
-    assert result.parameters["d1"].value == pytest.approx(100.0, rel=1e-6)  # what the data want
+    # the noise is that of residuals on the bound: what the data want is known no better
+    assert result.parameters["d1"].value == pytest.approx(100.0, rel=0.01)
 
 
 def free_line(off: float, width: float = 100.0) -> dict[str, Fitted]:
