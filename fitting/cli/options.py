@@ -14,6 +14,7 @@ from fitting.text.units import checked_accuracy, convert, parse_quantity
 #: Where nothing is said: a count beyond that would take years, or all memory.
 MOST = 10**6
 MOST_SEED = 2**63 - 1
+LARGEST = 1e60
 
 
 def seed() -> Callable[[str], int]:
@@ -47,6 +48,19 @@ def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
         return value
 
     return read
+
+
+def bounded_number(text: str) -> float:
+    """An argparse type: a number that can be squared and cubed."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= LARGEST:
+        raise argparse.ArgumentTypeError(
+            f"found {shown(text)}, wanted a number from {-LARGEST:g} to {LARGEST:g}"
+        )
+    return value
 
 
 def relative_accuracy(option: str) -> Callable[[str], float]:
