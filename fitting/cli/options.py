@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert, parse_quantity
@@ -120,6 +121,15 @@ def quantity(text: str, unit: str, *, where: str) -> float:
             raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     number, written = parse_quantity(text, where=where)
     return number if written is None else convert(number, written, unit, where=where)
+
+
+def folder_name(path: Path) -> str:
+    """Name of the folder that a file is in, as the user sees it: links are not followed.
+
+    Args:
+        path: of the file, which need not be there.
+    """
+    return Path(os.path.abspath(path)).parent.name
 
 
 def default_workers() -> int:

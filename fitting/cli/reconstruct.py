@@ -22,7 +22,7 @@ from fitting.api.fitted import (
 from fitting.api.jobs import RESULT_FILES, draw_report
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.interrupts import to_the_end
-from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
+from fitting.cli.options import folder_name, relative_accuracy, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.result import result_lines
@@ -87,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _out(args: argparse.Namespace) -> Path:
-    folders = [path.resolve().parent.name for path in args.campaign]
+    folders = [folder_name(path) for path in args.campaign]
     return args.out or Path("out") / "+".join(dict.fromkeys(folders))
 
 

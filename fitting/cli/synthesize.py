@@ -10,3 +10,144 @@ from typing import Any
 import fitting as ff
 from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns
 from fitting.cli.options import bounded_number, seed
+from fitting.cli.results import writes
+
+NAME = "synthesize"
+EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
+
+#: option -> (field of the bench, or of its modes, what it is)
+BENCH_OPTIONS = {
+    "noise-scale": ("noise_scale", "factor on every source of randomness; 0 makes exact data"),
+    "drift": ("drift_hz", "linear drift of both eigenfrequencies over the series, Hz"),
+    "curvature": ("curvature_hz", "departure from linear drift at the middle, Hz"),
+    "crest": ("crest_v", "height of the sweep's maximum, V"),
+}
+MODE_OPTIONS = {
+    "theta": ("theta_rad", "angle of the orthogonal matrix, rad"),
+    "d1": ("d1_hz", "damping of the first uncoupled mode, Hz"),
+    "d2": ("d2_hz", "damping of the second uncoupled mode, Hz"),
+    "eta-plus": ("eta_plus_hz", "lower eigenfrequency at the middle of the series, Hz"),
+    "eta-minus": ("eta_minus_hz", "upper eigenfrequency at the middle of the series, Hz"),
+}
+#: option of the string driven hard -> (field of its cubic terms, what it is)
+CUBIC_OPTIONS = {
+    "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m^2 s^2)"),
+    "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m^2 s^2)"),
+    "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m^2 s^2)"),
+}
+LEVEL_OPTIONS = {
+    "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s^2"),
+    "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s^2"),
+}
+OPTIONS = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS, **LEVEL_OPTIONS}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument(
+        "--series",
+        choices=SERIES,
+        help="one of the paper's two series, or the q1 string driven until it is nonlinear",
+    )
+    kind.add_argument(
+        "--like",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        help=f"a synthetic campaign; its {TRUTH_NAME} beside it is the truth again",
+    )
+    kind.add_argument(
+        "--plan",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        help="a campaign that fmu-fit design proposed, to be measured; wants --truth",
+    )
+    parser.add_argument(
+        "--truth",
+        type=Path,
+        metavar="TRUTH.toml",
+        help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
+    )
+    parser.add_argument("--seed", type=seed(), default=1, help="seed of all noise (default 1)")
+    parser.add_argument(
+        "--cross-mode",
+        action="store_true",
+        help="record the other mode at every drive pair too, by lock-in amplifiers",
+    )
+    parser.add_argument(
+        "--noise",
+        type=bounded_number,
+        metavar="X",
+        help="with --cross-mode: relative noise of every amplitude (default 0.01)",
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
+    for option, (_, text) in OPTIONS.items():
+        parser.add_argument(f"--{option}", type=bounded_number, metavar="X", help=text)
+    parser.add_argument(
+        "--reflection",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="the reflection form of the orthogonal matrix",
+    )
+
+
+@writes(NAME)
+def run(args: argparse.Namespace) -> int:
+    """Write the campaign; returns exit code 0.
+
+    Raises:
+        BadInput: no truth beside the campaign named, an impossible value, or a folder that holds
+            a campaign which is not synthetic.
+    """
+    if (args.plan is None) != (args.truth is None):
+        raise ff.BadInput("synthesize: --plan and --truth are wanted together")
+    if args.noise is not None and not args.cross_mode:
+        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode")
+    made = ff.synthesize(
+        args.series or args.like or args.truth,
+        seed=args.seed,
+        instrument=_lock_ins(args),
+        plan=args.plan,
+        command=_command(args),
+        **_changes(args),
+    )
+    path = made.write(args.out)
+    pairs = len(made.measured.bench.pairs_hz)
+    what = f"the plan {args.plan}" if args.plan else f"{pairs} drive pairs"
+    print(f"{path}: synthetic, seed {args.seed}, {what}")
+    return 0
+
+
+def _lock_ins(args: argparse.Namespace) -> LockIns | None:
+    if not args.cross_mode:
+        return None
+    return LockIns() if args.noise is None else LockIns(args.noise)
+
+
+def _changes(args: argparse.Namespace) -> dict[str, Any]:
+    """What the options change of the bench, by the names of its fields."""
+    values = {field: _value(args, option) for option, (field, _) in OPTIONS.items()}
+    values["reflection"] = args.reflection
+    return {field: value for field, value in values.items() if value is not None}
+
+
+def _value(args: argparse.Namespace, option: str) -> Any:
+    return getattr(args, option.replace("-", "_"))
+
+
+def _command(args: argparse.Namespace) -> str:
+    """The command without --out: the same data made elsewhere are the same bytes."""
+    words = ["fmu-fit", NAME]
+    for option in ("series", "like", "plan", "truth"):
+        value = getattr(args, option)
+        if value is not None:
+            words += [f"--{option}", value.as_posix() if isinstance(value, Path) else value]
+    words += ["--seed", str(args.seed)]
+    for option in OPTIONS:
+        if _value(args, option) is not None:
+            words += [f"--{option}", repr(_value(args, option))]
+    words += ["--cross-mode"] if args.cross_mode else []
+    words += ["--noise", repr(args.noise)] if args.noise is not None else []
+    if args.reflection is not None:
+        words.append("--reflection" if args.reflection else "--no-reflection")
+    return shlex.join(words)

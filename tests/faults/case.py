@@ -16,12 +16,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.cli.main import main
+from fitting.text.results_folder import LOCK_NAME, RECORD_NAME
 from tests.faults.scene import Scene
 
 DOCUMENTED = (0, 1, 2, 3, 4)
 COMPLAINTS = (2, 3)
 MOST_LINES = 21
 MOST_S = 300
+#: What a folder of results holds beside them.
+KEPT = (RECORD_NAME, LOCK_NAME)
 ROOT = Path(__file__).parents[2]
 #: Where a case's files are, in the words of its command.
 HERE = "{here}"
@@ -114,7 +117,7 @@ def judged(case: Case, ending: Ending) -> list[str]:
 def _left(out: Path, *, refused: bool) -> list[str]:
     """What should not be in the folder of the results: of a command that was refused, anything."""
     files = [path for path in out.rglob("*") if path.is_file()] if out.is_dir() else []
-    half = [path.name for path in files if path.name.startswith(".")]
+    half = [p.name for p in files if p.name.startswith(".") and p.name not in KEPT]
     found = [f"half-written in --out: {half}"] if half else []
     if refused and files:
         found.append(f"left in --out: {sorted(path.name for path in files)}")

@@ -78,7 +78,7 @@ def _names(option: str) -> tuple[str, ...]:
 def _shown(word: str) -> tuple[str, ...]:
     """The beginning of a word as a complaint may show it."""
     shown = " ".join(word[:10].split())
-    return tuple(text for text in (shown, ascii(shown)[1:-1]) if text)
+    return tuple(text for text in (shown, ascii(shown)[1:-1]) if text) or ("' '", ".:")
 
 
 def word_cases(count: int, seed: int) -> Iterator[Case]:
@@ -106,5 +106,5 @@ def word_cases(count: int, seed: int) -> Iterator[Case]:
             kind=WORDS,
             name=f"{name}: {' '.join(words)[:60]!r}",
             words=(name, *words),
-            about=("--", "absent.toml", FMU, "NAME", "CAMPAIGN", *_shown(word or ""), HERE),
+            about=("--", "absent.toml", FMU, "CAMPAIGN", name, "/proc/", *_shown(word or ""), HERE),
         )
