@@ -22,6 +22,8 @@ from fitting.text.written import Written
 #: Named in complaints about what comes from no file.
 NO_FILE = Path("arrays")
 MIN_SPECTRUM_POINTS = 3
+#: In whatever unit: what is measured is squared and weighted.
+LARGEST = 1e60
 
 
 @dataclass(frozen=True)
@@ -154,6 +156,8 @@ def _check_numbers(values: FloatArray, size: int, where: str) -> None:
         raise BadInput(f"{where}: {values.size} of them, wanted {size}")
     for i in np.flatnonzero(~np.isfinite(values))[:1]:
         raise BadInput(f"{where}: number {i + 1} is {values[i]}, wanted a finite number")
+    for i in np.flatnonzero(np.abs(values) > LARGEST)[:1]:
+        raise BadInput(f"{where}: number {i + 1} is {values[i]:g}, wanted {LARGEST:g} at most")
 
 
 def _check_curve(frequency_hz: FloatArray, amplitude_v: FloatArray, least: int, where: str) -> None:

@@ -33,13 +33,13 @@ class Kind:
 
 SEED = 1
 KINDS = (
-    Kind(campaign_keys.KEYS, campaign_keys.cases, 640, 60),
+    Kind(campaign_keys.KEYS, campaign_keys.cases, 640, 45),
     Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 24),
     Kind(tables.DATA, tables.cases, 260, 40),
     Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 24),
     Kind(archives.ARCHIVE, archives.archive_cases, 100, 40),
     Kind(archives.DESCRIPTION, archives.description_cases, 140, 22),
-    Kind(options.OPTIONS, options.cases, 260, 60),
+    Kind(options.OPTIONS, options.cases, 260, 50),
     Kind(options.WORDS, options.word_cases, 80, 20),
     Kind(surroundings.FILES, lambda count, seed: surroundings.file_cases(), 0, 0),
     Kind(surroundings.MACHINE, lambda count, seed: surroundings.machine_cases(), 0, 0, False),

@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TextIO
 
 from fitting.cli.main import main
 from fitting.text.results_folder import LOCK_NAME, RECORD_NAME
@@ -135,6 +136,7 @@ def _in_process(words: Sequence[str], temporary: Path) -> Ending:
         contextlib.redirect_stderr(errors),
     ):
         warnings.simplefilter("always")  # each one is a line on stderr that nobody asked for
+        warnings.showwarning = _on_stderr
         code = main(words)
     return Ending(code, output.getvalue(), errors.getvalue())
 
@@ -157,6 +159,18 @@ def _in_a_shell(words: Sequence[str], temporary: Path) -> Ending:
         check=False,
     )
     return Ending(told.returncode, told.stdout, told.stderr)
+
+
+def _on_stderr(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """As Python does it, also where the tests' own frame would collect warnings."""
+    print(f"{filename}:{lineno}: {category.__name__}: {message}", file=sys.stderr)
 
 
 @contextlib.contextmanager

@@ -65,7 +65,7 @@ def cases(count: int, seed: int) -> Iterator[Case]:
     for name, option, value in draw.sample(all_of_them, min(count, len(all_of_them))):
         yield Case(
             kind=OPTIONS,
-            name=f"{name} {option}={value[:40]!r}",
+            name=f"{name} {option}={value[:40]!r} of {len(value)}",
             words=(name, *COMPLETE[name], f"{option}={value}"),
             about=(*_names(option), *_shown(value), "absent.toml", FMU, "--help", "tones "),
         )
@@ -104,7 +104,7 @@ def word_cases(count: int, seed: int) -> Iterator[Case]:
             continue  # is a folder, and would be written into
         yield Case(
             kind=WORDS,
-            name=f"{name}: {' '.join(words)[:60]!r}",
+            name=f"{name}: word {k} is {word and word[:40]!r}",
             words=(name, *words),
             about=("--", "absent.toml", FMU, "CAMPAIGN", name, "/proc/", *_shown(word or ""), HERE),
         )
