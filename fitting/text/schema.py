@@ -130,7 +130,7 @@ def _complaints(
     errors = error.errors(include_url=False)
     found = (e["loc"] for e in errors if e["type"] == "unexpected_keyword_argument")
     unknown = list(itertools.islice(found, MOST_HINTS))
-    said = []
+    said: list[str] = []
     for e in errors:
         loc, value = e["loc"], e["input"]
         place = (*names, *loc)

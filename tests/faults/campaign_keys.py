@@ -104,7 +104,7 @@ def text_cases(count: int, seed: int) -> Iterator[Case]:
         "empty": "",
         "one word": "campaign",
         "deep lists": "a = " + "[" * 20_000 + "]" * 20_000,
-        "deep tables": "a" + ".a" * 20_000 + " = 1",
+        "deep tables": "a" + ".a" * 3000 + " = 1",
         "deep inline tables": "a = " + "{a = " * 5000 + "1" + "}" * 5000,
         "a deep list as a value": whole.replace("1.0", "[" * 60 + "]" * 60, 1),
         "a number of 5,000 digits": whole.replace("1.0", "1" * 5000, 1),
