@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from fitting.campaign.schema import SCHEMA_FILE
+from fitting.measurements.schema import SCHEMA_FILE
 from fitting.text.toml import toml_text
 from tests.faults.case import HERE, OUT, Case
 from tests.faults.scene import CAMPAIGN, TABLES, texts
