@@ -484,6 +484,7 @@ def profile(
         Dchi^2(c) = min { chi^2(p) : g(p) = c } - min chi^2        <= 1 (68 %), <= 3.84 (95 %)
 
     A failure on the way costs the profiles, not the values: `Inference.warnings` then says so.
+    Where profiles come by a lower minimum than the fit's, `Inference.fit` is the one made from it.
 
     Args:
         fit: A solved problem.
@@ -512,6 +513,9 @@ def profile(
         units=fit.identity.units, budget=budget, bootstrap=bootstrap, only=asked
     )
     found = infer(fit.record, request)
+    if found.fit is not fit.record:  # profiles came by a lower minimum
+        again = Fit(fit.problem, found.fit, fit.seconds)
+        again.command, fit = fit.command, again
     return Inference(fit, found, time.perf_counter() - begun)
 
 

@@ -6,6 +6,7 @@ the data do not see, verdicts. Generic: it knows rows, parameters and outputs, n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -15,8 +16,11 @@ import numpy as np
 from fitting.campaign.parameters import canonical, to_model
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.lockstep import Exhausted
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.search.minima import DESCENTS, screened
+from fitting.fit.search.twins import Twin
 from fitting.inference.adequacy import (
     adequacy_of,
     adequacy_sentences,
@@ -34,6 +38,7 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
+from fitting.inference.likelihood.twins import with_values_nearby
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
@@ -62,6 +67,8 @@ class InferenceOptions:
     seed: int = 1
     budget: int = BUDGET
     others: Sequence[FloatArray] = ()
+    minima: Sequence[FloatArray] = ()
+    twins: Sequence[Twin] = ()
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
     bootstrap: int = 0
@@ -100,7 +107,9 @@ def determine(
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     found = _explored(evaluator, optimum, boxes, options)
     optimum = found.optimum
-    equivalents = (*identifiability.equivalents(found), *options.alternatives)
+    separate = identifiability.equivalents(found)
+    separate = with_values_nearby(evaluator, found, options.twins, separate)
+    equivalents = (*separate, *options.alternatives)
     adequacy = adequacy_of(optimum)
     basis = Basis(
         equivalents=equivalents,
@@ -158,7 +167,7 @@ def _explored(
 ) -> Exploration:
     """Other minima, then profiles around the best; once more, should they come by a better one."""
     with evaluator.within(FOR_MINIMA):
-        minima = other_minima(evaluator, optimum, options.seed, options.starts)
+        minima = other_minima(evaluator, optimum, _beginnings(evaluator, optimum, options))
     begin = _better(optimum, minima)
     if begin is not None:
         optimum, minima = _moved(evaluator, optimum, begin, minima)
@@ -168,6 +177,22 @@ def _explored(
         return found
     optimum, minima = _moved(evaluator, optimum, begin, minima)
     return explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
+
+
+def _beginnings(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, options: InferenceOptions
+) -> list[FloatArray]:
+    """Where other minima are looked for: twins of the optimum, and what a search found or finds."""
+    parameters, x = optimum.likelihood.parameters, optimum.expansion.x
+    begins = [image for twin in options.twins if (image := twin.of(parameters, x)) is not None]
+    if options.minima:
+        return [*begins, *options.minima]
+    try:
+        for screens in range(math.ceil(options.starts / DESCENTS)):
+            begins += screened(evaluator, options.seed, screens)
+    except Exhausted:
+        return begins
+    return begins[: len(options.twins) + options.starts]
 
 
 def _ranges(
@@ -230,5 +255,7 @@ def _moved(
         chi_square=optimum.chi_square - gain * optimum.likelihood.inflation**2,
         degrees_of_freedom=optimum.degrees_of_freedom,
     )
-    fitting = [replace(point, delta=point.delta + gain) for point in minima]
+    here = optimum.expansion
+    left = ProfilePoint(value=math.nan, delta=0.0, x=here.x, outputs=here.sample.outputs)
+    fitting = [replace(point, delta=point.delta + gain) for point in (*minima, left)]
     return moved, tuple(point for point in fitting if point.delta <= ROOT_95**2)

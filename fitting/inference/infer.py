@@ -9,12 +9,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitting.campaign.parameters import to_model
-from fitting.fit.fit import Fit, Status
+from fitting.campaign.parameters import search_bounds, to_model, to_search
+from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of
+from fitting.fit.objective import evaluate_many
+from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution
+from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_sentence
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.consistency import consistency, warnings_of
@@ -44,8 +47,11 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `warnings` what a reader must know.
+    `fit` is the one that all of it is about: not the one that was given, where a lower J was found
+    on the way.
     """
 
+    fit: Fit
     parameters: Mapping[str, ParameterResult]
     derived: Mapping[str, DerivedResult]
     offsets: tuple[OffsetResult, ...]
@@ -86,8 +92,12 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         FmuFailure: the model failed at the solution.
     """
     request = request or InferenceRequest()
-    solution, problem = fit.solution, fit.problem
     knowledge, missing = _knowledge(fit, request)
+    lower = _lowered(fit, knowledge)
+    if lower is not fit:
+        fit = lower
+        knowledge, missing = _knowledge(fit, request)
+    solution, problem = fit.solution, fit.problem
     best, adequacy, inflation = _best(fit, knowledge)
     parameters = parameter_results(solution, best)
     derived = derived_results(solution, best, request.units, fit.options.schedule.seed)
@@ -102,6 +112,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
     status, message = _status(fit, adequacy)
     return Inference(
+        fit=fit,
         parameters=parameters,
         derived=derived,
         offsets=offsets,
@@ -112,12 +123,38 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
-            *warned(Kind.AGREEMENT, warnings_of(joint) if joint is not None else []),
+            *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
             *fit_warnings(fit, offsets, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
     )
+
+
+def _minima(fit: Fit) -> tuple[Minimum, ...]:
+    """What the search of the reported alternative's box found."""
+    search = fit.outcome.search
+    return () if search is None else search.minima
+
+
+def _lowered(fit: Fit, knowledge: Knowledge | None) -> Fit:
+    """The fit, gone on with from the most likely point where J is lower than its own.
+
+    Profiles come by other minima, too; a fit that did not have them is made anew, once.
+    """
+    solution = fit.solution
+    if knowledge is None:
+        return fit
+    values = np.array([knowledge.most_likely[p.name] for p in solution.parameters])
+    lower, upper = search_bounds(solution.parameters)
+    x = np.clip(to_search(solution.parameters, values), lower, upper)
+    try:
+        [point] = evaluate_many(solution.objective, [x])
+        if point.j_fit > (1.0 - SAME_SHARE) * fit.fun - SAME_AMOUNT:
+            return fit
+        return fit_from(fit, [x])
+    except FmuFailure:
+        return fit
 
 
 def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, list[str]]:
@@ -137,6 +174,8 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             bootstrap=request.bootstrap,
             widening=1.0 if solution.structure is None else solution.structure.widening,
             only=request.only or everything,
+            minima=[minimum.x for minimum in _minima(fit)],
+            twins=fit.outcome.twins,
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_of(solution.objective, noise.sigma, noise.common)
@@ -146,6 +185,17 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
     except FmuFailure as failure:
         why = f"The FMU failed while profiles were walked ({failure})"
     return None, [f"{why}: errors are those of the linearised problem, and no verdict is given."]
+
+
+def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | None) -> list[str]:
+    """Campaigns that contradict each other, said only where a better joint fit was looked for."""
+    said = warnings_of(joint) if joint is not None else []
+    if said and knowledge is None and fit.outcome.search is None:
+        return [
+            "The campaigns disagree at this fit, but the box was not searched for one at which "
+            "they agree: wanted more than one start."
+        ]
+    return said
 
 
 def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy | None, float]:

@@ -236,7 +236,8 @@ def _elsewhere(
 ) -> list[float]:
     """Values at separate minima of this model that the interval around the optimum does not hold.
 
-    Where an output has no value the point says nothing of it.
+    Where an output has no value the point says nothing of it; nor does one whose whole valley is
+    without a value of some output.
     """
     quantity = subject.quantity
     down, up = explored.around[quantity.name]
@@ -245,10 +246,10 @@ def _elsewhere(
     margin = 1e-6 * quantity.width * subject.scale
     values = []
     for other in equivalents:
-        if other.origin != "start" or not all(map(math.isfinite, other.derived.values())):
-            continue
         named = other.parameters if subject.parameter is not None else other.derived
-        value = named[quantity.name]
+        value = named.get(quantity.name, math.nan)
+        if other.origin != "start" or not other.possible or not math.isfinite(value):
+            continue
         inside = any(
             low - margin <= value + turns <= high + margin for turns in _turns(subject.period)
         )

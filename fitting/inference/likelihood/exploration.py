@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds, to_model
+from fitting.campaign.parameters import UNIFORM_WIDTH, to_model
 from fitting.fit.likelihood.descent import (
     AT_LIMIT,
     Expansion,
@@ -34,7 +34,7 @@ from fitting.text.arrays import FloatArray
 Branches = tuple[ProfileBranch, ProfileBranch]
 RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
 
-#: Seeded points of the box from which other minima are looked for.
+#: Points of the box from which other minima are looked for, where no search was made before.
 OTHER_STARTS = 12
 #: Linearised sigma over the way to an end of the range from which that end is tried outright.
 WORTH_REACHING = 0.3
@@ -395,25 +395,19 @@ def first_steps(likelihood: Likelihood, x: FloatArray) -> FloatArray:
 
 
 def other_minima(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, seed: int, number: int = OTHER_STARTS
+    evaluator: LikelihoodEvaluator, optimum: Optimum, begins: Sequence[FloatArray]
 ) -> tuple[ProfilePoint, ...]:
-    """Minima from seeded starts of the box that fit as well, (Dchi^2 below the 95 % threshold).
+    """Minima that fit as well, (Dchi^2 below the 95 % threshold), by descents.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
         optimum: the most likely point and its likelihood.
-        seed: of the starts.
-        number: of starts.
+        begins: search vectors to descend from, (n,) each.
     """
     likelihood = optimum.likelihood
-    lower, upper = search_bounds(likelihood.parameters)
-    generator = np.random.default_rng(seed)
     # what has a prior of its own is looked for near the best
     has_prior = likelihood.inverse_prior_sigma > 0.0
-    starts = [
-        np.where(has_prior, optimum.expansion.x, generator.uniform(lower, upper))
-        for _ in range(number)
-    ]
+    starts = [np.where(has_prior, optimum.expansion.x, begin) for begin in begins]
 
     def search(x: FloatArray) -> Task[Expansion | None]:
         try:

@@ -230,6 +230,7 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
                 derived=derived,
                 delta=max(0.0, point.delta),
                 origin="start",
+                possible=all(map(math.isfinite, derived.values())),
                 sentence=_equivalent_words(named, derived, likelihood),
             )
         )

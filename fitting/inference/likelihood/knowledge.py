@@ -86,7 +86,8 @@ class Direction:
 class Equivalent:
     """Another point that fits as well: where it is, how it was found, Dchi^2, what it means.
 
-    `where` names the settings of another alternative, empty where they are the same.
+    `where` names the settings of another alternative, empty where they are the same; `possible`
+    says whether every output has a value there, or near by at something that fits as well.
     """
 
     parameters: Mapping[str, float]
@@ -95,6 +96,7 @@ class Equivalent:
     origin: str
     sentence: str
     where: str = ""
+    possible: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
