@@ -52,7 +52,10 @@ def left_in(out: Path) -> list[str]:
 def refused(
     folder: Path, capsys: pytest.CaptureFixture[str], code: int = 2, left: tuple[str, ...] = ()
 ) -> str:
-    """The one line of complaint of a run that has to end with this code and leave these files."""
+    """The one line of complaint of a run that has to end with this code and leave these files.
+
+    Where finished levels are left, a second line says how to go on.
+    """
     out = folder / "out"
     words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(out), "--workers", "1"]
     assert main(words) == code
@@ -60,7 +63,8 @@ def refused(
     assert told.out == ""
     assert told.err.startswith("fmu-fit: ")
     assert told.err.endswith("\n")
-    assert told.err.count("\n") == 1
+    assert told.err.count("\n") == 1 + ("checkpoint.json" in left)
+    assert ("--resume" in told.err) == ("checkpoint.json" in left)
     assert "Traceback" not in told.err
     assert left_in(out) == list(left)
     return told.err
