@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
-    from fitting.campaign.data import read_campaign
     from fitting.campaign.noise import Noise
+    from fitting.measurements.kinds import read_campaign
     from fitting.text.errors import BadInput, FmuFailure
 
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
@@ -43,7 +43,7 @@ _HOMES = {
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
-    "campaign.data": ("read_campaign",),
+    "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
     "text.errors": ("BadInput", "FmuFailure"),
 }

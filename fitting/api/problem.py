@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.api.fmu import Fmu, held_fmu
-from fitting.campaign import Campaign, WrittenFmu, bind, read_campaign
+from fitting.campaign import Campaign, WrittenFmu, bind
 from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
@@ -30,7 +30,8 @@ from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
 from fitting.fmu.models import provide_fmu
-from fitting.measurements.measurement import Response
+from fitting.measurements.kinds import read_campaign
+from fitting.measurements.measurement import Measurement, Response
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
@@ -51,7 +52,8 @@ class Problem:
     Args:
         fmu: The FMU, its path, or the name of a model that is shipped.
         parameters: What is looked for, one or several.
-        measurements: `Tones` and `Sweep`, one or several, at least one that is fitted.
+        measurements: `Tones` and `Sweep`, or records of a further kind
+            (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
         noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.
@@ -64,7 +66,7 @@ class Problem:
         self,
         fmu: Fmu | str | Path,
         parameters: Sequence[Parameter] | Parameter,
-        measurements: Sequence[Tones | Sweep] | Tones | Sweep,
+        measurements: Sequence[Tones | Sweep | Measurement] | Tones | Sweep | Measurement,
         *,
         derived: Sequence[str] | str = (),
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,
@@ -73,9 +75,7 @@ class Problem:
         fmu = held_fmu(fmu)
         data = ArrayData(
             parameters=[parameters] if isinstance(parameters, Parameter) else parameters,
-            measurements=[measurements]
-            if isinstance(measurements, Tones | Sweep)
-            else measurements,
+            measurements=measurements if isinstance(measurements, Sequence) else [measurements],
             derived=[derived] if isinstance(derived, str) else derived,
             alternatives=alternatives or {},
             noise=noise or Noise(),

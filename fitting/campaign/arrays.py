@@ -28,6 +28,7 @@ from fitting.campaign.binding import (
     free_scale,
 )
 from fitting.campaign.file import ContinuationSettings
+from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
@@ -313,11 +314,12 @@ class ArrayData:
     """Everything that a campaign file would say, of a program.
 
     ``alternatives`` hold values to try by variable, in all combinations; ``derived`` names outputs
-    of the FMU that are reported; ``noise`` is what is declared beside the ``sigmas_v``.
+    of the FMU that are reported; ``noise`` is what is declared beside the ``sigmas_v``; further
+    kinds of measurements are in the FMU's units already.
     """
 
     parameters: Sequence[Parameter]
-    measurements: Sequence[Tones | Sweep]
+    measurements: Sequence[Tones | Sweep | BoundMeasurement]
     derived: Sequence[str] = ()
     alternatives: Mapping[str, Sequence[Scalar]] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)
@@ -339,18 +341,24 @@ def bind_arrays(
     """
     if not data.parameters:
         raise BadInput("problem: no parameters, wanted at least one")
-    for kind, wanted, things in (
-        ("parameters", (Parameter,), data.parameters),
-        ("measurements", (Tones, Sweep), data.measurements),
-    ):
-        for thing in things:
-            if not isinstance(thing, wanted):
-                said = " or ".join(made.__name__ for made in wanted)
-                raise BadInput(f"problem: {kind} hold a {type(thing).__name__}, wanted {said}")
-    if not any(isinstance(m, Tones) or m.use == "fit" for m in data.measurements):
+    for thing in data.parameters:
+        if not isinstance(thing, Parameter):
+            raise BadInput(f"problem: parameters hold a {type(thing).__name__}, wanted Parameter")
+    for other in data.measurements:
+        if not isinstance(other, Tones | Sweep) and not is_measurement(other):
+            raise BadInput(
+                f"problem: measurements hold a {type(other).__name__}, wanted Tones or Sweep"
+            )
+    if not any(_is_fitted(m) for m in data.measurements):
         raise BadInput('problem: nothing to fit, wanted tones, or a sweep with use = "fit"')
     names = dict.fromkeys(m.series for m in data.measurements)
     return tuple(_Series(data, name, Binder(variables)).bound() for name in names)
+
+
+def _is_fitted(measurement: Tones | Sweep | BoundMeasurement) -> bool:
+    if isinstance(measurement, Sweep):
+        return measurement.use == "fit"
+    return isinstance(measurement, Tones) or measurement.rows > 0
 
 
 @dataclass(frozen=True)
@@ -377,9 +385,16 @@ class _Series:
         return self.places.top
 
     @property
-    def mine(self) -> list[Tones | Sweep]:
+    def mine(self) -> list[Tones | Sweep | BoundMeasurement]:
         """Its measurements."""
         return [m for m in self.data.measurements if m.series == self.name]
+
+    def further(self, setup: Setup) -> dict[str, BoundMeasurement]:
+        """Its measurements of further kinds, driven so, by a name for complaints."""
+        others = [m for m in self.mine if not isinstance(m, Tones | Sweep)]
+        return {
+            f"{type(m).__name__} {k}": m.within(setup, "") for k, m in enumerate(others, start=1)
+        }
 
     def bound(self) -> BoundCampaign:
         """The series as a campaign."""
@@ -408,7 +423,8 @@ class _Series:
             )
             for e in measured
         )
-        labels = [e.label for e in experiments]
+        further = self.further(setup)
+        labels = [*(e.label for e in experiments), *labels_of(further.values())]
         if len(set(labels)) < len(labels):
             raise BadInput(
                 f"{self.top}tones: labels {', '.join(labels)}; wanted another one for each "
@@ -435,6 +451,7 @@ class _Series:
             notes=tuple(binder.notes),
             files=(),
             noise=self.data.noise,
+            measurements=further,
         )
         check_conflicts(bound, self.places)
         return bound
@@ -455,7 +472,10 @@ class _Series:
 
     def _unit(self, output: VariableLike) -> tuple[float, str]:
         """Factor and unit of the amplitudes: the output's where no scale stands between the two."""
-        units = {m.amplitude_unit: _kind(m) for m in reversed(self.mine)}
+        given = [m for m in self.mine if isinstance(m, Tones | Sweep)]
+        if not given:
+            return 1.0, output.unit or "V"
+        units = {m.amplitude_unit: _kind(m) for m in reversed(given)}
         if len(units) > 1:
             said = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
             raise BadInput(f"{self.top}{said}; wanted one amplitude_unit")

@@ -15,6 +15,7 @@ from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings
+from fitting.campaign.kind import BoundMeasurement, labels_of
 from fitting.campaign.measured import MeasuredExperiment, Spectrum
 from fitting.campaign.noise import (
     Noise,
@@ -174,7 +175,7 @@ class BoundCampaign:
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
-    the report; ``files`` all files read.
+    the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables.
     """
 
     title: str
@@ -192,6 +193,7 @@ class BoundCampaign:
     files: tuple[Path, ...]
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)
+    measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -228,7 +230,9 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         annotation=bind_annotation(campaign, binder),
         source=top,
     )
-    sweep, labels = _bind_sweep(campaign, binder), [e.label for e in experiments]
+    sweep = _bind_sweep(campaign, binder)
+    further = {name: m.bind(binder, setup) for name, m in campaign.measurements.items()}
+    labels = [*(e.label for e in experiments), *labels_of(further.values())]
     bound = BoundCampaign(
         title=file.title,
         path=campaign.path,
@@ -249,6 +253,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         files=campaign.files,
         drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
         noise=noise,
+        measurements=further,
     )
     check_conflicts(bound, places)
     return bound
@@ -256,7 +261,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
     """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
-    if campaign.is_scaled:
+    if campaign.is_scaled or not (campaign.experiments or campaign.sweep):
         return campaign
     found, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
     try:
@@ -555,6 +560,9 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
     ]
     if bound.sweep is not None:
         said.append((places.sweep, bound.sweep.settings))
+    for table, measurement in bound.measurements.items():
+        name = places.measurement.format(table)
+        said += [(f"{name} {label}".strip(), own) for label, own in measurement.places]
     tried = bound.alternatives[0]
     for name in (*fitted, *tried):
         role = "fitted" if name in fitted else "an alternative"

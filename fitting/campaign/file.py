@@ -2,18 +2,21 @@
 
 The fields of a record here are the keys of its table, with what they mean below them; what else is
 to be checked is in its `__post_init__`. `read_campaign_file` reads and checks them, and
-`fitting.campaign.schema` tells editors of them. No data file is opened, and what depends on the
-FMU's variables (their units, whether they are there) is still as written.
+`fitting.measurements.schema` tells editors of them. No data file is opened, and what depends on the
+FMU's variables (their units, whether they are there) is still as written. Tables of further kinds
+of measurements are described where the kinds are (`fitting.campaign.kind`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import Annotated
 
 from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
+from fitting.campaign.kind import MeasurementTable
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
@@ -556,7 +559,8 @@ class WrittenCampaign(Keys):
 
     def __post_init__(self) -> None:
         experiments, observe = self.experiments, self.observe
-        if experiments is None and not (self.sweep is not None and self.sweep.use == "fit"):
+        swept = self.sweep is not None and self.sweep.use == "fit"
+        if experiments is None and not swept and not self.further:
             raise Refused(
                 'nothing to fit: wanted a table [experiments], or a [sweep] with use = "fit"'
             )
@@ -576,15 +580,43 @@ class WrittenCampaign(Keys):
                     f"{len(columns)} columns, wanted {lines}, one per tone", "experiments", key
                 )
 
+    @property
+    def further(self) -> Mapping[str, MeasurementTable]:
+        """Tables of further kinds of measurements, by their names."""
+        found = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {name: table for name, table in found.items() if isinstance(table, MeasurementTable)}
 
-def read_campaign_file(path: Path) -> WrittenCampaign:
+
+@functools.cache
+def campaign_with(kinds: tuple[type[MeasurementTable], ...]) -> type[WrittenCampaign]:
+    """The record of campaign files that may also have the tables of these kinds, each once.
+
+    Args:
+        kinds: of measurements.
+
+    Raises:
+        ValueError: two kinds with one table, or one with a table of every campaign.
+    """
+    if not kinds:
+        return WrittenCampaign
+    names = [*WrittenCampaign.__dataclass_fields__, *(kind.TABLE for kind in kinds)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"tables {', '.join(names)}: one of them twice")
+    own = [(kind.TABLE, kind | None, field(default=None)) for kind in kinds]
+    return make_dataclass(
+        "WrittenCampaign", own, bases=(WrittenCampaign,), frozen=True, kw_only=True
+    )
+
+
+def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ()) -> WrittenCampaign:
     """Read and check the TOML of a campaign.
 
     Args:
         path: of the file.
+        kinds: of measurements that it may tell of, beside experiments and a sweep.
 
     Raises:
         BadInput: no such file, not TOML; or a key that is missing, unknown or of the wrong kind:
             one line for each.
     """
-    return read_record(WrittenCampaign, read_toml(path), path)
+    return read_record(campaign_with(tuple(kinds)), read_toml(path), path)

@@ -10,7 +10,8 @@ from pathlib import Path
 class Places:
     """Words for complaints: ``top`` opens them all, the others are its parts.
 
-    ``parameter`` takes the name of one as ``parameter.format(name)``.
+    ``parameter`` takes the name of one as ``parameter.format(name)``, ``measurement`` that of the
+    table of a further kind.
     """
 
     top: str
@@ -18,6 +19,7 @@ class Places:
     parameter: str
     start: str
     sweep: str
+    measurement: str
     alternatives: str
 
     def of_parameter(self, name: str) -> str:
@@ -41,6 +43,7 @@ def places_of_file(path: Path) -> Places:
         parameter="[parameters '{}']",
         start="[fmu.start]",
         sweep="[sweep.set]",
+        measurement="[{}]",
         alternatives="[alternatives]",
     )
 
@@ -57,5 +60,6 @@ def places_of_series(name: str) -> Places:
         parameter="parameter '{}'",
         start="the setup's start_values",
         sweep="the sweep's settings",
+        measurement="the measurement {}",
         alternatives="alternatives",
     )

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol, Self, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -219,6 +219,15 @@ class Measurement(Protocol):
         """
         ...
 
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        ...
+
 
 class MeasurementKind:
     """Answers for what a kind of measurement does not care about: a base class for its record.
@@ -292,6 +301,16 @@ class MeasurementKind:
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """It has no figure."""
         return ()
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same record as part of a series; what has labelled places puts the name before them.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        changed: Any = replace(self, setup=setup, series=series)  # type: ignore[type-var]
+        return cast(Self, changed)
 
 
 def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:
