@@ -318,7 +318,7 @@ class Sweep(MeasurementKind):
         )
         role = "is fitted point by point" if self.fitted else "sets the scale χ only"
         if resonance is None:
-            line = f"One damped mode could not be fitted to it: {found}."
+            line = f"One damped mode could not be fitted to it: {found}"
         else:
             line = (
                 "The fit of one damped mode to the laboratory points gives "
@@ -344,13 +344,13 @@ class Sweep(MeasurementKind):
         )
         return (figure,)
 
-    def _line(self) -> Resonance | BadInput:
+    def _line(self) -> Resonance | str:
         """One damped mode that is fitted to it without the FMU, or why that fails."""
         f, a = self.frequency_hz, self.amplitude_v
         try:
-            return fit_resonance(f, a, background=self.background, source="the sweep")
+            return fit_resonance(f, a, background=self.background, source="")
         except BadInput as error:
-            return error
+            return f"{str(error).removeprefix(':').strip().rstrip('.')}."
 
     def _ask(
         self, model: DrivenModel, p: FloatArray, tones_hz: FloatArray, batch: Batch, owner: int

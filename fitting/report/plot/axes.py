@@ -96,16 +96,18 @@ def plain_ticks(axes: Axes, *, x: int = 5, y: int = 5) -> None:
         axis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
 
 
-def log_axis(axes: Axes) -> None:
-    """A logarithmic y axis whose ticks are written as numbers, not as bare powers.
+def log_axis(axes: Axes, which: str = "y") -> None:
+    """A logarithmic axis whose ticks are written as numbers, not as bare powers.
 
     Args:
         axes: axes to draw into.
+        which: "x" or "y".
     """
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0,), numticks=8))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    axis.set_major_locator(LogLocator(10.0, subs=(1.0,), numticks=8))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def say_empty(axes: Axes, words: str = "the model has no value here") -> None:

@@ -78,7 +78,10 @@ def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) 
 def _scaling(axis: Axis, values: FloatArray) -> Scaling:
     """A prefix; where values lie close together, from a round number near by."""
     if axis.log or axis.low == 0.0:
-        factor, unit = prefixed(max(np.abs(values), default=0.0), axis.unit)
+        size = max(np.abs(values), default=0.0)
+        if axis.log and np.any(values > 0.0):  # its middle, or all but the end would be powers
+            size = float(np.exp(np.mean(np.log([size, np.min(values[values > 0.0])]))))
+        factor, unit = prefixed(size, axis.unit)
         return Scaling(offset=0.0, factor=factor, unit=unit)
     return scaling_for(values, axis.unit)
 
@@ -217,7 +220,7 @@ def _limit(axes: Axes, shown: Panel, panels: Sequence[Panel], scales: Scales) ->
     narrow = width_inches(axes) < NARROW_INCHES
     plain_ticks(axes, x=4 if narrow else 8, y=5 if shown.height >= 1.0 else 4)
     if shown.x.log:
-        axes.set_xscale("log")
+        log_axis(axes, "x")
     if shown.y.log:
         log_axis(axes)
     if shown.x.low is not None:
