@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitting.api.fmu import Fmu, held_fmu
-from fitting.campaign import Campaign, read_campaign
+from fitting.campaign import Campaign
 from fitting.campaign.check import Check, check_fmu
+from fitting.measurements.kinds import read_campaign
 from fitting.text.errors import BadInput
 
 

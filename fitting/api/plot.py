@@ -158,6 +158,8 @@ def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | No
     Raises:
         BadInput: there is no such figure, or no such panel of it.
     """
+    if not isinstance(found, Valued):
+        raise BadInput(f"plot: a {type(found).__name__}, wanted a fit, or what was inferred of it")
     figures = {figure.stem: figure for figure in figures_of(found.source.record)}
     if not figures or (name and name not in figures):
         raise BadInput(f"plot: no figure '{name}', wanted one of {', '.join(figures) or 'none'}")
