@@ -97,6 +97,7 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
     line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
     campaigns = tuple(problem.campaigns.values())
+    faults = fault_sentences(problem)
     return [
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
@@ -110,8 +111,9 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *warned(Kind.LINE, line_warnings(line, fitted=fitted) if line else []),
-        *warned(Kind.SWEEP, fault_sentences(problem)),
-        *warned(Kind.SCALE_FACTOR, agreement_sentences(solution)),
+        *warned(Kind.SWEEP, faults),
+        # a sweep that is no line contradicts the peaks for that reason
+        *warned(Kind.SCALE_FACTOR, [] if faults else agreement_sentences(solution)),
     ]
 
 
