@@ -52,7 +52,10 @@ def left_in(out: Path) -> list[str]:
 def refused(
     folder: Path, capsys: pytest.CaptureFixture[str], code: int = 2, left: tuple[str, ...] = ()
 ) -> str:
-    """The one line of complaint of a run that has to end with this code and leave these files."""
+    """The complaint of a run that has to end with this code and leave these files.
+
+    One line; where finished levels are left, a second one says how to go on from them.
+    """
     out = folder / "out"
     words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(out), "--workers", "1"]
     assert main(words) == code
@@ -60,7 +63,9 @@ def refused(
     assert told.out == ""
     assert told.err.startswith("fmu-fit: ")
     assert told.err.endswith("\n")
-    assert told.err.count("\n") == 1
+    lines = told.err.splitlines()
+    assert len(lines) == 1 + bool(left)
+    assert all("--resume" in line for line in lines[1:])
     assert "Traceback" not in told.err
     assert left_in(out) == list(left)
     return told.err

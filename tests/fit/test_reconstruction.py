@@ -30,6 +30,7 @@ from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import results_folder
 from tests.fit.test_result import read_rows
 from tests.support import closed_form
 from tests.support.datasets import drafted, through
@@ -484,27 +485,28 @@ def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
 
 
 def test_resuming_another_job_is_refused(tmp_path: Path) -> None:
-    checkpoint.Checkpoint(tmp_path, "another").record(
-        ContinuationStep(
-            alternative=0,
-            start=0,
-            level=0,
-            nu=0.1,
-            x=(0.0,),
-            parameters=(0.0,),
-            j_fit=0,
-            j_reg=0,
-            change=0,
-            optimality=0,
-            status="optimal",
-            message="",
-            iterations=0,
-            evaluations=0,
-            jacobians=0,
-            runs=0,
-            seconds=0.0,
+    with results_folder(tmp_path, "reconstruct", ["checkpoint.json"]):
+        checkpoint.Checkpoint(tmp_path, "another").record(
+            ContinuationStep(
+                alternative=0,
+                start=0,
+                level=0,
+                nu=0.1,
+                x=(0.0,),
+                parameters=(0.0,),
+                j_fit=0,
+                j_reg=0,
+                change=0,
+                optimality=0,
+                status="optimal",
+                message="",
+                iterations=0,
+                evaluations=0,
+                jacobians=0,
+                runs=0,
+                seconds=0.0,
+            )
         )
-    )
     args = arguments(str(STRING_Q1), "--out", str(tmp_path), "--resume", "--workers", "1")
     with pytest.raises(BadInput, match="other data, another FMU or other settings"):
         command.run(args)
