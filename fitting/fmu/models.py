@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol
 
@@ -43,8 +44,9 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """
     if source.file is not None:
         return source.file
-    with Scratch() as folder:
-        built = _build(str(source.model), folder)
+    # in a thread, because an interrupt within a start of a process would leave that process running
+    with Scratch() as folder, ThreadPoolExecutor(1) as thread:
+        built = thread.submit(_build, str(source.model), folder).result()
         write_whole(cache / built.name, built.read_bytes())
         return cache / built.name
 

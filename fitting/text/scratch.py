@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import platform
+import secrets
 import shutil
 import tempfile
+import weakref
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,12 +37,11 @@ class Scratch:
         try:
             place = Path(tempfile.gettempdir() if parent is None else parent)
             _remove_abandoned(place)
-            self.path = Path(tempfile.mkdtemp(prefix=PREFIX, dir=place))
-            try:
-                self._lock = _locked(self.path)
-            except BaseException:
-                shutil.rmtree(self.path, ignore_errors=True)
-                raise
+            self.path = place / f"{PREFIX}{secrets.token_hex(8)}"
+            # before there is one: what asks the process to end may come at any moment
+            self._remove = weakref.finalize(self, _remove, self.path, os.getpid())
+            self.path.mkdir(mode=0o700)
+            self._lock = _locked(self.path)
         except OSError as error:
             where = parent or error.filename or tempfile.gettempdir()
             raise BadInput(
@@ -49,7 +50,7 @@ class Scratch:
 
     def remove(self) -> None:
         """Remove the folder with all that is in it; nothing if it is gone already."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        self._remove()
         self._lock.release()
 
     def __enter__(self) -> Path:
@@ -57,6 +58,11 @@ class Scratch:
 
     def __exit__(self, *_: object) -> None:
         self.remove()
+
+
+def _remove(folder: Path, owner: int) -> None:
+    if os.getpid() == owner:  # and not a fork of it
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _locked(folder: Path) -> FileLock:
