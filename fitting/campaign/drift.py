@@ -11,7 +11,6 @@ Experiments of one state, by time stamp or by drive, share their delta.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -115,19 +114,18 @@ def _positions(campaign: Campaign) -> tuple[float, ...]:
 def _drives(experiments: Sequence[MeasuredExperiment]) -> list[int]:
     """Number of each experiment's drive: one after the other, rows of other outputs count once."""
     numbers: list[int] = []
-    seen: set[str | None] = set()
-    for before, here in itertools.pairwise([None, *experiments]):
-        assert here is not None  # noqa: S101 - only the first `before` is
-        output = None if here.output is None else str(here.output.value)
-        same = before is not None and _drive(before) == _drive(here) and output not in seen
-        seen = {*seen, output} if same else {output}
-        numbers.append((numbers[-1] + (not same)) if numbers else 0)
+    drive: object = None
+    read: set[str | None] = set()
+    for experiment in experiments:
+        settings = {name: (w.value, w.unit) for name, w in experiment.settings.items()}
+        output = None if experiment.output is None else str(experiment.output.value)
+        if drive != (experiment.tones_hz, settings) or output in read:
+            drive, read = (experiment.tones_hz, settings), set()
+            numbers.append(numbers[-1] + 1 if numbers else 0)
+        else:
+            numbers.append(numbers[-1])
+        read.add(output)
     return numbers
-
-
-def _drive(experiment: MeasuredExperiment) -> object:
-    settings = {name: (w.value, w.unit) for name, w in experiment.settings.items()}
-    return experiment.tones_hz, settings
 
 
 def stamp_of(written: Written | None) -> float:
