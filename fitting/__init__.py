@@ -14,52 +14,66 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from fitting.api import plot
+    from fitting.api.check import check
+    from fitting.api.design import Goal, Limits, design, limits
+    from fitting.api.examples import example
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
-    from fitting.api.fmu import Fmu, simulate, sweep
-    from fitting.api.jobs import design, example, identify, report
+    from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
+    from fitting.api.jobs import identify, report
     from fitting.api.problem import Problem
+    from fitting.api.synthesis import synthesize
+    from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
-    from fitting.campaign.data import read_campaign
     from fitting.campaign.noise import Noise
-    from fitting.lab.synthesis import synthesize
+    from fitting.measurements.kinds import read_campaign
     from fitting.text.errors import BadInput, FmuFailure
 
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
 #: nothing and a worker process or ``--help`` loads no more than it needs.
 _HOMES = {
+    "api.check": ("check",),
+    "api.design": ("Goal", "Limits", "design", "limits"),
+    "api.examples": ("example",),
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
-    "api.fmu": ("Fmu", "simulate", "sweep"),
-    "api.jobs": ("design", "example", "identify", "report"),
+    "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
+    "api.jobs": ("identify", "report"),
     "api.problem": ("Problem",),
+    "api.synthesis": ("synthesize",),
+    "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
-    "campaign.data": ("read_campaign",),
+    "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
-    "lab.synthesis": ("synthesize",),
     "text.errors": ("BadInput", "FmuFailure"),
 }
 
 __all__ = [
+    "Accuracy",
     "BadInput",
     "Drive",
     "Fit",
     "Fmu",
     "FmuFailure",
+    "Goal",
     "Inference",
+    "Limits",
     "Noise",
     "Parameter",
     "Problem",
     "Setup",
+    "StudyOptions",
     "Sweep",
     "Tikhonov",
     "Tones",
     "Value",
     "__version__",
+    "check",
     "design",
     "example",
     "fit",
     "identify",
+    "limits",
     "plot",
     "profile",
     "read_campaign",
@@ -67,6 +81,8 @@ __all__ = [
     "simulate",
     "sweep",
     "synthesize",
+    "tradeoff",
+    "write_tradeoff",
 ]
 
 

@@ -13,8 +13,9 @@ import hypothesis
 import pytest
 
 import build_fmu
+from fitting.fmu.worker import process as worker_process
 from tests.support.fmus import Instance, Unpacked, unpack
-from tests.support.processes import MOST_S
+from tests.support.processes import MOST_S, Clock
 
 # no claim about time: a busy machine is no fault of the code
 hypothesis.settings.register_profile(
@@ -63,3 +64,18 @@ def instance(oscillator: Unpacked) -> Iterator[Instance]:
     """A new instance of the FMU in this process."""
     with Instance(oscillator) as made:
         yield made
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """The clock by which workers are late, which no busy machine can disturb."""
+    clock = Clock()
+    monkeypatch.setattr(worker_process, "time", clock)
+    return clock
+
+
+@pytest.fixture(autouse=True)
+def _patient_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine a line of progress would stand among the complaints that tests count."""
+    monkeypatch.setattr("fitting.cli.progress.FIRST_S", 1e6)
+    monkeypatch.setattr("fitting.cli.progress.MOST_S", 1e6)

@@ -12,8 +12,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 from fitting.api.problem import Problem
+from fitting.fit import checkpoint
+from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
 from fitting.fit.linearisation import IDENTIFIABLE
@@ -27,9 +30,10 @@ from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.warnings import Kind
 from fitting.report.table import Table, html_table, terminal_text, text_lines
-from fitting.report.tables.values import values_table
-from fitting.result.provenance import Identity
+from fitting.report.tables.values import interval_table
+from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
@@ -37,9 +41,27 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import quantity, span
 from fitting.text.tables import did_you_mean
 
+__all__ = [
+    "LEVELS_FILE",
+    "MISFITS",
+    "Fit",
+    "Inference",
+    "KeptLevels",
+    "Progress",
+    "Tikhonov",
+    "Value",
+    "Valued",
+    "fit",
+    "kept_levels",
+    "profile",
+    "search_options",
+]
+
 Found = ParameterResult | DerivedResult | OffsetResult
 #: Levels at which intervals are known.
 LEVELS = (0.68, 0.95)
+#: Where the finished levels of a search are kept, in the folder of its results.
+LEVELS_FILE = checkpoint.NAME
 
 
 @dataclass(frozen=True)
@@ -98,7 +120,7 @@ class Tikhonov:
 
         Args:
             starts: How many starts, at least 1.
-            seed: Of the starts, at least 0.
+            seed: Of the search, at least 0.
         """
         if starts < 1 or seed < 0:
             raise BadInput(f"starts = {starts}, seed = {seed}: wanted at least 1 and at least 0")
@@ -246,7 +268,7 @@ class Valued(ABC):
     @property
     def table(self) -> Table:
         """The values as a table."""
-        return values_table(self.inferred, self.source.problem.record.title)
+        return interval_table(self.inferred, self.source.problem.record.title)
 
     def __repr__(self) -> str:
         fit = self.source
@@ -363,6 +385,11 @@ class Inference(Valued):
         return self.fit.seconds + self._taken
 
     @property
+    def profiled(self) -> bool:
+        """Whether every profile was walked that was asked for; see `warnings` where not."""
+        return all(warned.kind is not Kind.PROFILES for warned in self.record.warnings)
+
+    @property
     def knowledge(self) -> Knowledge | None:
         """Profiles, directions, other minima; None where the profiles failed: see `warnings`."""
         return self.record.knowledge
@@ -377,16 +404,17 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     memory: Memory | None = None,
 ) -> Fit:
-    """Solve a problem by Algorithms 1 and 2 from several starts, for every alternative.
+    """Solve a problem by Algorithms 1 and 2 and a search of its box, for every alternative.
 
     Args:
         problem: What is looked for, and from what.
         method: How; None: as the campaign says, `Tikhonov` without one.
-        starts: How many starts, the problem's own and seeded ones in its box; None: as the campaign
-            says, 3 without one.
-        seed: Of the further starts; None: as the campaign says, 1 without one.
+        starts: How many starts are followed to the last ν: the problem's own, and the lowest minima
+            that a search of its box finds; 1: no search; None: as the campaign says, 3 without one.
+        seed: Of the search; None: as the campaign says, 1 without one.
         progress: Called before and after every level with the state of the search.
-        memory: Where finished levels are kept, to go on after an interruption.
+        memory: Where finished levels are kept, to go on after an interruption; `kept_levels`
+            makes one.
 
     Returns:
         The best that was found: ``fit["name"]`` is a value with its error and verdict.
@@ -395,6 +423,8 @@ def fit(
         BadInput: the problem cannot be planned, or settings out of their range.
         FmuFailure: the FMU failed inside the box.
     """
+    if not isinstance(problem, Problem):
+        raise BadInput(f"fit: found a {type(problem).__name__}, wanted a Problem")
     begun = time.perf_counter()
     options = search_options(problem, method, starts, seed)
     hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
@@ -410,6 +440,26 @@ def search_options(
     return (method or Tikhonov.of(problem.options)).options(
         own.starts if starts is None else starts, own.seed if seed is None else seed
     )
+
+
+def kept_levels(
+    folder: str | Path, problem: Problem, options: Options, command: str, *, resume: bool = False
+) -> KeptLevels:
+    """Finished levels of a search, kept in a folder: those of an interrupted one, or none yet.
+
+    Args:
+        folder: Where they are kept.
+        problem: What is looked for, and from what.
+        options: As `search_options` makes them.
+        command: What a result says that it was made by.
+        resume: Whether those that are there count.
+
+    Raises:
+        BadInput: what is there is of another search.
+    """
+    job = job_of(problem.record, identity_of(problem, command), options)
+    begin = checkpoint.resume if resume else checkpoint.begin
+    return begin(Path(folder), job)
 
 
 def identity_of(problem: Problem, command: str) -> Identity:
@@ -446,6 +496,8 @@ def profile(
 
     Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87.
     """
+    if not isinstance(fit, Fit):
+        raise BadInput(f"profile: found a {type(fit).__name__}, wanted a Fit")
     begun = time.perf_counter()
     asked = (names,) if isinstance(names, str) else tuple(names or ())
     record = fit.problem.record

@@ -2,35 +2,110 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
+import importlib
+import math
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from os import PathLike
 from pathlib import Path
 from types import TracebackType
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from fitting.api.written import DRIVE_FILES, SWEEP_FILES
 from fitting.campaign.binder import Binder
+from fitting.campaign.binding import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.models import provide_fmu
+from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, pairs_table
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import DIRECTIONS, USUAL_SWEEP_ACCURACY, SweepResponse
 from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
-from fitting.simulate.response import USUAL_ACCURACY, DriveResponse
-from fitting.simulate.response import simulate as simulate_through
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan_drive, respond
+from fitting.simulate.tone_names import OtherTone, other_tones
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import results_folder
+from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy, convert, same_kind
-from fitting.text.written import as_written
+from fitting.text.written import as_written, in_unit
+
+__all__ = ["MOST_WORKERS", "Accuracy", "Fmu", "OtherTone", "held_fmu", "simulate", "sweep"]
 
 #: Parameters that hold the frequencies of the tones in the models of this project.
 USUAL_TONES = ("u1", "u2")
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How accurate simulated amplitudes are wanted, and what their plan has to keep to.
+
+    Args:
+        relative: Wanted largest error, above 0 and below 1: of a drive relative to each amplitude,
+            of a sweep to the largest; None: 1e-6 of a drive, 1e-4 of a sweep.
+        settle_s: Time before sampling, in a sweep at every point, s; None: found by watching the
+            amplitudes. What a given time leaves of the transient is a part of the promise.
+        window_s: Length of the spectrum that is shown of a drive, s; None: some common periods.
+        samples: Number of samples in it; None: by the band.
+        force: Reductions of the model that a drive takes, whatever they cost.
+        forbid: Reductions that it does not take.
+
+    Raises:
+        BadInput: a number out of its range.
+    """
+
+    relative: float | None = None
+    settle_s: float | None = None
+    window_s: float | None = None
+    samples: int | None = None
+    force: Sequence[str] = ()
+    forbid: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        if self.relative is not None:
+            checked_accuracy(self.relative, "accuracy")
+        if self.settle_s is not None and not 0.0 <= self.settle_s < math.inf:
+            raise BadInput(f"settle_s: found {self.settle_s!r}, wanted a time of at least 0")
+        if self.window_s is not None and not 0.0 < self.window_s < math.inf:
+            raise BadInput(f"window_s: found {self.window_s!r}, wanted a positive time")
+        if self.samples is not None and self.samples < 1:
+            raise BadInput(f"samples: found {self.samples!r}, wanted at least 1")
+        for name in ("force", "forbid"):
+            value = getattr(self, name)
+            object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
+
+    @classmethod
+    def of(cls, accuracy: float | Accuracy | None) -> Accuracy:
+        """The settings, of which the relative accuracy is the one mostly said.
+
+        Args:
+            accuracy: Settings, or the relative accuracy alone.
+        """
+        return accuracy if isinstance(accuracy, Accuracy) else cls(accuracy)
+
+    @property
+    def for_drives_alone(self) -> tuple[str, ...]:
+        """Names of the settings that mean nothing in a sweep."""
+        names = ("window_s", "samples", "force", "forbid")
+        return tuple(name for name in names if getattr(self, name) not in (None, ()))
+
+    @property
+    def annotation(self) -> AccuracyAnnotation:
+        """What is to be forced and forbidden."""
+        return AccuracyAnnotation(force=tuple(self.force), forbid=tuple(self.forbid))
 
 
 class Fmu:
@@ -43,20 +118,31 @@ class Fmu:
             ``with`` block, and end with it, with ``close``, or when nobody refers to this object
             any more.
         timeout_s: Longest time for one run, s; then the FMU counts as failed.
+        timeout_name: What complaints call that time.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
     """
 
-    def __init__(self, source: str | Path, workers: int = 2, timeout_s: float = 60.0) -> None:
+    def __init__(
+        self,
+        source: str | Path,
+        workers: int = 2,
+        timeout_s: float = 60.0,
+        timeout_name: str = "timeout_s",
+    ) -> None:
+        if not isinstance(source, str | PathLike):
+            raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
         path = self._built(str(source)) if is_model else source
-        self.workers = FmuWorkers(path, workers=workers, timeout_s=timeout_s)
+        self.workers = FmuWorkers(
+            path, workers=workers, timeout_s=timeout_s, timeout_name=timeout_name
+        )
 
     def _built(self, model: str) -> Path:
-        folder = tempfile.mkdtemp(prefix="fmu-fit-model-")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return provide_fmu(WrittenFmu(model=model), Path(folder))
+        scratch = Scratch()
+        weakref.finalize(self, scratch.remove)
+        return provide_fmu(WrittenFmu(model=model), scratch.path)
 
     @property
     def description(self) -> FmuDescription:
@@ -68,24 +154,32 @@ class Fmu:
         """Its variables by name, in the order of the modelDescription."""
         return self.description.variables
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The different warnings that it logged."""
+        return self.workers.warnings
+
     def simulate(
         self,
         start_values: Mapping[str, Scalar] | None = None,
         *,
-        tones: Sequence[str] = USUAL_TONES,
+        tones: Iterable[str | float] | str = USUAL_TONES,
+        drive: WantedDrive | None = None,
         outputs: str | Sequence[str] = (),
-        accuracy: float = USUAL_ACCURACY,
-        settle_s: float | None = None,
+        accuracy: float | Accuracy | None = None,
     ) -> DriveResponse:
         """Drive the FMU with some tones and read its steady response.
 
         Args:
             start_values: Start values by variable: numbers in the FMU's units, or texts such as
                 "6.94 MHz"; the others are the FMU's own.
-            tones: Parameters of the FMU that hold the frequencies of the tones.
+            tones: Parameters of the FMU that hold the frequencies of the tones; with ``drive`` the
+                frequencies themselves, in Hz or as "280 Hz".
+            drive: What makes tones of these frequencies: an input of the FMU, or parameters that
+                are set; None: the FMU does, as its start values say.
             outputs: Names of outputs; none: the first continuous one.
-            accuracy: Wanted largest relative error of every amplitude, between 0 and 1.
-            settle_s: Time before sampling, s; None: found by watching the amplitudes.
+            accuracy: Wanted largest relative error of every amplitude, between 0 and 1, or an
+                `Accuracy` with more to keep to; None: 1e-6.
 
         Returns:
             ``peaks`` (tones, outputs) in the outputs' units, spectrum, traces, and the plan with
@@ -95,14 +189,36 @@ class Fmu:
             BadInput: names, values or units that do not fit the FMU.
             FmuFailure: the FMU failed.
         """
-        values = self._start_values(start_values)
-        drive = Drive(
-            start_values=values,
-            tones_hz=tuple(self._tone_hz(name, values) for name in tones),
-            outputs=self._outputs(outputs),
-        )
-        accuracy = checked_accuracy(accuracy, "accuracy")
-        return simulate_through(self.workers, drive, accuracy, settle_s=settle_s)
+        asked = Accuracy.of(accuracy)
+        plan = self._plan(self._drive(start_values, tones, drive, outputs), asked)
+        return respond(self.workers, plan, Shown(asked.window_s, asked.samples))
+
+    def plan(
+        self,
+        start_values: Mapping[str, Scalar] | None = None,
+        *,
+        tones: Iterable[str | float] | str = USUAL_TONES,
+        drive: WantedDrive | None = None,
+        outputs: str | Sequence[str] = (),
+        accuracy: float | Accuracy | None = None,
+    ) -> DrivePlan:
+        """The plan on which `simulate` stands, without the response: settling, windows, settings.
+
+        Args:
+            start_values: As `simulate` takes them.
+            tones: Likewise.
+            drive: Likewise.
+            outputs: Likewise.
+            accuracy: Likewise.
+
+        Returns:
+            ``budget`` holds the decisions with what they promise, ``promised`` their sum.
+
+        Raises:
+            BadInput: as `simulate`.
+            FmuFailure: the FMU failed.
+        """
+        return self._plan(self._drive(start_values, tones, drive, outputs), Accuracy.of(accuracy))
 
     def sweep(
         self,
@@ -112,8 +228,11 @@ class Fmu:
         tone: str = USUAL_TONES[0],
         output: str = "",
         directions: Sequence[str] = ("up",),
+        accuracy: float | Accuracy | None = None,
     ) -> SweepResponse:
         """Move a tone through the FMU while it runs and read the amplitude at every point.
+
+        Other tones of the FMU do not drive: their amplitudes are set to zero, see `other_tones`.
 
         Args:
             frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
@@ -122,6 +241,8 @@ class Fmu:
             tone: The tunable parameter of the FMU that is moved.
             output: The output that is read; empty: the first continuous one.
             directions: Any of "up" and "down".
+            accuracy: Wanted largest error relative to the largest amplitude, between 0 and 1, or
+                an `Accuracy` with the time to settle at every point; None: 1e-4.
 
         Returns:
             ``curves`` of amplitudes (n,) by direction, in the output's unit, and their jumps.
@@ -130,22 +251,67 @@ class Fmu:
             BadInput: names, values or units that do not fit the FMU, frequencies that do not rise.
             FmuFailure: the FMU failed.
         """
+        asked = Accuracy.of(accuracy)
+        if asked.for_drives_alone:
+            raise BadInput(
+                f"{asked.for_drives_alone[0]}: has no meaning in a sweep, only in a drive"
+            )
+        directions = (directions,) if isinstance(directions, str) else tuple(directions)
         unknown = [d for d in directions if d not in DIRECTIONS]
         if unknown or not directions:
             raise BadInput(f"directions: found {directions!r}, wanted some of up, down")
         grid = np.asarray(frequency_hz, dtype=float)
         if grid.ndim != 1 or grid.size < 2:
             raise BadInput(f"frequency_hz has the shape {grid.shape}, wanted (n,), two or more")
-        values = self._start_values(start_values)
+        unit = self._frequency_unit("tone", tone)
         wanted = SweepRequest(
-            start_values=values,
+            start_values=self._alone(tone, self._start_values(start_values)),
             tone=tone,
-            tone_unit=self._frequency_unit(tone),
+            tone_unit=unit,
             frequencies_hz=tuple(map(float, grid)),
-            output=self._outputs(output)[0],
-            directions=tuple(directions),
+            output=self._outputs(output, "output")[0],
+            directions=directions,
         )
-        return sweep_through(self.workers, wanted, USUAL_SWEEP_ACCURACY)
+        relative = USUAL_SWEEP_ACCURACY if asked.relative is None else asked.relative
+        return sweep_through(self.workers, wanted, relative, settle_s=asked.settle_s)
+
+    def other_tones(
+        self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
+    ) -> tuple[OtherTone, ...]:
+        """Tones that the FMU drives with beside some: named like them, with an amplitude.
+
+        Args:
+            tones: Parameters that hold the frequencies of the known tones.
+            start_values: Start values by variable; the others are the FMU's own.
+
+        Returns:
+            ``frequency`` and ``amplitude``, the parameters of each.
+        """
+        return other_tones(tones, start_values or {}, self.variables)
+
+    def write(self, found: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
+        """Write what the command line writes of a response: CSV tables and figures.
+
+        Args:
+            found: What `simulate` or `sweep` returned.
+            out: Folder, made where there is none.
+
+        Returns:
+            The files.
+
+        Raises:
+            BadInput: the folder cannot be written, or holds files of these names that are not ours.
+        """
+        # matplotlib takes a second to import: only where something is drawn
+        report = importlib.import_module("fitting.report.simulation")
+        files: tuple[Path, ...]
+        if isinstance(found, DriveResponse):
+            with results_folder(Path(out), "simulate", DRIVE_FILES):
+                files = report.write_drive(found, self.description, Path(out))
+        else:
+            with results_folder(Path(out), "sweep", SWEEP_FILES):
+                files = report.write_sweep(found, self.description, Path(out))
+        return files
 
     def close(self) -> None:
         """End the worker processes; a later run starts them again."""
@@ -180,89 +346,160 @@ class Fmu:
         }
         return pairs_table(f"{d.model_name} (FMI {d.fmi_version})", ("variable", "start"), said)
 
+    def _plan(self, drive: Drive, asked: Accuracy) -> DrivePlan:
+        return plan_drive(
+            self.workers,
+            drive,
+            USUAL_ACCURACY if asked.relative is None else asked.relative,
+            settle_s=asked.settle_s,
+            annotation=asked.annotation,
+            shown=Shown(asked.window_s, asked.samples),
+        )
+
+    def _drive(
+        self,
+        start_values: Mapping[str, Scalar] | None,
+        tones: Iterable[str | float] | str,
+        drive: WantedDrive | None,
+        outputs: str | Sequence[str],
+    ) -> Drive:
+        values = self._start_values(start_values)
+        tones = (tones,) if isinstance(tones, str) else tuple(tones)
+        if drive is not None:
+            return self._driven(drive, _hertz(tones), values, self._outputs(outputs, "outputs"))
+        if tones == USUAL_TONES and not all(name in self.variables for name in tones):
+            raise BadInput(
+                f"{self.description.path}: has no parameters {' and '.join(USUAL_TONES)}; wanted "
+                "the names of those that hold the frequencies of the tones, or an input to drive"
+            )
+        names = tuple(map(str, tones))
+        return Drive(
+            start_values=values,
+            tones_hz=tuple(self._tone_hz(name, values) for name in names),
+            outputs=self._outputs(outputs, "outputs"),
+            tone_names=names,
+        )
+
+    def _driven(
+        self,
+        drive: WantedDrive,
+        tones_hz: tuple[float, ...],
+        values: dict[str, Scalar],
+        outputs: tuple[str, ...],
+    ) -> Drive:
+        """A drive whose tones are made: by an input, or by parameters that are set."""
+        if drive.input is not None:
+            Binder(self.variables).real(drive.input, "drive", ("input",), "driven")
+        elif len(tones_hz) != len(drive.frequency_names):
+            raise BadInput(
+                f"tones: found {len(tones_hz)} frequencies, wanted {len(drive.frequency_names)}, "
+                f"one for each of {', '.join(drive.frequency_names)}"
+            )
+        else:
+            units = [self._frequency_unit("drive", name) for name in drive.frequency_names]
+            made: dict[str, Scalar] = dict.fromkeys(drive.amplitude_names, drive.amplitude)
+            made |= {
+                name: convert(tone, "Hz", unit, where=f"drive '{name}'")
+                for name, tone, unit in zip(drive.frequency_names, tones_hz, units, strict=True)
+            }
+            for name in made:
+                Binder(self.variables).real(name, "drive", SETTABLE, "set")
+                if name in values:
+                    raise BadInput(f"start_values '{name}': is set by the drive, wanted it there")
+            values = {**values, **made}
+        return Drive(
+            start_values=values,
+            tones_hz=tones_hz,
+            outputs=outputs,
+            tone_names=drive.frequency_names,
+            input=drive.input,
+            amplitude=drive.amplitude,
+            steps_per_period=drive.samples_per_period,
+            highest_order=drive.highest_order,
+        )
+
     def _start_values(self, given: Mapping[str, Scalar] | None) -> dict[str, Scalar]:
         binder = Binder(self.variables)
         return {
-            name: binder.setting(name, as_written(value, f"start value of '{name}'"))
+            name: binder.setting(name, as_written(value, f"start_values '{name}'"))
             for name, value in (given or {}).items()
         }
 
-    def _frequency_unit(self, name: str) -> str:
-        variable = Binder(self.variables).real(name, "tone", SETTABLE, "set")
+    def _alone(self, tone: str, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Start values of a sweep, with which other tones of the FMU do not drive."""
+        if tone in values:
+            raise BadInput(
+                f"start_values '{tone}': is the tone that is moved, wanted its frequencies alone"
+            )
+        others = self.other_tones((tone,), values)
+        for other in others:
+            if other.amplitude in values:
+                raise BadInput(
+                    f"start_values '{other.amplitude}': found {values[other.amplitude]!r}, with "
+                    f"which {other.frequency} would drive beside {tone}; wanted 0 in a sweep of "
+                    "one tone"
+                )
+        return {**values, **{other.amplitude: 0.0 for other in others}}
+
+    def _frequency_unit(self, argument: str, name: str) -> str:
+        variable = Binder(self.variables).real(name, f"{argument} '{name}'", SETTABLE, "set")
         if not same_kind(variable.unit or "1", "Hz"):
-            raise BadInput(f"tone '{name}': its unit is {variable.unit!r}, wanted a frequency")
+            raise BadInput(
+                f"{argument} '{name}': its unit is {variable.unit!r}, wanted a frequency"
+            )
         return variable.unit or "1"
 
     def _tone_hz(self, name: str, values: Mapping[str, Scalar]) -> float:
-        unit = self._frequency_unit(name)
+        unit = self._frequency_unit("tones", name)
         value = values.get(name, self.variables[name].start)
         if value is None:
-            raise BadInput(f"tone '{name}': has no start value, wanted one in start_values")
-        return convert(float(value), unit, "Hz", where=f"tone '{name}'")
+            raise BadInput(f"tones '{name}': has no start value, wanted one in start_values")
+        return convert(float(value), unit, "Hz", where=f"tones '{name}'")
 
-    def _outputs(self, names: str | Sequence[str]) -> tuple[str, ...]:
+    def _outputs(self, names: str | Sequence[str], argument: str) -> tuple[str, ...]:
         asked = ((names,) if names else ()) if isinstance(names, str) else tuple(names)
         for name in asked:
-            Binder(self.variables).real(name, "outputs", READABLE, "read")
+            Binder(self.variables).real(name, f"{argument} '{name}'", READABLE, "read")
         if asked:
             return asked
         for v in self.variables.values():
             if (v.causality, v.kind, v.variability) == ("output", "Real", "continuous"):
                 return (v.name,)
-        raise BadInput(f"{self.description.path}: has no continuous Real output, wanted outputs")
+        raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
 
 
-def simulate(
-    fmu: Fmu,
-    start_values: Mapping[str, Scalar] | None = None,
-    *,
-    tones: Sequence[str] = USUAL_TONES,
-    outputs: str | Sequence[str] = (),
-    accuracy: float = USUAL_ACCURACY,
-    settle_s: float | None = None,
-) -> DriveResponse:
-    """Drive an FMU with some tones and read its steady response; `Fmu.simulate` as a function.
+def _hertz(tones: Iterable[str | float]) -> tuple[float, ...]:
+    """Frequencies in Hz, of numbers and quantities."""
+    written = (t if isinstance(t, str) else float(t) for t in tones)
+    return tuple(in_unit(as_written(tone, "tones"), "Hz") for tone in written)
+
+
+def held_fmu(fmu: Fmu | str | Path) -> Fmu:
+    """The FMU itself, or that of a path or of a model's name.
 
     Args:
-        fmu: The FMU.
-        start_values: Start values by variable: numbers in the FMU's units, or texts such as
-            "6.94 MHz"; the others are the FMU's own.
-        tones: Parameters of the FMU that hold the frequencies of the tones.
-        outputs: Names of outputs; none: the first continuous one.
-        accuracy: Wanted largest relative error of every amplitude, between 0 and 1.
-        settle_s: Time before sampling, s; None: found by watching the amplitudes.
+        fmu: Any of them.
 
     Raises:
-        BadInput: names, values or units that do not fit the FMU.
-        FmuFailure: the FMU failed.
+        BadInput: no such file or model, no FMU that this machine can run.
     """
-    return fmu.simulate(
-        start_values, tones=tones, outputs=outputs, accuracy=accuracy, settle_s=settle_s
-    )
+    return fmu if isinstance(fmu, Fmu) else Fmu(fmu)
 
 
-def sweep(
-    fmu: Fmu,
-    frequency_hz: npt.ArrayLike,
-    start_values: Mapping[str, Scalar] | None = None,
-    *,
-    tone: str = USUAL_TONES[0],
-    output: str = "",
-    directions: Sequence[str] = ("up",),
-) -> SweepResponse:
-    """Move a tone through an FMU and read the amplitude at every point; `Fmu.sweep` as a function.
+def _of_any_fmu(
+    method: Callable[Concatenate[Fmu, Arguments], Result],
+) -> Callable[Concatenate[Fmu | str | Path, Arguments], Result]:
+    """A method of an FMU as a function of one, which may be given by its path or name."""
 
-    Args:
-        fmu: The FMU.
-        frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-        start_values: Start values by variable: numbers in the FMU's units, or texts such as
-            "0.3 m/s2"; the others are the FMU's own.
-        tone: The tunable parameter of the FMU that is moved.
-        output: The output that is read; empty: the first continuous one.
-        directions: Any of "up" and "down".
+    @wraps(method)
+    def function(
+        fmu: Fmu | str | Path, /, *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Result:
+        return method(held_fmu(fmu), *args, **kwargs)
 
-    Raises:
-        BadInput: names, values or units that do not fit the FMU, frequencies that do not rise.
-        FmuFailure: the FMU failed.
-    """
-    return fmu.sweep(frequency_hz, start_values, tone=tone, output=output, directions=directions)
+    return function
+
+
+#: `Fmu.simulate` and `Fmu.sweep` as functions of the FMU, its path, or a model's name.
+simulate = _of_any_fmu(Fmu.simulate)
+sweep = _of_any_fmu(Fmu.sweep)

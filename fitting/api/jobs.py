@@ -1,32 +1,27 @@
-"""Whole jobs besides the fit: what data determine, a report, a shipped example."""
+"""Whole jobs besides the fit: what data determine, the next measurements, a report."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
-from fitting.campaign import bind
-from fitting.design.choice import CRITERIA
-from fitting.design.goal import goal_of, start_of, variable_of
-from fitting.design.limits import limits_of, read_design_table
-from fitting.design.proposal import propose
-from fitting.design.result import Design
-from fitting.design.weighing import weigh
 from fitting.inference.determine import BUDGET
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.report.shown import shown_problem
+from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import BadInput
-from fitting.text.shipped import shipped
+from fitting.text.results_folder import results_folder
 
-CAMPAIGN = "campaign.toml"
+__all__ = ["BUDGET", "RESULT_FILES", "draw_report", "identify", "report"]
+
+#: What a report of a fit consists of.
+RESULT_FILES = ("result.json", "history.csv", "report.html", "figures/[0-9]*_*.*")
 
 
 def identify(
@@ -55,6 +50,7 @@ def identify(
         BadInput: the problem cannot be planned, or the fit is of another one.
         FmuFailure: the FMU failed.
     """
+    check_problem("identify", problem)
     fitted = at.result if isinstance(at, Valued) else at
     asked = IdentificationOptions(
         values=None if fitted is None else fitted.fitted_values,
@@ -82,53 +78,18 @@ def identify(
     )
 
 
-def design(
-    problem: Problem,
-    target: str = "",
-    *,
-    criterion: str = "",
-    number: int | None = None,
-    at: Valued | Result | None = None,
-    seed: int = 1,
-) -> Design:
-    """Which measurements next, to know a value better, and how well it would then be known.
-
-    The limits of the instrument are those of the campaign's table [design].
+def check_problem(verb: str, problem: object) -> None:
+    """Complain of what is no problem.
 
     Args:
-        problem: Of campaigns; the first is to be continued, the others count as measured.
-        target: A parameter or derived output; empty: as the campaign says, else its first output.
-        criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
-            campaign says, else the target's.
-        number: Measurements at most; None: as the campaign says, else 6.
-        at: A fit to set out from; None: the fit nearest to the references.
-        seed: Of points of equal fit, at least 0.
-
-    Returns:
-        ``proposals`` in their order, each with the error that is expected then, in ``unit``.
+        verb: What was called.
+        problem: What it was given.
 
     Raises:
-        BadInput: no campaign, a criterion that there is not, a fit of another problem.
-        FmuFailure: the FMU failed.
+        BadInput: it is something else.
     """
-    if not problem.campaigns:
-        raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
-    if criterion and criterion not in CRITERIA:
-        raise BadInput(f"design: criterion {criterion!r}, wanted one of {', '.join(CRITERIA)}")
-    description, first = problem.fmu.description, problem.campaigns[0]
-    bound, *also = [bind(campaign, description.variables) for campaign in problem.campaigns]
-    table = read_design_table(first.path)
-    limits = limits_of(bound, description.variables, table, first.file.drive.lines)
-    if number is not None:
-        limits = replace(limits, number=number)
-    goal = replace(goal_of(bound, table.keys, target, criterion), seed=seed)
-    fitted = at.result if isinstance(at, Valued) else at
-    if fitted is not None:
-        goal = replace(goal, start=start_of(fitted, bound, "at"))
-    weighed = weigh(bound, problem.fmu.workers, limits, goal, also=also)
-    unit = description.variables[variable_of(bound, goal.target)].unit or ""
-    provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
-    return propose(bound, weighed, limits, goal, unit, {**provenance, "seed": str(seed)})
+    if not isinstance(problem, Problem):
+        raise BadInput(f"{verb}: found a {type(problem).__name__}, wanted a Problem")
 
 
 def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> Path:
@@ -145,41 +106,23 @@ def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> P
     Raises:
         BadInput: the folder cannot be written, or a value that the result has not.
     """
+    if not isinstance(found, Valued):
+        raise BadInput(f"report: found a {type(found).__name__}, wanted a Fit or an Inference")
     result = with_external(found.result, external)
-    write_result(result, Path(out))
-    return draw_report(found.source.problem, result, Path(out))
+    with results_folder(Path(out), "reconstruct", RESULT_FILES):
+        write_result(result, Path(out))
+        return draw_report(found, result, Path(out))
 
 
-def draw_report(problem: Problem, result: Result, out: Path) -> Path:
+def draw_report(found: Valued, result: Result, out: Path) -> Path:
     """Figures and report.html of a result; the path of the page.
 
     Args:
-        problem: What was solved.
-        result: What was found.
+        found: A fit, or what was inferred of one.
+        result: Its result, with what was added to it.
         out: Folder.
     """
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
-    written: Path = page.write_report(result, shown_problem(problem.record), out)
+    written: Path = page.write_report(result, shown_fit(found.source.record), out)
     return written
-
-
-def example(name: str = "string_q1") -> Path:
-    """Path of the campaign.toml of a shipped example, to be read as it stands.
-
-    Args:
-        name: Which one, as ``fmu-fit example`` lists them.
-
-    Raises:
-        BadInput: there is none of that name.
-    """
-    known = examples()
-    if name not in known:
-        raise BadInput(f"example {name!r}: wanted one of {', '.join(known)}")
-    return known[name] / CAMPAIGN
-
-
-def examples() -> dict[str, Path]:
-    """Name and folder of every shipped campaign, by name."""
-    found = sorted(shipped("data").glob(f"*/{CAMPAIGN}"))
-    return {path.parent.name: path.parent for path in found}

@@ -1,8 +1,27 @@
-"""The plots of `fitting.report.plot`, which take fits, inferences and values as well as records."""
+"""One plot each, into given axes: they take fits, inferences and values as well as records.
+
+profile               the profile likelihood of a value: `profile(found, "lambda")`
+parameter_path        parameters over the weight nu of the Tikhonov term
+objective_path        J_fit and J_reg over nu
+residuals             what the fit leaves of the peaks, in standard deviations
+deviations            relative deviations of the peaks, before and after
+frequency_response    a sweep, measured and simulated
+swept_tone            a simulated sweep, each way
+amplitude_spectrum    the spectrum of a simulated drive
+beating               its envelope over two beats
+periods               some of its periods
+measurement           what was measured beside what the model says: a panel of its own figure
+drive_envelope        the envelope of an experiment's drive
+drive_periods         some periods of it
+candidates            the expected error of a design's target, by kinds of candidates
+expected_errors       the same, measurement by measurement
+
+Each returns the axes, computes and saves nothing, and keeps any style.
+"""
 
 from __future__ import annotations
 
-from fitting.api.fitted import Value, Valued
+from fitting.api.fitted import Inference, Value, Valued
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.report import plot
 from fitting.report.plot import (
@@ -13,10 +32,10 @@ from fitting.report.plot import (
     drive_periods,
     expected_errors,
     periods,
-    spectrum,
     swept_tone,
 )
 from fitting.report.plot.axes import Axes
+from fitting.report.shown import figures_of
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 
@@ -29,32 +48,45 @@ __all__ = [
     "drive_periods",
     "expected_errors",
     "frequency_response",
+    "measurement",
     "objective_path",
     "parameter_path",
     "periods",
     "profile",
     "residuals",
-    "spectrum",
     "swept_tone",
 ]
 
 
-def profile(found: Value | Profile, name: str = "", *, ax: Axes | None = None) -> Axes:
+def profile(found: Inference | Value | Profile, name: str = "", *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 
     Args:
-        found: A value of an inference, or its profile; drawn in its unit.
-        name: Of the value; empty: its own.
+        found: What `fitting.profile` returns, one of its values, or the profile of one; drawn in
+            its unit.
+        name: Which value; empty: the only one that has a profile.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
-        BadInput: a value whose profile was not walked.
+        BadInput: a value that there is not, or whose profile was not walked.
     """
+    if isinstance(found, Valued):
+        found = _value_of(found, name)
     record = found.profile if isinstance(found, Value) else found
     if record is None:
         raise BadInput(f"plot: '{found!r}' has no profile, wanted a value of fitting.profile(fit)")
     own = found.name if isinstance(found, Value) else "value"
     return plot.profile(record, name or own, ax=ax)
+
+
+def _value_of(found: Valued, name: str) -> Value:
+    """The value of that name, or the one that has a profile."""
+    walked = [key for key, value in found.values.items() if value.profile is not None]
+    name = walked[0] if not name and len(walked) == 1 else name
+    if name not in walked:
+        said = f"one of {', '.join(walked)}" if walked else "what fitting.profile(fit) returns"
+        raise BadInput(f"plot: no profile of '{name}', wanted {said}")
+    return found[name]
 
 
 def parameter_path(found: Valued | Result, *names: str, ax: Axes | None = None) -> Axes:
@@ -109,6 +141,32 @@ def deviations(found: Valued | Result, *, ax: Axes | None = None) -> Axes:
         BadInput: there are no peaks.
     """
     return plot.deviations(_with_peaks(found), ax=ax)
+
+
+def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw what was measured beside what the model says: a panel of a measurement's own figure.
+
+    Every kind of measurement has such figures; the report shows them whole.
+
+    Args:
+        found: A fit or an inference.
+        name: Which figure, as the report names its file ("2_spectra", with the series behind it
+            where there are several); empty: the first.
+        number: Which of its panels, from 0, row by row.
+        ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: there is no such figure, or no such panel of it.
+    """
+    if not isinstance(found, Valued):
+        raise BadInput(f"plot: a {type(found).__name__}, wanted a fit, or what was inferred of it")
+    figures = {figure.stem: figure for figure in figures_of(found.source.record)}
+    if not figures or (name and name not in figures):
+        raise BadInput(f"plot: no figure '{name}', wanted one of {', '.join(figures) or 'none'}")
+    panels = figures[name or next(iter(figures))].panels
+    if not 0 <= number < len(panels):
+        raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
+    return plot.panel(panels[number], among=panels, ax=ax)
 
 
 def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axes:

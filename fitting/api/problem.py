@@ -18,20 +18,25 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fitting.api.fmu import Fmu
-from fitting.campaign import Campaign, WrittenFmu, bind, read_campaign
+from fitting.api.fmu import Fmu, held_fmu
+from fitting.campaign import Campaign, WrittenFmu, bind
 from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
+from fitting.campaign.repeats import refuse_repeats
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
 from fitting.fit.options import Options, options_of
 from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
-from fitting.measurements.measurement import Response
+from fitting.fmu.models import provide_fmu
+from fitting.measurements.kinds import read_campaign
+from fitting.measurements.measurement import Measurement, Response
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy
+
+__all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
 #: Makes the model of one discrete alternative.
 Respond = Callable[[Mapping[str, Scalar]], Response]
@@ -47,7 +52,8 @@ class Problem:
     Args:
         fmu: The FMU, its path, or the name of a model that is shipped.
         parameters: What is looked for, one or several.
-        measurements: `Tones` and `Sweep`, one or several, at least one that is fitted.
+        measurements: `Tones` and `Sweep`, or records of a further kind
+            (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
         noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.
@@ -60,23 +66,23 @@ class Problem:
         self,
         fmu: Fmu | str | Path,
         parameters: Sequence[Parameter] | Parameter,
-        measurements: Sequence[Tones | Sweep] | Tones | Sweep,
+        measurements: Sequence[Tones | Sweep | Measurement] | Tones | Sweep | Measurement,
         *,
         derived: Sequence[str] | str = (),
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,
         noise: Noise | None = None,
     ) -> None:
-        fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+        fmu = held_fmu(fmu)
         data = ArrayData(
             parameters=[parameters] if isinstance(parameters, Parameter) else parameters,
-            measurements=[measurements]
-            if isinstance(measurements, Tones | Sweep)
-            else measurements,
+            measurements=measurements if isinstance(measurements, Sequence) else [measurements],
             derived=[derived] if isinstance(derived, str) else derived,
             alternatives=alternatives or {},
             noise=noise or Noise(),
         )
-        self._take(problem_of(bind_arrays(data, fmu.variables)), Options(), fmu)
+        bound = bind_arrays(data, fmu.variables)
+        refuse_repeats(bound)
+        self._take(problem_of(bound), Options(), fmu)
 
     @classmethod
     def of(
@@ -108,8 +114,10 @@ class Problem:
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
             bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+        record = problem_of(bound)
+        refuse_repeats(bound)
         made = cls.__new__(cls)
-        made._take(problem_of(bound), options_of(read[0].file.continuation), fmu, read)
+        made._take(record, options_of(read[0].file.continuation), fmu, read)
         return made
 
     @classmethod
@@ -332,6 +340,21 @@ class Problem:
     def __repr__(self) -> str:
         rows = self.record.data.sigma.size
         return f"<Problem {self.record.title}: {', '.join(self.names)} from {rows} rows>"
+
+
+def fmu_of(campaigns: Sequence[Campaign], folder: str | Path, workers: int) -> Fmu:
+    """The FMU that campaigns name; a model of this project is built into a folder.
+
+    Args:
+        campaigns: One or more that are fitted together.
+        folder: Where it is built.
+        workers: Number of processes, at least 1.
+
+    Raises:
+        BadInput: they name different ones, or one that is not there.
+    """
+    named = one_fmu(campaigns)
+    return Fmu(provide_fmu(named, Path(folder)), workers, named.timeout_s)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:

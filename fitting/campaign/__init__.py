@@ -6,7 +6,7 @@ measured.py      what was measured, of files or of arrays      MeasuredSweep, ..
 data.py          campaign.toml and its data files, read        Campaign
 binding.py       the same in the names and units of one FMU    BoundCampaign
 drift.py, noise.py, parameters.py, joint.py                    parts of the bound campaign
-schema.py        campaign.schema.json for editors, made of file.py
+kind.py          what a further kind of measurement adds to all of these
 """
 
 from __future__ import annotations

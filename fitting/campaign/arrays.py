@@ -28,15 +28,17 @@ from fitting.campaign.binding import (
     free_scale,
 )
 from fitting.campaign.file import ContinuationSettings
+from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
 from fitting.campaign.noise import Noise
+from fitting.campaign.places import Places, places_of_series
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import checked_accuracy, convert
-from fitting.text.written import Written, as_written, written_values
+from fitting.text.units import checked_accuracy, convert, parse_quantity, same_kind
+from fitting.text.written import Written, as_written, in_unit, written_values
 
 SCOPES = ("campaign", "experiment")
 
@@ -47,9 +49,10 @@ class Parameter:
 
     Args:
         name: The FMU's variable.
-        start: Where the search begins, inside the box, in ``unit``.
+        start: Where the search begins, inside the box; a number in ``unit``, or a text with a unit
+            of its own as "400 Hz", like all that follow.
         bounds: Lower and upper end of the box, in ``unit``.
-        unit: Of all numbers here; None: the FMU's.
+        unit: Of all plain numbers here; None: the FMU's.
         reference: Where the Tikhonov term pulls to, in ``unit``; None: the start.
         scale: The change that counts as one in the search vector, in ``unit``; None: half the box.
         period: Values that far apart are the same system, in ``unit``; None: none are.
@@ -62,14 +65,14 @@ class Parameter:
     """
 
     name: str
-    start: float
+    start: float | str
     _: KW_ONLY
-    bounds: tuple[float, float]
+    bounds: tuple[float | str, float | str]
     unit: str | None = None
-    reference: float | None = None
-    scale: float | None = None
-    period: float | None = None
-    prior: float | None = None
+    reference: float | str | None = None
+    scale: float | str | None = None
+    period: float | str | None = None
+    prior: float | str | None = None
     scope: str = "campaign"
 
     def __post_init__(self) -> None:
@@ -82,22 +85,29 @@ class Parameter:
             raise BadInput(
                 f"parameter '{self.name}': bounds are {self.bounds!r}, wanted (lower, upper)"
             )
-        lower, upper = self.bounds
+        numbers = self.numbers
+        if len({written.unit is None for written in numbers.values()}) > 1:
+            return  # plain numbers are in the FMU's unit, which is known beside it alone
+        found = {key: in_unit(written, self.unit) for key, written in numbers.items()}
         bound_parameters.Parameter(
             name=self.name,
             unit=self.unit or "",
-            lower=lower,
-            upper=upper,
-            start=self.start,
-            reference=self.start if self.reference is None else self.reference,
-            scale=max(0.5 * (upper - lower), 1e-300) if self.scale is None else self.scale,
-            period=self.period,
-            prior_sigma=self.prior,
+            lower=found["lower"],
+            upper=found["upper"],
+            start=found["start"],
+            reference=found.get("reference", found["start"]),
+            scale=found.get("scale", max(0.5 * (found["upper"] - found["lower"]), 1e-300)),
+            period=found.get("period"),
+            prior_sigma=found.get("prior"),
         )
 
     @property
     def numbers(self) -> dict[str, Written]:
-        """What was said of it by key, in ``unit``."""
+        """What was said of it by key, each in the unit that stands with it, else in ``unit``.
+
+        Raises:
+            BadInput: what is neither a number nor a quantity with a unit.
+        """
         said = {
             "lower": self.bounds[0],
             "upper": self.bounds[1],
@@ -108,7 +118,7 @@ class Parameter:
             "prior": self.prior,
         }
         return {
-            key: Written(float(value), self.unit, f"parameter '{self.name}': {key}")
+            key: _number(value, self.unit, f"parameter '{self.name}': {key}")
             for key, value in said.items()
             if value is not None
         }
@@ -187,7 +197,7 @@ class Tones:
     def _settings(
         self, tones_hz: npt.NDArray[np.float64], own: Mapping[str, Scalar], label: str
     ) -> dict[str, Written]:
-        where = f"experiment '{label}'"
+        where = f"{places_of_series(self.series).top}tones: experiment '{label}'"
         drive = self.setup.drive
         held = written_values(own, where)
         if drive.kind == "tones":
@@ -249,9 +259,21 @@ class Sweep:
             frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
             amplitude_v=self.amplitude_v,  # type: ignore[arg-type]
             phase_rad=self.phase_rad,  # type: ignore[arg-type]
+            source=Path(f"{places_of_series(self.series).top}sweep"),
             unit=self.amplitude_unit,
         )
         object.__setattr__(self, "measured", measured)
+
+
+def _number(value: object, unit: str | None, where: str) -> Written:
+    """A number in ``unit``, or a text with its own."""
+    if isinstance(value, str):
+        number, own = parse_quantity(value, where=where, wanted=unit)
+        return Written(number, own or unit, where)
+    try:
+        return Written(float(value), unit, where)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise BadInput(f'{where}: found {value!r}, wanted a number or a text as "400 Hz"') from None
 
 
 def _check_setup(kind: str, setup: object) -> None:
@@ -282,16 +304,22 @@ def _column(values: object, count: int, name: str) -> list[Scalar]:
     return column
 
 
+def _kind(measurement: Tones | Sweep) -> str:
+    """What complaints call it."""
+    return type(measurement).__name__.lower()
+
+
 @dataclass(frozen=True, kw_only=True)
 class ArrayData:
     """Everything that a campaign file would say, of a program.
 
     ``alternatives`` hold values to try by variable, in all combinations; ``derived`` names outputs
-    of the FMU that are reported; ``noise`` is what is declared beside the ``sigmas_v``.
+    of the FMU that are reported; ``noise`` is what is declared beside the ``sigmas_v``; further
+    kinds of measurements are in the FMU's units already.
     """
 
     parameters: Sequence[Parameter]
-    measurements: Sequence[Tones | Sweep]
+    measurements: Sequence[Tones | Sweep | BoundMeasurement]
     derived: Sequence[str] = ()
     alternatives: Mapping[str, Sequence[Scalar]] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)
@@ -313,10 +341,24 @@ def bind_arrays(
     """
     if not data.parameters:
         raise BadInput("problem: no parameters, wanted at least one")
-    if not any(isinstance(m, Tones) or m.use == "fit" for m in data.measurements):
+    for thing in data.parameters:
+        if not isinstance(thing, Parameter):
+            raise BadInput(f"problem: parameters hold a {type(thing).__name__}, wanted Parameter")
+    for other in data.measurements:
+        if not isinstance(other, Tones | Sweep) and not is_measurement(other):
+            raise BadInput(
+                f"problem: measurements hold a {type(other).__name__}, wanted Tones or Sweep"
+            )
+    if not any(_is_fitted(m) for m in data.measurements):
         raise BadInput('problem: nothing to fit, wanted tones, or a sweep with use = "fit"')
     names = dict.fromkeys(m.series for m in data.measurements)
     return tuple(_Series(data, name, Binder(variables)).bound() for name in names)
+
+
+def _is_fitted(measurement: Tones | Sweep | BoundMeasurement) -> bool:
+    if isinstance(measurement, Sweep):
+        return measurement.use == "fit"
+    return isinstance(measurement, Tones) or measurement.rows > 0
 
 
 @dataclass(frozen=True)
@@ -329,28 +371,47 @@ class _Series:
 
     @property
     def path(self) -> Path:
-        """What complaints and results name it by."""
+        """What results name it by."""
         return NO_FILE / self.name
 
     @property
-    def mine(self) -> list[Tones | Sweep]:
+    def places(self) -> Places:
+        """What complaints name it and its parts by."""
+        return places_of_series(self.name)
+
+    @property
+    def top(self) -> str:
+        """What opens complaints: nothing where there is but one series."""
+        return self.places.top
+
+    @property
+    def mine(self) -> list[Tones | Sweep | BoundMeasurement]:
         """Its measurements."""
         return [m for m in self.data.measurements if m.series == self.name]
+
+    def further(self, setup: Setup) -> dict[str, BoundMeasurement]:
+        """Its measurements of further kinds, driven so, by a name for complaints."""
+        others = [m for m in self.mine if not isinstance(m, Tones | Sweep)]
+        return {
+            f"{type(m).__name__} {k}": m.within(setup, "") for k, m in enumerate(others, start=1)
+        }
 
     def bound(self) -> BoundCampaign:
         """The series as a campaign."""
         given, binder = self._setup(), self.binder
-        output = binder.real(given.output, f"{self.path}: output", READABLE, "observed")
+        output = binder.real(given.output, f"{self.top}setup: output", READABLE, "observed")
         swept, factor, unit = self._sweep(), *self._unit(output)
         setup = replace(
             given,
             drive=self._drive(given.drive),
             start_values={
-                name: binder.setting(name, as_written(value, f"{self.path}: start value {name}"))
+                name: binder.setting(
+                    name, as_written(value, f"{self.top}setup: start_values: {name}")
+                )
                 for name, value in given.start_values.items()
             },
-            accuracy=checked_accuracy(given.accuracy, f"{self.path}: accuracy"),
-            source=str(self.path),
+            accuracy=checked_accuracy(given.accuracy, f"{self.top}setup: accuracy"),
+            source=f"{self.top}setup",
         )
         measured = [e for m in self.mine if isinstance(m, Tones) for e in m.experiments]
         experiments = tuple(
@@ -362,11 +423,15 @@ class _Series:
             )
             for e in measured
         )
-        labels = [e.label for e in experiments]
+        further = self.further(setup)
+        labels = [*(e.label for e in experiments), *labels_of(further.values())]
         if len(set(labels)) < len(labels):
-            raise BadInput(f"{self.path}: labels {', '.join(labels)}; wanted one for each of them")
+            raise BadInput(
+                f"{self.top}tones: labels {', '.join(labels)}; wanted another one for each "
+                "experiment"
+            )
         for name in self.data.derived:
-            binder.real(name, f"{self.path}: derived", READABLE, "reported")
+            binder.real(name, "problem: derived", READABLE, "reported")
         sweep = None if swept is None else self._sweep_data(swept, factor, unit)
         bound = BoundCampaign(
             title=self.data.title or "Data from arrays",
@@ -376,7 +441,7 @@ class _Series:
             experiments=experiments,
             sweep=sweep,
             parameters=(
-                *bind_parameters(self.data.parameters, binder, self.path, labels),
+                *bind_parameters(self.data.parameters, binder, self.places, labels),
                 *free_scale(sweep, self.data.noise),
             ),
             derived=tuple(self.data.derived),
@@ -386,56 +451,68 @@ class _Series:
             notes=tuple(binder.notes),
             files=(),
             noise=self.data.noise,
+            measurements=further,
         )
-        check_conflicts(bound)
+        check_conflicts(bound, self.places)
         return bound
 
     def _setup(self) -> Setup:
         setups = [m.setup for m in self.mine]
         if any(setup != setups[0] for setup in setups):
             raise BadInput(
-                f"{self.path}: measurements with different setups; wanted a series for each setup"
+                f"{self.top}measurements with different setups; wanted a series for each setup"
             )
         return setups[0]
 
     def _sweep(self) -> Sweep | None:
         found = [m for m in self.mine if isinstance(m, Sweep)]
         if len(found) > 1:
-            raise BadInput(f"{self.path}: {len(found)} sweeps, wanted a series for each of them")
+            raise BadInput(f"{self.top}{len(found)} sweeps, wanted a series for each of them")
         return found[0] if found else None
 
     def _unit(self, output: VariableLike) -> tuple[float, str]:
         """Factor and unit of the amplitudes: the output's where no scale stands between the two."""
-        units = list(dict.fromkeys(m.amplitude_unit for m in self.mine))
+        given = [m for m in self.mine if isinstance(m, Tones | Sweep)]
+        if not given:
+            return 1.0, output.unit or "V"
+        units = {m.amplitude_unit: _kind(m) for m in reversed(given)}
         if len(units) > 1:
-            raise BadInput(f"{self.path}: amplitudes in {' and '.join(units)}, wanted one unit")
-        sweep = self._sweep()
+            said = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
+            raise BadInput(f"{self.top}{said}; wanted one amplitude_unit")
+        sweep, [(unit, kind)] = self._sweep(), units.items()
         if output.unit is None or (sweep is not None and sweep.scale != "none"):
-            return 1.0, units[0]
+            return 1.0, unit
+        where = f"{self.top}{kind}: amplitude_unit"
         try:
-            return convert(1.0, units[0], output.unit, where=str(self.path)), output.unit
+            return convert(1.0, unit, output.unit, where=where), output.unit
         except BadInput as error:
             raise BadInput(
                 f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
             ) from error
 
     def _drive(self, drive: Drive) -> Drive:
-        where = f"{self.path}: drive"
+        where = f"{self.top}setup: drive"
         if drive.input is not None:
             self.binder.real(drive.input, where, ("input",), "driven")
             return drive
         for name in drive.amplitude_names:
             self.binder.real(name, where, SETTABLE, "set")
-        units = [
-            self.binder.real(name, where, SETTABLE, "set").unit or "Hz"
-            for name in drive.frequency_names
-        ]
+        names = drive.frequency_names
+        declared = [self.binder.real(name, where, SETTABLE, "set").unit for name in names]
+        units = [unit or drive.tone_unit for unit in declared]
         if len(set(units)) > 1:
             raise BadInput(f"{where}: the FMU has the frequencies in different units: {units}")
+        if drive.frequency_unit not in ("", units[0]):
+            raise BadInput(
+                f"{where}: frequency_unit is {drive.frequency_unit!r}, but the FMU has "
+                f"'{names[0]}' in {units[0]!r}; wanted that, or nothing"
+            )
+        if not same_kind(units[0], "Hz"):
+            raise BadInput(f"{where}: the unit of '{names[0]}' is {units[0]!r}, wanted a frequency")
         return replace(drive, frequency_unit=units[0])
 
     def _sweep_data(self, sweep: Sweep, factor: float, unit: str) -> SweepData:
-        written = written_values(sweep.settings, f"{self.path}: sweep")
+        written = written_values(sweep.settings, f"{self.top}sweep: settings")
         return SweepData(
             frequency_hz=sweep.measured.frequency_hz,
             amplitude_v=factor * sweep.measured.amplitude_v,
@@ -449,8 +526,13 @@ class _Series:
         )
 
     def _alternatives(self) -> tuple[Mapping[str, Scalar], ...]:
+        for name, values in self.data.alternatives.items():
+            if isinstance(values, str) or np.ndim(values) != 1 or not len(values):
+                raise BadInput(
+                    f"problem: alternatives: {name}: found {values!r}, wanted a list of values"
+                )
         asked = {
-            name: [as_written(value, f"{self.path}: alternative {name}") for value in values]
+            name: [as_written(value, f"problem: alternatives: {name}") for value in values]
             for name, values in self.data.alternatives.items()
         }
         return bind_alternatives(asked, self.binder)

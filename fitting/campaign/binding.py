@@ -15,6 +15,7 @@ from fitting.campaign.binder import Binder, bind_annotation
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings
+from fitting.campaign.kind import BoundMeasurement, labels_of
 from fitting.campaign.measured import MeasuredExperiment, Spectrum
 from fitting.campaign.noise import (
     Noise,
@@ -24,6 +25,7 @@ from fitting.campaign.noise import (
     sweep_sigmas,
 )
 from fitting.campaign.parameters import Parameter
+from fitting.campaign.places import Places, places_of_file
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.text.arrays import FloatArray, Scalar
@@ -31,15 +33,22 @@ from fitting.text.errors import BadInput
 from fitting.text.units import base_unit, convert
 from fitting.text.written import Written, in_unit
 
+#: Each combination of alternatives is a fit of its own.
+MOST_ALTERNATIVES = 100
+
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """How the FMU is driven, in its own units.
+    """How the FMU is driven: it drives itself by parameters of its own, or we drive an input.
 
-    Either the FMU drives itself: ``frequency_names`` and ``amplitude_names`` are its parameters,
-    one each per tone, the first in ``frequency_unit``. Or tones are applied to its ``input``, held
-    ``samples_per_period`` times per period. ``amplitude`` is that of every active tone;
-    combinations of tones up to ``highest_order`` may be in the response.
+    Args:
+        frequency_names: Parameters of the FMU that hold the frequencies, one per tone.
+        amplitude_names: Those that hold the amplitudes, one per tone.
+        input: The input that is driven instead.
+        amplitude: Of every tone that drives, in the unit of ``amplitude_names`` or ``input``.
+        samples_per_period: How often ``input`` is set anew in a period.
+        frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: as the FMU says.
+        highest_order: Combinations of tones up to this order may be in the response.
 
     Raises:
         BadInput: neither parameters nor an input, or both; numbers that no drive has.
@@ -50,7 +59,7 @@ class Drive:
     input: str | None = None
     amplitude: float = 1.0
     samples_per_period: int = SAMPLES_PER_PERIOD
-    frequency_unit: str = "Hz"
+    frequency_unit: str = ""
     highest_order: int = 1
 
     def __post_init__(self) -> None:
@@ -72,6 +81,11 @@ class Drive:
             raise BadInput(f"drive: amplitude_names have no meaning for the input '{self.input}'")
         if not 0.0 <= self.amplitude < math.inf:
             raise BadInput(f"drive: amplitude is {self.amplitude!r}, wanted an amplitude")
+
+    @property
+    def tone_unit(self) -> str:
+        """Unit of ``frequency_names``; Hz where nobody says another."""
+        return self.frequency_unit or "Hz"
 
     @property
     def kind(self) -> str:
@@ -125,11 +139,15 @@ class SweepData:
 class Setup:
     """How a series of measurements drives the FMU and what it observes, in the FMU's units.
 
-    ``drive`` is how; ``output`` is the variable that is observed; ``start_values`` hold for every
-    run; ``steady_start`` says that the FMU begins on its periodic orbit; ``line_width_hz`` tells
-    how long it takes to settle; ``accuracy`` is what simulated amplitudes are wanted to, relative;
-    ``annotation`` says what is known of the FMU's accuracy and of what may be left out; ``source``
-    is named where something is wrong.
+    Args:
+        drive: How the FMU is driven.
+        output: The variable that is observed.
+        start_values: Start values of every run by variable, none of them a fitted one.
+        steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
+        line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
+        accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1.
+        annotation: What is known of the FMU's accuracy, and of what it may leave out.
+        source: What complaints name it by.
     """
 
     drive: Drive
@@ -157,7 +175,7 @@ class BoundCampaign:
 
     ``alternatives`` holds one mapping per combination (one empty mapping without any);
     ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
-    the report; ``files`` all files read.
+    the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables.
     """
 
     title: str
@@ -175,6 +193,7 @@ class BoundCampaign:
     files: tuple[Path, ...]
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)
+    measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -193,7 +212,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             not match, a value outside the FMU's range, a variable set in two ways.
     """
     file, binder = campaign.file, Binder(variables)
-    top = str(campaign.path)
+    top, places = str(campaign.path), places_of_file(campaign.path)
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)
     drive = _bind_drive(campaign, binder)
@@ -211,7 +230,9 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         annotation=bind_annotation(campaign, binder),
         source=top,
     )
-    sweep, labels = _bind_sweep(campaign, binder), [e.label for e in experiments]
+    sweep = _bind_sweep(campaign, binder)
+    further = {name: m.bind(binder, setup) for name, m in campaign.measurements.items()}
+    labels = [*(e.label for e in experiments), *labels_of(further.values())]
     bound = BoundCampaign(
         title=file.title,
         path=campaign.path,
@@ -220,7 +241,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         experiments=experiments,
         sweep=sweep,
         parameters=(
-            *bind_parameters(file.parameters, binder, campaign.path, labels),
+            *bind_parameters(file.parameters, binder, places, labels),
             *drift.parameters,
             *free_scale(sweep, noise),
         ),
@@ -232,14 +253,15 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         files=campaign.files,
         drift=Drift(drift.ends, {name: variables[name].unit or "1" for name in drift.ends}),
         noise=noise,
+        measurements=further,
     )
-    check_conflicts(bound)
+    check_conflicts(bound, places)
     return bound
 
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
     """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
-    if campaign.is_scaled:
+    if campaign.is_scaled or not (campaign.experiments or campaign.sweep):
         return campaign
     found, section = campaign.amplitude_unit, "sweep" if campaign.sweep else "experiments"
     try:
@@ -386,7 +408,7 @@ def _experiment_settings(
         for name, tone in zip(drive.frequency_names, measured.tones_hz, strict=True):
             where = measured.settings[name].where
             # from the rounded hertz, so that the FMU is driven at the very frequency that is read
-            settings[name] = convert(tone, "Hz", drive.frequency_unit, where=where)
+            settings[name] = convert(tone, "Hz", drive.tone_unit, where=where)
     return settings
 
 
@@ -429,14 +451,14 @@ class AskedParameter(Protocol):
 
 
 def bind_parameters(
-    asked: Sequence[AskedParameter], binder: Binder, path: Path, labels: Sequence[str]
+    asked: Sequence[AskedParameter], binder: Binder, places: Places, labels: Sequence[str]
 ) -> list[Parameter]:
     """Parameters in the FMU's units; of the scope "experiment" one for each of the labels.
 
     Args:
         asked: as the file or the program has them.
         binder: of the campaign to its FMU.
-        path: of the campaign, for complaints.
+        places: what complaints name the parameters by.
         labels: of the experiments.
 
     Raises:
@@ -444,7 +466,7 @@ def bind_parameters(
     """
     made = []
     for choice in asked:
-        parameter = _bind_parameter(choice, binder, f"{path}: [parameters '{choice.name}']")
+        parameter = _bind_parameter(choice, binder, places.of_parameter(choice.name))
         if choice.scope == "campaign":
             made.append(parameter)
             continue
@@ -462,7 +484,8 @@ def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Param
     numbers = {}
     for key, written in choice.numbers.items():
         bare = not isinstance(written.value, str)
-        with_unit = Written(written.value, choice.unit, written.where) if bare else written
+        unit = written.unit or choice.unit
+        with_unit = Written(written.value, unit, written.where) if bare else written
         if key in ("lower", "upper", "start"):
             numbers[key] = binder.number(variable, with_unit)
         else:  # a difference or a prior: the FMU's range does not bind it
@@ -493,8 +516,15 @@ def bind_alternatives(
         binder: of the campaign to its FMU.
 
     Raises:
-        BadInput: a variable that cannot be set, or a value that it cannot have.
+        BadInput: a variable that cannot be set, a value that it cannot have, or too many
+            combinations.
     """
+    count = math.prod(len(values) for values in asked.values())
+    if count > MOST_ALTERNATIVES:
+        raise BadInput(
+            f"[alternatives]: {count} combinations of values, wanted {MOST_ALTERNATIVES} at most: "
+            "each is a fit of its own"
+        )
     tried = {name: [binder.setting(name, w) for w in values] for name, values in asked.items()}
     return tuple(
         dict(zip(tried, combination, strict=True))
@@ -502,32 +532,44 @@ def bind_alternatives(
     )
 
 
-def check_conflicts(bound: BoundCampaign) -> None:
-    """A fitted or alternated variable must not be set per experiment or sweep as well.
+def check_conflicts(bound: BoundCampaign, places: Places) -> None:
+    """A fitted or alternated variable must not be set in another way as well.
+
+    A variable of which every experiment has its own value may have a start value: the sweep's.
 
     Args:
         bound: campaign, bound to its FMU.
+        places: what complaints name its parts by.
+
+    Raises:
+        BadInput: a parameter named twice, or a variable that is fitted or tried and also set.
     """
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):
-        raise BadInput(f"{bound.path}: [[parameters]] {named} names one twice")
+        raise BadInput(f"{places.top}{places.parameters} {named} names one twice")
     own = {p.target for p in bound.parameters if p.experiments and not p.adds_to}
-    for name in sorted(own & {p.name for p in bound.parameters if not p.experiments}):
+    everywhere = {p.name for p in bound.parameters if not p.experiments and p.role == "model"}
+    for name in sorted(own & everywhere):
         raise BadInput(
-            f"{bound.path}: [[parameters]] '{name}' is fitted both with scope = \"experiment\" and "
-            "for the whole campaign; wanted one of them"
+            f"{places.top}{places.parameters} '{name}' is fitted both with scope = \"experiment\" "
+            "and for the whole campaign; wanted one of them"
         )
     fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
-    places: list[tuple[str, Mapping[str, object]]] = [
+    said: list[tuple[str, Mapping[str, object]]] = [
         (f"experiment '{e.label}'", e.settings) for e in bound.experiments
     ]
     if bound.sweep is not None:
-        places.append(("[sweep.set]", bound.sweep.settings))
+        said.append((places.sweep, bound.sweep.settings))
+    for table, measurement in bound.measurements.items():
+        name = places.measurement.format(table)
+        said += [(f"{name} {label}".strip(), own) for label, own in measurement.places]
     tried = bound.alternatives[0]
     for name in (*fitted, *tried):
-        for place, settings in (*places, ("[alternatives]", tried if name in fitted else {})):
+        role = "fitted" if name in fitted else "an alternative"
+        also = {places.alternatives: tried} if name in fitted else {}
+        also |= {places.start: bound.setup.start_values} if name in everywhere else {}
+        for place, settings in (*said, *also.items()):
             if name in settings:
-                role = "fitted" if name in fitted else "an alternative"
                 raise BadInput(
-                    f"{bound.path}: '{name}' is {role} and also set by {place}; wanted one of them"
+                    f"{places.top}'{name}' is {role} and also set by {place}; wanted one of them"
                 )

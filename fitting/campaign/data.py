@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from fitting.campaign.file import (
     read_campaign_file,
 )
 from fitting.campaign.instruments import RawTrace, read_trace, unit_of
+from fitting.campaign.kind import MeasurementTable, ReadMeasurement
 from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Spectrum
 from fitting.signal.amplitudes import to_peak
 from fitting.signal.peaks import read_peaks
@@ -35,7 +37,8 @@ class Campaign:
     """The campaign with its data; what depends on the FMU's variables is still as written.
 
     ``path`` is the campaign file, ``file`` what it says; ``files`` are all files read, the campaign
-    file first; ``unit`` is that of the amplitudes, empty for the declared one.
+    file first; ``measurements`` those of further kinds, by their tables; ``unit`` is that of the
+    amplitudes, empty for the declared one.
     """
 
     path: Path
@@ -43,6 +46,7 @@ class Campaign:
     experiments: tuple[MeasuredExperiment, ...]
     sweep: MeasuredSweep | None
     files: tuple[Path, ...]
+    measurements: Mapping[str, ReadMeasurement] = field(default_factory=dict)
     unit: str = ""
 
     @property
@@ -86,17 +90,18 @@ def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
     return replace(campaign, experiments=experiments, sweep=sweep, unit=unit)
 
 
-def read_campaign(path: str | Path) -> Campaign:
+def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()) -> Campaign:
     """Read a campaign file and every data file that it names.
 
     Args:
         path: of the file.
+        kinds: of measurements that it may tell of, beside experiments and a sweep.
 
     Raises:
         BadInput: one line with file, row, column or key, what was found, what is wanted.
     """
     path = Path(path)
-    file = read_campaign_file(path)
+    file = read_campaign_file(path, kinds)
     experiments: tuple[MeasuredExperiment, ...] = ()
     sweep = None
     complaints: list[str] = []
@@ -109,13 +114,27 @@ def read_campaign(path: str | Path) -> Campaign:
         sweep = _read_sweep(file.sweep) if file.sweep is not None else None
     except BadInput as error:
         complaints += error.args
+    measurements = {}
+    for name, table in file.further.items():
+        try:
+            measurements[name] = table.read()
+        except BadInput as error:
+            complaints += error.args
     if complaints:
         raise BadInput(*complaints)
     _check_one_unit(path, file)
     files = [path, *([] if file.experiments is None else [file.experiments.file])]
     files += [e.spectrum.source for e in experiments if e.spectrum is not None]
     files += [] if sweep is None else [sweep.source]
-    return Campaign(path=path, file=file, experiments=experiments, sweep=sweep, files=tuple(files))
+    files += [file for m in measurements.values() for file in m.files]
+    return Campaign(
+        path=path,
+        file=file,
+        experiments=experiments,
+        sweep=sweep,
+        files=tuple(files),
+        measurements=measurements,
+    )
 
 
 def _check_one_unit(path: Path, file: WrittenCampaign) -> None:

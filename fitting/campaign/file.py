@@ -2,18 +2,21 @@
 
 The fields of a record here are the keys of its table, with what they mean below them; what else is
 to be checked is in its `__post_init__`. `read_campaign_file` reads and checks them, and
-`fitting.campaign.schema` tells editors of them. No data file is opened, and what depends on the
-FMU's variables (their units, whether they are there) is still as written.
+`fitting.measurements.schema` tells editors of them. No data file is opened, and what depends on the
+FMU's variables (their units, whether they are there) is still as written. Tables of further kinds
+of measurements are described where the kinds are (`fitting.campaign.kind`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import Annotated
 
 from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
+from fitting.campaign.kind import MeasurementTable
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
@@ -31,6 +34,7 @@ from fitting.text.keys import (
     Positives,
     Quantity,
     Refused,
+    Repeats,
     Rest,
     Share,
     Switch,
@@ -39,6 +43,7 @@ from fitting.text.keys import (
     Usually,
     Value,
     Values,
+    Weight,
     WholeNumber,
     listed,
     refusing,
@@ -403,25 +408,24 @@ class WrittenDerived(Keys):
 class ContinuationSettings(Keys):
     """Algorithm 2: nu_start, factor beta, number of nu, tolerance, misfit form, starts, seed."""
 
-    nu_start: Number = 0.1
+    nu_start: Weight = 0.1
     """First nu, zero or more."""
     beta: Positive = 0.1
     """Factor from one nu to the next, below 1."""
-    iterations: Count = 9
+    iterations: Repeats = 9
     """Number of nu."""
     tolerance: Positive = 2.22e-16
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
     misfit: Annotated[Text, OneOf(MISFITS)] = "slack"
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2."""
-    starts: Count = 3
-    """The campaign's own start and seeded ones in the box."""
+    starts: Repeats = 3
+    """The campaign's own start, and the lowest minima that a search of the box finds; 1: no
+    search."""
     seed: WholeNumber = 1
-    """Of the further starts."""
+    """Of the search."""
 
     def __post_init__(self) -> None:
-        if self.nu_start < 0.0:
-            raise Refused(f"found {self.nu_start}, wanted zero or more", "nu_start")
         if self.beta >= 1.0:
             raise Refused(f"found {self.beta}, wanted a factor below 1", "beta")
 
@@ -492,7 +496,7 @@ class WrittenDesign(Keys):
     """Largest detuning of a tone."""
     both_sides: Switch = True
     """Tones on both sides of the resonance."""
-    tones: Count | None = None
+    tones: Repeats | None = None
     """Tones at once; 1: single tones, as in a sweep."""
     levels: Positives | None = None
     """Drive levels to try, in units of the campaign's level."""
@@ -504,7 +508,7 @@ class WrittenDesign(Keys):
     """Noise of a peak as a share of it, which averaging does not lower."""
     largest: Value | None = None
     """What the detector bears; without it twice the largest amplitude seen."""
-    number: Annotated[Count | None, Usually(6)] = None
+    number: Annotated[Repeats | None, Usually(6)] = None
     """Measurements, at most."""
     target: Text = ""
     """The value that is to be known better."""
@@ -555,7 +559,8 @@ class WrittenCampaign(Keys):
 
     def __post_init__(self) -> None:
         experiments, observe = self.experiments, self.observe
-        if experiments is None and not (self.sweep is not None and self.sweep.use == "fit"):
+        swept = self.sweep is not None and self.sweep.use == "fit"
+        if experiments is None and not swept and not self.further:
             raise Refused(
                 'nothing to fit: wanted a table [experiments], or a [sweep] with use = "fit"'
             )
@@ -575,15 +580,43 @@ class WrittenCampaign(Keys):
                     f"{len(columns)} columns, wanted {lines}, one per tone", "experiments", key
                 )
 
+    @property
+    def further(self) -> Mapping[str, MeasurementTable]:
+        """Tables of further kinds of measurements, by their names."""
+        found = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {name: table for name, table in found.items() if isinstance(table, MeasurementTable)}
 
-def read_campaign_file(path: Path) -> WrittenCampaign:
+
+@functools.cache
+def campaign_with(kinds: tuple[type[MeasurementTable], ...]) -> type[WrittenCampaign]:
+    """The record of campaign files that may also have the tables of these kinds, each once.
+
+    Args:
+        kinds: of measurements.
+
+    Raises:
+        ValueError: two kinds with one table, or one with a table of every campaign.
+    """
+    if not kinds:
+        return WrittenCampaign
+    names = [*WrittenCampaign.__dataclass_fields__, *(kind.TABLE for kind in kinds)]
+    if len(set(names)) < len(names):
+        raise ValueError(f"tables {', '.join(names)}: one of them twice")
+    own = [(kind.TABLE, kind | None, field(default=None)) for kind in kinds]
+    return make_dataclass(
+        "WrittenCampaign", own, bases=(WrittenCampaign,), frozen=True, kw_only=True
+    )
+
+
+def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ()) -> WrittenCampaign:
     """Read and check the TOML of a campaign.
 
     Args:
         path: of the file.
+        kinds: of measurements that it may tell of, beside experiments and a sweep.
 
     Raises:
         BadInput: no such file, not TOML; or a key that is missing, unknown or of the wrong kind:
             one line for each.
     """
-    return read_record(WrittenCampaign, read_toml(path), path)
+    return read_record(campaign_with(tuple(kinds)), read_toml(path), path)

@@ -6,18 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.api.problem import one_fmu
-from fitting.campaign import Campaign
+from fitting.api.problem import Campaign, fmu_of
 from fitting.cli.options import default_workers
-from fitting.fmu.models import provide_fmu
 
 
 def fmu_for(campaigns: Sequence[Campaign], out: Path, workers: int | None) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder of the results.
 
+    Args:
+        campaigns: that are fitted together.
+        out: folder of the results.
+        workers: processes, None for one per processor, up to 8.
+
     Raises:
         BadInput: they name different ones, or one that is not there.
     """
-    named = one_fmu(campaigns)
-    path = provide_fmu(named, out / "fmu")
-    return Fmu(path, workers or default_workers(), named.timeout_s)
+    return fmu_of(campaigns, out / "fmu", workers or default_workers())

@@ -1,90 +1,146 @@
-"""What an FMU is driven with, from words on the command line: start values, outputs, tones."""
+"""What an FMU is driven with, from words on the command line: its file, start values, times."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from fitting.cli.options import quantity
-from fitting.fmu import FmuDescription, FmuVariable
-from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+import fitting as ff
+from fitting.cli.options import positive_time, quantity
 
-TONE_NAME = re.compile(r"(.*?)(\d+)")
-#: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
-AMPLITUDE_STEM = "A"
+if TYPE_CHECKING:
+    from fitting.text.arrays import Scalar
+
+#: A complaint of the library about one of its arguments, and perhaps about one name in it.
+ARGUMENT = re.compile(r"(\w+)(?: '([^']*)')?: ", re.ASCII)
+OPTIONS = {
+    "start_values": "--set",
+    "tones": "--tones",
+    "drive": "--input",
+    "outputs": "--outputs",
+    "tone": "--tone",
+    "output": "--output",
+    "accuracy": "--accuracy",
+    "settle_s": "--settle",
+    "window_s": "--window",
+    "samples": "--samples",
+}
 
 
-def start_values(assignments: Sequence[str], description: FmuDescription) -> dict[str, Scalar]:
+def add_fmu(parser: argparse.ArgumentParser) -> None:
+    """Declare the FMU that a command takes.
+
+    Args:
+        parser: of the command.
+    """
+    parser.add_argument(
+        "fmu", metavar="FMU", help="the file (FMI 2.0 or 3.0), or a model as CoupledOscillator"
+    )
+
+
+def add_timeout(parser: argparse.ArgumentParser, seconds: float, words: str) -> None:
+    """Declare the longest time for a run.
+
+    Args:
+        parser: of the command.
+        seconds: where none is given, s.
+        words: what it is the longest time of.
+    """
+    parser.add_argument(
+        "--timeout",
+        type=positive_time("--timeout"),
+        default=seconds,
+        metavar="TIME",
+        help=f"{words} ({seconds:g} s)",
+    )
+
+
+def fmu_of(args: argparse.Namespace) -> ff.Fmu:
+    """The FMU that a command is given, with one worker.
+
+    Args:
+        args: of the command, see `add_fmu` and `add_timeout`.
+
+    Raises:
+        BadInput: no such file or model, or no FMU that this machine can run.
+    """
+    return ff.Fmu(args.fmu, 1, args.timeout, "--timeout")
+
+
+@contextmanager
+def complaints_of_options() -> Iterator[None]:
+    """Complaints about arguments of the library name the options that gave them."""
+    try:
+        yield
+    except ff.BadInput as error:
+        raise ff.BadInput(*(_of_option(str(complaint)) for complaint in error.args)) from error
+
+
+def _of_option(complaint: str) -> str:
+    found = ARGUMENT.match(complaint)
+    if found is None or found[1] not in OPTIONS:
+        return complaint
+    name = f" {found[2]}" if found[2] else ""
+    return f"{OPTIONS[found[1]]}{name}: {complaint[found.end() :]}"
+
+
+def time_to_settle(text: str) -> float:
+    """An argparse type: a time of at least zero in s, as "2 ms"; a plain number is in s."""
+    settle_s = quantity(text, "s", where="--settle")
+    if settle_s < 0.0:
+        raise ff.BadInput(f"--settle: found {text!r}, wanted a time of at least 0")
+    return settle_s
+
+
+def start_values(assignments: Sequence[str], fmu: ff.Fmu) -> dict[str, Scalar]:
     """Start values from texts "NAME=VALUE" with written units, in the FMU's units.
 
     Args:
         assignments: words NAME=VALUE of the command line.
-        description: of the FMU.
+        fmu: the FMU.
+
+    Raises:
+        BadInput: no such word, variable or value.
     """
     values: dict[str, Scalar] = {}
     for text in assignments:
         name, found, value = text.partition("=")
         name = name.strip()
         if not (name and found):
-            raise BadInput(f"--set {text}: wanted NAME=VALUE")
-        values[name] = _value(value.strip(), description.variable(name))
+            raise ff.BadInput(f"--set {text}: wanted NAME=VALUE")
+        variable = fmu.description.variable(name)
+        values[name] = _value(value.strip(), name, variable.kind, variable.unit or "1")
     return values
 
 
-def _value(text: str, variable: FmuVariable) -> Scalar:
-    where = f"--set {variable.name}"
-    if variable.kind == "String":
+def _value(text: str, name: str, kind: str, unit: str) -> Scalar:
+    where = f"--set {name}"
+    if kind == "String":
         return text
-    if variable.kind == "Boolean":
+    if kind == "Boolean":
         if text.lower() not in ("true", "false", "1", "0"):
-            raise BadInput(f"{where}: found {text!r}, wanted true or false")
+            raise ff.BadInput(f"{where}: found {text!r}, wanted true or false")
         return text.lower() in ("true", "1")
-    if variable.kind == "Integer":
+    if kind == "Integer":
         try:
             number = float(text)
         except ValueError:
             number = math.nan
         if not number.is_integer():
-            raise BadInput(f"{where}: found {text!r}, wanted a whole number")
+            raise ff.BadInput(f"{where}: found {text!r}, wanted a whole number")
         return int(number)
-    return quantity(text, variable.unit or "1", where=where)
+    return quantity(text, unit, where=where)
 
 
-def first_output(description: FmuDescription) -> tuple[str, ...]:
-    """The first output that moves, to be looked at where none is named.
-
-    Args:
-        description: of the FMU.
-    """
-    for variable in description.variables.values():
-        if (variable.causality, variable.kind) == ("output", "Real") and (
-            variable.variability == "continuous"
-        ):
-            return (variable.name,)
-    raise BadInput(f"{description.path}: has no continuous Real output, wanted --outputs")
-
-
-def other_tones(
-    names: tuple[str, ...], values: Mapping[str, Scalar], description: FmuDescription
-) -> list[tuple[str, str]]:
-    """Parameters named like the tones, but for their number, with amplitudes that are not zero.
+def units_of(fmu: ff.Fmu, names: Sequence[str]) -> Mapping[str, str]:
+    """Units of variables by name, empty where the FMU declares none.
 
     Args:
-        names: as they are declared, in their order.
-        values: start values, by name.
-        description: of the FMU.
+        fmu: the FMU.
+        names: of the variables.
     """
-    stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}
-    found = []
-    for name, variable in description.variables.items():
-        match = TONE_NAME.fullmatch(name)
-        if match is None or match[1] not in stems or name in names:
-            continue
-        amplitude = description.variables.get(AMPLITUDE_STEM + match[2])
-        if amplitude is None or not variable.can_be_started:
-            continue
-        if values.get(amplitude.name, amplitude.start):
-            found.append((name, amplitude.name))
-    return found
+    return {name: fmu.variables[name].unit or "" for name in names}

@@ -8,16 +8,13 @@ import shlex
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.api.jobs import identify
-from fitting.api.problem import Problem
-from fitting.campaign import read_campaign
+import fitting as ff
+from fitting.api.jobs import BUDGET
 from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import whole_number
-from fitting.inference.determine import BUDGET
-from fitting.inference.likelihood.knowledge import Identification
-from fitting.report.table import text_lines
-from fitting.report.tables.inference import direction_table
-from fitting.report.words.inference import knowledge_lines
+from fitting.cli.options import seed, whole_number, worker_count
+from fitting.cli.progress import status_line
+from fitting.cli.results import writes
+from fitting.report.words.identification import identification_lines
 from fitting.result.result import read_result
 from fitting.text.records import write_json
 
@@ -50,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="refit N synthetic data sets (none)",
     )
-    parser.add_argument("--seed", type=whole_number(0), default=1, help="of starts and bootstrap")
+    parser.add_argument("--seed", type=seed(), default=1, help="of starts and bootstrap")
     parser.add_argument(
         "--budget",
         type=whole_number(1),
@@ -59,11 +56,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"evaluations at most ({BUDGET})",
     )
     parser.add_argument(
-        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
 
+def _out(args: argparse.Namespace) -> Path:
+    return args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
+
+
+@writes(NAME, JSON_NAME, "report.html", "figures/[0-9]*_*.*", to=_out)
 def run(args: argparse.Namespace) -> int:
     """Identify and write; returns 0.
 
@@ -71,12 +73,15 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    campaign = read_campaign(args.campaign)
-    out: Path = args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
+    campaign = ff.read_campaign(args.campaign)
+    out = _out(args)
     fitted = read_result(args.at) if args.at is not None else None
-    with fmu_for([campaign], out, args.workers) as fmu:
-        found = identify(
-            Problem.of(campaign, fmu),
+    with (
+        fmu_for([campaign], out, args.workers) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs"),
+    ):
+        found = ff.identify(
+            ff.Problem.of(campaign, fmu),
             fitted,
             expected=args.expected,
             bootstrap=args.bootstrap,
@@ -89,32 +94,13 @@ def run(args: argparse.Namespace) -> int:
         provenance={"command": _command(args), **found.provenance},
     )
     write_json(out / JSON_NAME, found)
-    print("\n".join(table(found)))
+    print("\n".join(identification_lines(found)))
     print(f"\nwritten: {out / JSON_NAME}")
     if not args.no_report:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.identification")
         print(f"report: {report.write_report(found, out)}")
     return 0
-
-
-def table(found: Identification) -> list[str]:
-    """What was found as lines of text.
-
-    Args:
-        found: what the data determine.
-    """
-    marked = found.synthetic and "synthetic" not in found.title.lower()
-    kind = "measured data" if found.knowledge.data else "expected data"
-    lines = [
-        found.title + (" [synthetic]" if marked else ""),
-        f"{kind}, set out from {found.at}",
-        "",
-    ]
-    directions = direction_table(found.knowledge)
-    if directions is not None:  # what was tried along them is told below
-        lines += text_lines(directions.without("what was tried"))
-    return [*lines, "", *knowledge_lines(found.knowledge)]
 
 
 def _command(args: argparse.Namespace) -> str:

@@ -1,20 +1,30 @@
 """``fmu-fit``: finds the command, runs it, turns its ending into an exit code.
 
-0 done; 1 ended without convergence (results are written and say so); 2 bad input; 3 the FMU failed;
+0 done; 1 ended without convergence, or interrupted (results are written and say so); 2 bad input;
+3 the FMU failed; 70 a fault of this program (the traceback is kept in a file that is named);
 130 another command than reconstruct was interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
 import importlib
 import os
+import platform
+import shlex
 import sys
-from collections.abc import Sequence
+import tempfile
+import traceback
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import NoReturn
 
 import fitting
+from fitting.cli.interrupts import INTERRUPTED, interruptible
 from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.streams import outlets
 
 #: What each command does. It is a module of `fitting.cli` with NAME, EXAMPLE, add_arguments and
 #: run, which is imported when the command is called: the list of all takes no library.
@@ -32,9 +42,28 @@ COMMANDS = {
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
 }
 
-BAD_INPUT, FMU_FAILED, INTERRUPTED = 2, 3, 130
+BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
+#: Name of the file that keeps a traceback: what it begins and ends with.
+FAULT_FILE = ("fmu-fit-fault-", ".txt")
+#: What the machine may refuse that is no fault of the program, with what is wanted.
+REFUSALS = {
+    errno.EMFILE: ", wanted a higher limit (ulimit -n) or fewer --workers",
+    errno.ENFILE: ", wanted fewer open files on this machine",
+    errno.ENOSPC: ", wanted room",
+    errno.EDQUOT: ", wanted room",
+    errno.ENOMEM: ", wanted more memory",
+    errno.EAGAIN: ", wanted room for more processes (ulimit -u) or fewer --workers",
+    errno.EROFS: ", wanted a folder that can be written",
+    errno.EACCES: ", wanted permission",
+    errno.EPERM: ", wanted permission",
+    errno.EIO: ", wanted a disk that works",
+    errno.ENAMETOOLONG: ", wanted a shorter one",
+    errno.ELOOP: ", wanted links that lead to a file",
+}
 #: More complaints about one input are counted, not printed.
 MOST_COMPLAINTS = 20
+#: Characters of a complaint: all parameters of an FMU that failed, not a cell gone wild.
+LONGEST = 4000
 
 
 class _Parser(argparse.ArgumentParser):
@@ -51,31 +80,100 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words of the command line, None for the process's own.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    with outlets() as output, interruptible():
+        code = _run(given)
+        output.flush()
+        lost = output.failure
+        if lost is None or isinstance(lost, BrokenPipeError) or code in (BAD_INPUT, FMU_FAILED):
+            return code
+        return _complain(f"standard output: cannot be written: {lost.strerror}", BAD_INPUT)
+
+
+def _run(given: Sequence[str]) -> int:
+    """Run a command; whatever happens is an exit code and a sentence."""
     try:
         chosen = _parser(given).parse_args(given)
         code: int = chosen.run(chosen)
-        sys.stdout.flush()
     except BadInput as error:
         return _complain(error, BAD_INPUT)
     except FmuFailure as error:
         return _complain(error, FMU_FAILED)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # the reader of our output has seen enough; nothing is to be flushed into it at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+    except Exception as error:
+        surroundings = _surroundings(error)
+        if surroundings:
+            return _complain(surroundings, BAD_INPUT)
+        return _complain(f"a fault of this program: {_kept(error, given)}", FAULT)
     return code
+
+
+def _surroundings(error: Exception) -> str:
+    """What the machine refuses, as a sentence; empty where the error is none of the machine's."""
+    if isinstance(error, MemoryError):
+        return "not enough memory: wanted more (ulimit -v), smaller data or fewer --workers"
+    if isinstance(error, ImportError):  # of a library that is there: loading it takes both, too
+        lacking = [os.strerror(n) for n in (errno.EMFILE, errno.ENOMEM)]
+        lacking.append("failed to map segment")
+        found = any(words in str(error) for words in lacking)
+        return f"a library cannot be loaded: {error}" if found else ""
+    if not isinstance(error, OSError):
+        return ""
+    try:
+        Path.cwd()
+    except OSError:
+        return "the folder in which the command was started is gone: wanted one that is there"
+    if error.errno not in REFUSALS:
+        return ""
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror}" + REFUSALS[error.errno]
+
+
+def _kept(error: Exception, given: Sequence[str]) -> str:
+    """What went wrong in a line, and the file that tells all of it."""
+    what = " ".join(traceback.format_exception_only(error)[-1].split())
+    text = "".join(traceback.format_exception(error))
+    head = (
+        f"{shlex.join(['fmu-fit', *given])}\nfmu-fit {fitting.__version__}, "
+        f"Python {platform.python_version()}, {platform.platform()}\n\n"
+    )
+    for folder in _folders_for_faults(given):
+        with contextlib.suppress(OSError):
+            handle, name = tempfile.mkstemp(FAULT_FILE[1], FAULT_FILE[0], folder)
+            with os.fdopen(handle, "wb") as file:
+                file.write((head + text).encode("utf-8", "backslashreplace"))
+            return f"{what}; {name} has the traceback, please report it"
+    return f"{what}; its traceback could not be kept in any folder"
+
+
+def _folders_for_faults(given: Sequence[str]) -> Iterator[str | None]:
+    """The folder of the results, if it is there, and that of temporary files."""
+    for word, following in zip(given, [*given[1:], ""], strict=True):
+        out = following if word == "--out" else word.removeprefix("--out=")
+        if word.startswith("--out") and os.path.isdir(out):
+            yield out
+    yield None
 
 
 def _complain(error: object, code: int) -> int:
     """A line on stderr for each complaint."""
-    complaints = error.args if isinstance(error, BadInput) else (error,)
+    complaints = (
+        *(error.args if isinstance(error, BadInput) else (error,)),
+        *getattr(error, "__notes__", ()),  # what the command knows to do about it
+    )
     for complaint in complaints[:MOST_COMPLAINTS]:
-        print(f"fmu-fit: {' '.join(str(complaint).split())}", file=sys.stderr)
+        print(f"fmu-fit: {_in_a_line(str(complaint))}", file=sys.stderr)
     if len(complaints) > MOST_COMPLAINTS:
         print(f"fmu-fit: and {len(complaints) - MOST_COMPLAINTS} more complaints", file=sys.stderr)
     return code
+
+
+def _in_a_line(text: str) -> str:
+    """The text on one line that a terminal can show, and a reader can take in."""
+    line = " ".join(text.split())
+    if len(line) > LONGEST:
+        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:

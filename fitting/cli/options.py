@@ -8,12 +8,28 @@ import math
 import os
 from collections.abc import Callable
 
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert, parse_quantity
 
+#: Where nothing is said: a count beyond that would take years, or all memory.
+MOST = 10**6
+MOST_SEED = 2**63 - 1
 
-def whole_number(least: int) -> Callable[[str], int]:
-    """An argparse type: a whole number not below ``least``."""
+
+def seed() -> Callable[[str], int]:
+    """An argparse type: the seed of what is drawn at random."""
+    return whole_number(0, MOST_SEED)
+
+
+def worker_count() -> Callable[[str], int]:
+    """An argparse type: a number of worker processes."""
+    from fitting.api.fmu import MOST_WORKERS  # not every command has any
+
+    return whole_number(1, MOST_WORKERS)
+
+
+def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
+    """An argparse type: a whole number from ``least`` to ``most``."""
 
     def read(text: str) -> int:
         try:
@@ -22,7 +38,11 @@ def whole_number(least: int) -> Callable[[str], int]:
             value = least - 1
         if value < least:
             raise argparse.ArgumentTypeError(
-                f"found '{text}', wanted a whole number of at least {least}"
+                f"found {shown(text)}, wanted a whole number of at least {least}"
+            )
+        if value > most:
+            raise argparse.ArgumentTypeError(
+                f"found {shown(text)}, wanted a whole number of at most {most}"
             )
         return value
 
@@ -67,7 +87,7 @@ def positive_quantity(text: str, unit: str, *, where: str) -> float:
     """
     value = quantity(text, unit, where=where)
     if not value > 0.0:
-        raise BadInput(f"{where}: found {text!r}, wanted a positive number")
+        raise BadInput(f"{where}: found {shown(text)}, wanted a positive number")
     return value
 
 
@@ -83,7 +103,7 @@ def quantity(text: str, unit: str, *, where: str) -> float:
     """
     with contextlib.suppress(ValueError):  # text with a unit
         if not math.isfinite(float(text)):  # "nan" looks like a word to the reader of units
-            raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+            raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     number, written = parse_quantity(text, where=where)
     return number if written is None else convert(number, written, unit, where=where)
 

@@ -1,27 +1,63 @@
-"""Progress on a terminal, silence in a pipe."""
+"""Progress: a line that lives on a terminal, a line now and then in a pipe or a file."""
 
 from __future__ import annotations
 
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from tqdm import tqdm
 
+TICK_S = 1.0  # on a terminal, where the seconds are seen to run
+#: In a pipe: silence before the first line, part of the time so far between lines, and most of it.
+FIRST_S, PART, MOST_S = 10.0, 0.1, 60.0
+
 
 @contextmanager
-def status_line(label: str) -> Iterator[Callable[[str], None]]:
-    """A line that shows what is under way and for how long, gone at the end.
+def status_line(
+    label: str, counted: Callable[[], str] = lambda: ""
+) -> Iterator[Callable[[str], None]]:
+    """What is under way and for how long, on stderr.
 
-    Yields the function that changes its text. Nothing is shown unless stderr is a terminal.
+    On a terminal a line that is gone at the end; else lines that become rarer.
+
+    Yields the function that changes the text.
 
     Args:
         label: that goes before the text.
+        counted: what is going on inside, as "120 runs"; asked whenever the line is shown.
     """
-    with tqdm(
-        desc=label,
-        bar_format="{desc} [{elapsed}]{postfix}",
-        leave=False,
-        disable=not sys.stderr.isatty(),
-    ) as bar:
-        yield lambda text: bar.set_postfix_str(text)
+    show = _terminal if sys.stderr.isatty() else _pipe
+    said = [""]
+    ended = threading.Event()
+    shower = threading.Thread(
+        target=show, args=(label, lambda: _joined(said[0], counted()), ended), daemon=True
+    )
+    shower.start()
+    try:
+        yield lambda text: said.__setitem__(0, text)
+    finally:
+        ended.set()
+        shower.join()
+
+
+def _joined(*texts: str) -> str:
+    return ", ".join(text for text in texts if text)
+
+
+def _terminal(label: str, text: Callable[[], str], ended: threading.Event) -> None:
+    with tqdm(desc=label, bar_format="{desc} [{elapsed}]{postfix}", leave=False) as bar:
+        while not ended.wait(TICK_S):
+            bar.set_postfix_str(text())
+
+
+def _pipe(label: str, text: Callable[[], str], ended: threading.Event) -> None:
+    begun = time.monotonic()
+    while True:
+        passed_s = time.monotonic() - begun
+        if ended.wait(min(max(FIRST_S, PART * passed_s), MOST_S)):
+            return
+        after = f"{time.monotonic() - begun:.0f} s"
+        print(f"{label}: {_joined(text(), after)}", file=sys.stderr, flush=True)

@@ -4,30 +4,37 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
-from fitting.api.fitted import Tikhonov, fit, identity_of, profile, search_options
-from fitting.api.jobs import draw_report
-from fitting.api.problem import Problem
-from fitting.campaign import read_campaign
+import fitting as ff
+from fitting.api.fitted import (
+    LEVELS_FILE,
+    MISFITS,
+    KeptLevels,
+    Progress,
+    Valued,
+    kept_levels,
+    search_options,
+)
+from fitting.api.jobs import RESULT_FILES, draw_report
 from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import relative_accuracy, whole_number
-from fitting.fit import checkpoint
-from fitting.fit.fit import Progress
-from fitting.fit.solver.evaluator import MISFITS
-from fitting.inference.sweep_line import line_sentences
-from fitting.report.table import text_lines
-from fitting.report.tables.values import values_table
-from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.inference import knowledge_lines
-from fitting.report.words.plan import plan_line
+from fitting.cli.interrupts import to_the_end
+from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
+from fitting.cli.progress import status_line
+from fitting.cli.results import writes
+from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
-from fitting.result.provenance import job_of
 from fitting.result.result import Result, write_result
 
 NAME = "reconstruct"
+#: Of a result that is written before the profiles are done, and stands where they never are.
+NO_PROFILES = (
+    "The command ended before the profiles were done: intervals and verdicts are those of the "
+    "linearised problem."
+)
 EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 
@@ -42,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
     parser.add_argument(
-        "--workers", type=whole_number(1), help="worker processes (one per processor, up to 8)"
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
     parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
     parser.add_argument(
@@ -58,8 +65,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='a value from elsewhere to test, as lambda="0.8604 MHz" or "0.8604 MHz +- 1 kHz"',
     )
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
-    parser.add_argument("--seed", type=whole_number(0), help="seed of the starts (the campaign's)")
-    parser.add_argument("--starts", type=whole_number(1), help="number of starts (the campaign's)")
+    parser.add_argument("--seed", type=seed(), help="seed of the search (the campaign's)")
+    parser.add_argument(
+        "--starts",
+        type=whole_number(1),
+        help="starts followed; 1: no search (the campaign's)",
+    )
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(
         "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
@@ -73,6 +84,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
 
 
+def _out(args: argparse.Namespace) -> Path:
+    folders = [path.resolve().parent.name for path in args.campaign]
+    return args.out or Path("out") / "+".join(dict.fromkeys(folders))
+
+
+@writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Reconstruct and write; returns 0 if converged, else 1.
 
@@ -81,38 +98,74 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     check_external(args.external)
-    campaigns = [read_campaign(path) for path in args.campaign]
-    folders = [path.resolve().parent.name for path in args.campaign]
-    out: Path = args.out or Path("out") / "+".join(dict.fromkeys(folders))
+    campaigns = [ff.read_campaign(path) for path in args.campaign]
+    out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu:
-        problem = Problem.of(campaigns, fmu, accuracy=args.accuracy)
-        record = problem.record
-        check_external(args.external, [*(p.name for p in record.parameters), *record.outputs])
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy)
+        check_external(args.external, _units(problem))
         memory = _memory(args, problem, out)
-        shown = _Line(sys.stderr.isatty())
         try:
-            result = _result(args, problem, shown, memory)
+            with status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell:
+                ended = _ending(args, _Reconstruction(problem, out, memory, tell))
         except KeyboardInterrupt:
-            shown.end()
-            print("interrupted before the first level was finished: nothing to report")
+            print(f"interrupted before there was a result{_way_on(args, memory)}")
             return 1
-        shown.end()
-    result = with_external(result, args.external)
-    files = write_result(result, out)
-    print("\n".join(table(result)))
+        except ff.FmuFailure as failure:
+            if way_on := _way_on(args, memory):
+                failure.add_note(way_on.removeprefix("; "))
+            raise
+    result = ended.result
+    files = write_result(result, out)  # before anything else that may fail
+    if args.external:
+        result = with_external(result, args.external)
+        write_result(result, out)
+    print("\n".join(result_lines(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
-    if result.status == "interrupted":
-        print(f"go on with: {_command(args)}{'' if args.resume else ' --resume'}")
+    if not ended.done:
+        print(f"go on with: {_command(args, resume=True)}")
         return 1
-    memory.remove()
     if not args.no_report:
-        print(f"report: {draw_report(problem, result, out)}")
+        print(f"report: {draw_report(ended.found, result, out)}")
+    memory.remove()  # when all is done that may be killed
     return 0 if result.status == "converged" else 1
 
 
-def _method(args: argparse.Namespace, problem: Problem) -> Tikhonov:
+def _units(problem: ff.Problem) -> dict[str, str]:
+    """Units of the values that there will be, by name."""
+    record, variables = problem.record, problem.fmu.description.variables
+    shared = {p.name: p.unit for p in record.parameters if not p.experiments}
+    return shared | {name: variables[name].unit or "" for name in record.outputs}
+
+
+@dataclass(frozen=True)
+class _Reconstruction:
+    """What is solved, where results and finished levels go, and who is told how far it is."""
+
+    problem: ff.Problem
+    out: Path
+    memory: KeptLevels
+    tell: Callable[[str], None]
+
+
+class _Ending(NamedTuple):
+    """What was found, the result of it, and whether all that was asked for is done."""
+
+    found: Valued
+    result: Result
+    done: bool
+
+
+def _way_on(args: argparse.Namespace, memory: KeptLevels) -> str:
+    """Where finished levels are kept: how to go on from them."""
+    count = len(memory)
+    return f"; {count} finished levels are kept, go on with: {_command(args, resume=True)}" * (
+        count > 0
+    )
+
+
+def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
     """As the campaign says, but for what the options change."""
-    method = replace(Tikhonov.of(problem.options), quick=args.quick)
+    method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
     return method if args.misfit is None else replace(method, misfit=args.misfit)
 
 
@@ -120,35 +173,57 @@ def _starts(args: argparse.Namespace) -> int | None:
     return 1 if args.quick and args.starts is None else args.starts
 
 
-def _memory(args: argparse.Namespace, problem: Problem, out: Path) -> checkpoint.Checkpoint:
+def _memory(args: argparse.Namespace, problem: ff.Problem, out: Path) -> KeptLevels:
     """Finished levels of this very job: those of an interrupted run, or none yet."""
     options = search_options(problem, _method(args, problem), _starts(args), args.seed)
-    job = job_of(problem.record, identity_of(problem, _command(args)), options)
-    if not args.resume:
-        return checkpoint.begin(out, job)
-    memory = checkpoint.resume(out, job)
-    print(memory.resumed("levels"))
+    memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
+    if args.resume:
+        print(memory.resumed("levels"))
     return memory
 
 
-def _result(
-    args: argparse.Namespace, problem: Problem, shown: _Line, memory: checkpoint.Checkpoint
-) -> Result:
-    found = fit(
-        problem,
-        _method(args, problem),
+def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
+    """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
+    job.tell("planning")
+    found: Valued
+    found = fitted = ff.fit(
+        job.problem,
+        _method(args, job.problem),
         starts=_starts(args),
         seed=args.seed,
-        progress=shown,
-        memory=memory,
+        progress=lambda state: job.tell(_in_words(state)),
+        memory=job.memory,
     )
-    found.command = _command(args)
-    if args.no_profiles:
-        return found.result
-    return profile(found, bootstrap=args.bootstrap or 0).result
+    fitted.command = _command(args)
+    with to_the_end():
+        result = fitted.result
+    interrupted = fitted.status == "interrupted"
+    if args.no_profiles or interrupted:
+        return _Ending(found, result, not interrupted)
+    done = False
+    try:
+        with to_the_end():
+            result = replace(result, warnings=(*result.warnings, NO_PROFILES))
+            write_result(result, job.out)
+        job.tell("profiles")
+        inferred = ff.profile(fitted, bootstrap=args.bootstrap or 0)
+        with to_the_end():
+            found, result, done = inferred, inferred.result, inferred.profiled
+    except KeyboardInterrupt:
+        pass
+    return _Ending(found, result, done)
 
 
-def _command(args: argparse.Namespace) -> str:
+def _in_words(state: Progress) -> str:
+    left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
+    return (
+        f"alternative {state.alternative + 1}/{state.alternatives}, "
+        f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
+        f"J = {state.j_fit + state.j_reg:.5g}{left}"
+    )
+
+
+def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
     for name in ("out", "workers", "accuracy", "misfit", "seed", "starts", "bootstrap"):
         value = getattr(args, name)
@@ -156,69 +231,8 @@ def _command(args: argparse.Namespace) -> str:
             words += [f"--{name}", str(value)]
     for text in args.external:
         words += ["--external", text]
-    flags = [
-        name for name in ("resume", "quick", "no_profiles", "no_report") if getattr(args, name)
-    ]
+    flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]
+    if args.resume or resume:
+        flags.insert(0, "resume")
     words += [f"--{name.replace('_', '-')}" for name in flags]
     return shlex.join(words)
-
-
-class _Line:
-    """One line of progress on a terminal, nothing in a pipe."""
-
-    def __init__(self, terminal: bool) -> None:
-        self.terminal = terminal
-
-    def __call__(self, state: Progress) -> None:
-        if not self.terminal:
-            return
-        left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
-        text = (
-            f"alternative {state.alternative + 1}/{state.alternatives}, "
-            f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
-            f"J = {state.j_fit + state.j_reg:.5g}, {state.evaluations} evaluations, "
-            f"{state.elapsed_s:.0f} s{left}"
-        )
-        sys.stderr.write(f"\r\x1b[K{text}")
-        sys.stderr.flush()
-
-    def end(self) -> None:
-        """Leave the line."""
-        if self.terminal:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
-
-
-def table(result: Result) -> list[str]:
-    """The result as lines of text.
-
-    Args:
-        result: of a reconstruction.
-    """
-    marked = result.synthetic and "synthetic" not in result.title.lower()
-    lines = [result.title + (" [synthetic]" if marked else ""), ""]
-    lines += text_lines(values_table(result, result.title))
-    agreement = agreement_sentences(result)
-    lines += ["", *agreement] if agreement else []
-    before, after = result.deviations.initial.mean, result.deviations.final.mean
-    lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
-    for other in result.alternatives:
-        if not other.settings:  # the campaign names no alternatives
-            continue
-        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items())
-        mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
-        lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
-    if result.line is not None:
-        lines += line_sentences(result.line)
-    if result.knowledge is not None:
-        lines += ["", *knowledge_lines(result.knowledge), ""]
-    cost = result.evaluations
-    lines.append(
-        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
-        f"{result.seconds:.1f} s"
-    )
-    if result.plan is not None:
-        lines.append(plan_line(result.plan))
-    lines += ["", f"{result.status}: {result.message}"]
-    lines += [f"warning: {text}" for text in result.warnings]
-    return lines

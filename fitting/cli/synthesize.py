@@ -7,13 +7,10 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from fitting.cli.options import whole_number
-from fitting.lab.benches import BUILT_IN, DUFFING
-from fitting.lab.duffing import CubicModes
-from fitting.lab.instruments.lock_in import LockIns
-from fitting.lab.synthesis import bench_of, synthesize
-from fitting.lab.truth import TRUTH_NAME, read_bench
-from fitting.text.errors import BadInput
+import fitting as ff
+from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns
+from fitting.cli.options import seed
+from fitting.cli.results import writes
 
 NAME = "synthesize"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
@@ -50,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument(
         "--series",
-        choices=BUILT_IN,
+        choices=SERIES,
         help="one of the paper's two series, or the q1 string driven until it is nonlinear",
     )
     kind.add_argument(
@@ -71,9 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TRUTH.toml",
         help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
     )
-    parser.add_argument(
-        "--seed", type=whole_number(0), default=1, help="seed of all noise (default 1)"
-    )
+    parser.add_argument("--seed", type=seed(), default=1, help="seed of all noise (default 1)")
     parser.add_argument(
         "--cross-mode",
         action="store_true",
@@ -96,6 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+@writes(NAME)
 def run(args: argparse.Namespace) -> int:
     """Write the campaign; returns exit code 0.
 
@@ -104,12 +100,11 @@ def run(args: argparse.Namespace) -> int:
             a campaign which is not synthetic.
     """
     if (args.plan is None) != (args.truth is None):
-        raise BadInput("synthesize: --plan and --truth are wanted together")
-    bench = read_bench(args.truth) if args.truth else bench_of(args.series or args.like)
-    cubic = isinstance(bench.sample, CubicModes)
-    _refuse_meaningless(args, cubic)
-    made = synthesize(
-        bench,
+        raise ff.BadInput("synthesize: --plan and --truth are wanted together")
+    if args.noise is not None and not args.cross_mode:
+        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode")
+    made = ff.synthesize(
+        args.series or args.like or args.truth,
         seed=args.seed,
         instrument=_lock_ins(args),
         plan=args.plan,
@@ -117,22 +112,10 @@ def run(args: argparse.Namespace) -> int:
         **_changes(args),
     )
     path = made.write(args.out)
-    what = f"the plan {args.plan}" if args.plan else f"{len(bench.pairs_hz)} drive pairs"
+    pairs = len(made.measured.bench.pairs_hz)
+    what = f"the plan {args.plan}" if args.plan else f"{pairs} drive pairs"
     print(f"{path}: synthetic, seed {args.seed}, {what}")
     return 0
-
-
-def _refuse_meaningless(args: argparse.Namespace, cubic: bool) -> None:
-    """Refuse options that this laboratory would not look at."""
-    for option in () if cubic else (*CUBIC_OPTIONS, *LEVEL_OPTIONS):
-        if _value(args, option) is not None:
-            raise BadInput(f"--{option}: has no meaning here, only with --series {DUFFING}")
-    if args.cross_mode and (args.plan is not None or cubic):
-        raise BadInput("--cross-mode: has no meaning here, only with --series q1|q2 or --like")
-    if args.noise is not None and not args.cross_mode:
-        raise BadInput("--noise: has no meaning here, only with --cross-mode")
-    if args.noise is not None and not 0.0 < args.noise < 0.5:
-        raise BadInput(f"--noise: found {args.noise}, wanted a share between 0 and 0.5")
 
 
 def _lock_ins(args: argparse.Namespace) -> LockIns | None:

@@ -18,25 +18,41 @@ from fitting.text.units import convert
 
 #: Offsets of a tone from the middle of a resonance, at most; a finer grid is thinned to it.
 MOST_OFFSETS = 24
+#: Measurements, at most, that are proposed.
+MOST_NUMBER = 50
 #: Setups, at most, that are simulated.
 MOST_SETUPS = 20_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the instrument can do, frequencies in Hz, amplitudes in the detector's unit.
+    """What the instrument can do.
 
-    Tones lie on a grid of `frequency_step_hz`, no further than `farthest_hz` from one of the
-    `centres_hz`, `least_spacing_hz` apart and, with `both_sides`, on both sides of it. `outputs`
-    are FMU outputs that can be observed; `levels` factors on the campaign's drive level, proposed
-    where the amplitude stays below `largest_v`; `settings` lists values of further FMU parameters.
-    A peak of amplitude A, averaged over `repeats` spectra, is known to
+    A peak of amplitude A, averaged over n of ``repeats`` spectra, is known to
 
-        sigma^2 = noise_floor^2/repeats + (relative_noise A)^2
+        sigma^2 = noise_floor_v^2/n + (relative_noise A)^2
 
-    and `setting_sigmas` are errors, in the FMU's unit, of what the laboratory believes of
-    quantities that drift: common to the tones of one experiment, new in the next. `tones` are
-    driven at once, one or two; `lines` are read at combinations of them, at the tones if empty.
+    Args:
+        outputs: FMU outputs that can be observed.
+        centres_hz: Resonances, Hz, around which the tones are placed.
+        frequency_step_hz: Of the grid on which tones lie, Hz.
+        least_spacing_hz: Least distance of two tones, Hz.
+        farthest_hz: Largest distance of a tone from a resonance, Hz.
+        both_sides: Tones of one measurement lie on both sides of the resonance.
+        levels: Factors on the campaign's drive level.
+        repeats: Numbers of spectra that are averaged.
+        noise_floor_v: Of a peak in one spectrum, in the detector's unit.
+        relative_noise: Of a peak as a share of it; averaging does not lower it.
+        largest_v: Largest amplitude that is proposed, in the detector's unit.
+        settings: Values of further FMU parameters to try, in their units.
+        setting_sigmas: Errors, in the FMU's unit, of what the laboratory believes of quantities
+            that drift: common to the tones of one experiment, new in the next.
+        number: Measurements, at most, 1 to 50.
+        tones: That are driven at once, 1 or 2.
+        lines: Read at combinations of the tones; empty: at the tones.
+
+    Raises:
+        BadInput: a limit that no instrument can have.
     """
 
     outputs: tuple[str, ...]
@@ -55,6 +71,29 @@ class Limits:
     number: int = 6
     tones: int = 2
     lines: tuple[Combination, ...] = ()
+
+    def __post_init__(self) -> None:
+        above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
+        for name in above:
+            self._check(name, getattr(self, name) > 0.0, "a positive number")
+        for name in ("noise_floor_v", "relative_noise"):
+            self._check(name, getattr(self, name) >= 0.0, "zero or more")
+        for name in ("centres_hz", "levels", "repeats"):
+            values = getattr(self, name)
+            good = len(values) > 0 and all(0.0 < v < math.inf for v in values)
+            self._check(name, good, "positive numbers, one at least")
+        self._check("outputs", len(self.outputs) > 0, "one name at least")
+        whole = all(v == int(v) for v in self.repeats)
+        self._check("repeats", whole, "whole numbers")
+        self._check("tones", self.tones in (1, 2), "1 or 2")
+        self._check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
+        for name in ("levels", "repeats"):
+            object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
+
+    def _check(self, name: str, good: bool, wanted: str) -> None:
+        value = getattr(self, name)
+        if not good or (isinstance(value, float) and not math.isfinite(value)):
+            raise BadInput(f"limits: {name}: found {value!r}, wanted {wanted}")
 
     def sigma(self, amplitude_v: float, repeats: int) -> float:
         """Standard deviation of a peak, see the class; in the detector's unit.
@@ -201,7 +240,7 @@ def _setup(
     if source.kind == "tones":
         for name, tone in zip(source.frequency_names, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"
-            settings[name] = convert(tone, "Hz", source.frequency_unit, where=where)
+            settings[name] = convert(tone, "Hz", source.tone_unit, where=where)
     read = tuple(line.frequency_hz(tones) for line in lines)
     blank = np.full(len(read or tones), np.nan)
     return Setup(

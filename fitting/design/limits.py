@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive
 from fitting.campaign.binder import Binder
-from fitting.campaign.file import WrittenDesign
-from fitting.design.candidates import Limits
+from fitting.campaign.file import WrittenCampaign, WrittenDesign
+from fitting.design.candidates import MOST_NUMBER, Limits
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.keys import Keys, Missing
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, in_unit, positive_in
+from fitting.text.written import Written, as_written, in_unit, positive_in
 
 #: Drive levels and numbers of averaged spectra that are tried where nothing is said.
 LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
@@ -32,15 +34,31 @@ LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
 RELATIVE_NOISE, HEADROOM = 0.01, 2.0
 #: Departure of what drifts from the line between its two measured values, as a share of the drift.
 OFF_THE_LINE = 0.05
-MOST_NUMBER = 50
+#: Relative difference of two limits that are the same one, written in two units.
+ROUNDING = 1e-12
+#: Tables by which a file is known as a campaign.
+OF_A_CAMPAIGN = ("fmu", "drive", "parameters")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenCandidates(Keys):
+    """A file that holds limits and nothing else."""
+
+    design: Annotated[WrittenDesign, Missing("wanted a table [design] with limits")]
+    """The instrument's limits."""
 
 
 @dataclass(frozen=True)
 class DesignTable:
-    """A table [design]: what it says, and the file that it is in, for complaints."""
+    """A table [design]: what it says, the file that it is in, and the keys that are written there.
+
+    `elsewhere` are the files of keys that were taken over from another table.
+    """
 
     path: Path
     keys: WrittenDesign
+    said: frozenset[str] = frozenset()
+    elsewhere: Mapping[str, Path] = field(default_factory=dict)
 
     def where(self, key: str) -> str:
         """The place of a key.
@@ -48,11 +66,28 @@ class DesignTable:
         Args:
             key: key of the table [design].
         """
-        return f"{self.path}: [design] {key}"
+        return f"{self.elsewhere.get(key, self.path)}: [design] {key}"
+
+    def with_keys_of(self, other: DesignTable) -> DesignTable:
+        """The table with all that the other one says; what that leaves out stays.
+
+        Args:
+            other: whose keys go before.
+        """
+        new = {key: getattr(other.keys, key) for key in other.said}
+        for key in ("settings", "setting_sigma"):  # tables themselves, by variable
+            if key in new:
+                new[key] = {**getattr(self.keys, key), **new[key]}
+        return DesignTable(
+            path=self.path,
+            keys=replace(self.keys, **new),
+            said=self.said | other.said,
+            elsewhere={**self.elsewhere, **dict.fromkeys(other.said, other.path)},
+        )
 
 
 def read_design_table(path: Path) -> DesignTable:
-    """The table [design] of a TOML file, empty where there is none.
+    """The table [design] of a campaign file, empty where there is none.
 
     Args:
         path: of the campaign file.
@@ -61,7 +96,85 @@ def read_design_table(path: Path) -> DesignTable:
         BadInput: no such file, not TOML, or something wrong with the table.
     """
     table = read_toml(path).get("design", {})
-    return DesignTable(path, read_record(WrittenDesign, table, path, "design"))
+    return DesignTable(path, read_record(WrittenDesign, table, path, "design"), frozenset(table))
+
+
+def read_candidates(path: Path) -> DesignTable:
+    """The table [design] of a file that has to have one: nothing else, or a whole campaign.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        BadInput: no such file, not TOML, no such table, or a table or key that there is not.
+    """
+    tables = read_toml(path)
+    if any(name in tables for name in OF_A_CAMPAIGN):
+        read_record(WrittenCampaign, tables, path)
+        if "design" not in tables:
+            raise BadInput(f"{path}: has no table [design], wanted one with limits")
+    else:
+        read_record(WrittenCandidates, tables, path)
+    return read_design_table(path)
+
+
+def refuse_wider(
+    limits: Limits,
+    own: Limits,
+    table: DesignTable,
+    where: Callable[[str], str],
+    amplitude_unit: str,
+) -> None:
+    """Complain of limits that go beyond what the campaign says that its instrument bears.
+
+    Args:
+        limits: that are to hold.
+        own: the campaign's.
+        table: the campaign's [design]; what it does not say is no limit.
+        where: place of a key of `limits`, for complaints.
+        amplitude_unit: the detector's.
+
+    Raises:
+        BadInput: one is wider.
+    """
+    for key, found, most, unit in (
+        ("levels", max(limits.levels), max(own.levels), ""),
+        ("largest", limits.largest_v, own.largest_v, amplitude_unit),
+        ("farthest", limits.farthest_hz, own.farthest_hz, "Hz"),
+        ("least_spacing", -limits.least_spacing_hz, -own.least_spacing_hz, "Hz"),
+    ):
+        if key in table.said and found - most > ROUNDING * abs(most):
+            wanted = "at most" if most > 0.0 else "at least"
+            high, low = (f"{abs(value):.9g} {unit}".rstrip() for value in (found, most))
+            raise BadInput(
+                f"{where(key)}: found {high}, wanted {wanted} the {low} of {table.where(key)}"
+            )
+    more = [name for name in limits.outputs if name not in own.outputs]
+    if "outputs" in table.said and more:
+        raise BadInput(
+            f"{where('outputs')}: '{more[0]}' is none of those of {table.where('outputs')}, wanted "
+            f"some of {', '.join(own.outputs)}"
+        )
+
+
+def check_names(limits: Limits, variables: Mapping[str, VariableLike]) -> None:
+    """Complain of names and values that the FMU does not have.
+
+    Args:
+        limits: made by a program.
+        variables: of the FMU, by name.
+
+    Raises:
+        BadInput: an unknown variable, or a value of the wrong kind.
+    """
+    binder = Binder(variables)
+    for name in limits.outputs:
+        binder.real(name, "limits: outputs", READABLE, "observed")
+    for name, values in limits.settings.items():
+        for value in values:
+            binder.setting(name, as_written(value, f"limits: settings '{name}'"))
+    for name in limits.setting_sigmas:
+        binder.real(name, "limits: setting_sigmas", SETTABLE, "set")
 
 
 def limits_of(

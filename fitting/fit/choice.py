@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.campaign.parameters import to_model
+from fitting.fit.alternative import Outcome
 from fitting.fit.objective import Objective
-from fitting.fit.solver.continuation import Outcome, equal_j
+from fitting.fit.solver.continuation import Chain, equal_j, is_lower
 
 
 def chosen(
@@ -34,26 +36,63 @@ def chosen(
 def _complete(objective: Objective, outcome: Outcome) -> bool:
     """Whether every derived output has a value at the best end of an alternative."""
     best = outcome.best
-    if best is None:
-        return False
-    [outputs] = objective.response.derived_many([np.array(best.steps[-1].parameters)])
-    return all(bool(np.all(np.isfinite(values))) for values in outputs.values())
+    return best is not None and _valued(objective, [best])[0]
+
+
+def _valued(objective: Objective, chains: Sequence[Chain]) -> list[bool]:
+    """Whether every derived output has a value at the ends of some chains."""
+    ends = [np.array(chain.steps[-1].parameters) for chain in chains]
+    answers = objective.response.derived_many(ends) if ends else []
+    return [
+        all(bool(np.all(np.isfinite(values))) for values in outputs.values()) for outputs in answers
+    ]
 
 
 def _with_values(objective: Objective, outcome: Outcome) -> Outcome:
-    """The outcome whose best chain has, among those of equal J, a value for every output."""
+    """The outcome whose best chain has, among those of equal J, a value for every output.
+
+    Where no chain that was followed has, its twins are looked at: the data do not tell them from
+    it.
+    """
     best = outcome.best
     if best is None or _complete(objective, outcome):
         return outcome
-    for chain in outcome.chains:
-        if chain is best or chain.joined is not None or len(chain.steps) < len(best.steps):
-            continue
-        if equal_j(chain.steps[-1].j, best.steps[-1].j):
-            others = tuple(other for other in outcome.chains if other is not chain)
-            moved = replace(outcome, chains=(chain, *others))
-            if _complete(objective, moved) and moved.best is chain:
-                return moved
+    equal = [
+        chain
+        for chain in outcome.chains
+        if chain is not best
+        and chain.joined is None
+        and chain.nu == best.nu
+        and equal_j(chain.steps[-1].j, best.steps[-1].j)
+    ]
+    candidates = [*equal, *_twins(objective, outcome, best)]
+    for chain, whole in zip(candidates, _valued(objective, candidates), strict=True):
+        if whole:
+            return replace(outcome, reported=chain)
     return outcome
+
+
+def _twins(objective: Objective, outcome: Outcome, chain: Chain) -> list[Chain]:
+    """The same chain with its end moved to each of its twins, as one more level that costs none."""
+    last = chain.steps[-1]
+    moved = []
+    for twin in outcome.twins:
+        x = twin.of(objective.parameters, np.array(last.x))
+        if x is not None:
+            step = replace(
+                last,
+                x=tuple(map(float, x)),
+                parameters=tuple(map(float, to_model(objective.parameters, x))),
+                level=last.level + 1,
+                message=f"{last.message}; the same fit where every output has a value",
+                iterations=0,
+                evaluations=0,
+                jacobians=0,
+                runs=0,
+                seconds=0.0,
+            )
+            moved.append(replace(chain, steps=(*chain.steps, step)))
+    return moved
 
 
 def _best_alternative(outcomes: list[Outcome], complete: list[bool]) -> int:
@@ -67,14 +106,12 @@ def _best_alternative(outcomes: list[Outcome], complete: list[bool]) -> int:
         one, other = outcomes[best].best, outcome.best
         if other is None or outcome is outcomes[best]:
             continue
-        longer = one is None or len(other.steps) > len(one.steps)
-        as_long = one is not None and len(other.steps) == len(one.steps)
-        lower = one is not None and other.steps[-1].j < one.steps[-1].j - 1e-6 * (
-            1.0 + one.steps[-1].j
-        )
-        equal = as_long and one is not None and equal_j(other.steps[-1].j, one.steps[-1].j)
+        further = one is None or other.nu < one.nu
+        as_far = one is not None and other.nu == one.nu
+        lower = one is not None and is_lower(other.steps[-1].j, one.steps[-1].j)
+        equal = as_far and one is not None and equal_j(other.steps[-1].j, one.steps[-1].j)
         if equal and complete[k] != complete[best]:
             lower = complete[k]
-        if longer or (as_long and lower):
+        if further or (as_far and lower):
             best = k
     return best

@@ -11,19 +11,14 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+from fitting.fit.alternative import Outcome, Solved, run_alternative
 from fitting.fit.choice import chosen
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
 from fitting.fit.path import AlternativeResult, HistoryRow, alternative_results, history_rows
 from fitting.fit.problem import Problem
-from fitting.fit.solution import Solution, solution_of
-from fitting.fit.solver.continuation import (
-    ContinuationStep,
-    Journal,
-    Outcome,
-    Schedule,
-    run_alternative,
-)
+from fitting.fit.solution import Solution, negligible, solution_of
+from fitting.fit.solver.continuation import ContinuationStep, Course, Journal, Schedule
 from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
@@ -187,9 +182,15 @@ def solve_problem(
         journal = Journal(
             recall=watch.recall, record=watch.record, entering=watch.entering, clock=hooks.clock
         )
-        outcomes.append(
-            run_alternative(objectives[-1], options.schedule, options.solve, k, journal)
+        course = Course(
+            objective=objectives[-1],
+            schedule=options.schedule,
+            settings=options.solve,
+            alternative=k,
+            journal=journal,
         )
+        solved = [Solved(*pair) for pair in zip(objectives, outcomes, strict=False)]
+        outcomes.append(run_alternative(course, solved))
         if outcomes[-1].interrupted:
             break
     if not outcomes:
@@ -238,7 +239,7 @@ class _Watch:
 
     def _tell(self, alternative: int, start: int, level: int) -> None:
         schedule = self.schedule
-        # starts mostly meet in the first level: count one chain per alternative beyond it
+        # further starts are lowered at the last level alone
         whole = self.alternatives * (schedule.starts + schedule.levels - 1)
         mean = self.spent / self.fresh if self.fresh else float("nan")
         self.hooks.progress(
@@ -272,7 +273,7 @@ def _finished(
     outcome, evaluator = outcomes[reported], Evaluator(objectives[reported])
     chain = outcome.best or outcome.chains[0]
     solution = solution_of(evaluator, chain, options.schedule, options.solve.misfit)
-    status, message = _status(solution, outcomes)
+    status, message = _status(solution, outcomes, options.solve.misfit)
     return Fit(
         problem=problem,
         options=options,
@@ -281,7 +282,7 @@ def _finished(
         reported=reported,
         solution=solution,
         alternatives=alternative_results(objectives, outcomes, problem.alternatives, reported),
-        path=history_rows(solution),
+        path=history_rows(solution, outcome.chains[0]),
         cost=_cost(outcomes, evaluator.counts),
         status=status,
         message=message,
@@ -292,13 +293,14 @@ def _finished(
 def _cost(outcomes: Sequence[Outcome], rest: Counts) -> Counts:
     counts = rest
     for outcome in outcomes:
+        counts += outcome.further
         for chain in outcome.chains:
             for step in chain.steps:
                 counts += step.counts
     return counts
 
 
-def _status(solution: Solution, outcomes: Sequence[Outcome]) -> tuple[Status, str]:
+def _status(solution: Solution, outcomes: Sequence[Outcome], misfit: str) -> tuple[Status, str]:
     last = solution.last
     if any(outcome.interrupted for outcome in outcomes):
         reached = "the start" if last is None else f"nu = {last.nu:.1e}, J_fit = {last.j_fit:.6g}"
@@ -315,9 +317,15 @@ def _status(solution: Solution, outcomes: Sequence[Outcome]) -> tuple[Status, st
             f"The fit does not describe the data: {missed}; {where}. Wanted a start nearer to the "
             "solution, a wider box, or data above the noise."
         )
+    said = f"{solution.chain.ended[:1].upper()}{solution.chain.ended[1:]}"
+    promise = f"a linearised step promises no more than {last.optimality:.1e}"
     if last.status == "optimal":
-        promise = f"a linearised step promises no more than {last.optimality:.1e}"
-        return Status.CONVERGED, f"{solution.chain.ended.capitalize()}; {where}; {promise}."
+        return Status.CONVERGED, f"{said}; {where}; {promise}."
+    if last.optimality <= negligible(solution, misfit):
+        return Status.CONVERGED, (
+            f"{said}; {where}; {promise}, which neither the model's accuracy nor the noise of the "
+            "data resolves."
+        )
     return Status.NOT_CONVERGED, (
         f"Not optimal at the last nu: a linearised step still promises {last.optimality:.2e} "
         f"({last.message}); {where}."

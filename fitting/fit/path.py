@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
+from fitting.fit.alternative import Outcome
 from fitting.fit.objective import Objective, j_reg
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
-from fitting.fit.solver.continuation import Chain, Outcome, equal_j
+from fitting.fit.solver.continuation import Chain, equal_j
 from fitting.text.arrays import FloatArray, Scalar
 
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryRow:
-    """One nu of the reported chain; level -1 is the start itself, before any solve."""
+    """One nu of Algorithm 2 from the campaign's start; level -1 is that start, before any solve.
+
+    A level beyond the schedule is the reported end, where another chain than this has it.
+    """
 
     level: int
     nu: float
@@ -36,7 +41,10 @@ class HistoryRow:
 
 @dataclass(frozen=True, kw_only=True)
 class StartResult:
-    """Where one start led: end values (canonical), J, the start it met, why it ended."""
+    """Where one start led: end values (canonical), J, the start it met, why it ended.
+
+    The first is Algorithm 2 from the campaign's start, the others began where the search did.
+    """
 
     begun: Mapping[str, float]
     parameters: Mapping[str, float]
@@ -49,8 +57,34 @@ class StartResult:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SearchResult:
+    """What a search of the box found in one alternative.
+
+    `screened` points of the box were looked at in `screens` rounds, `descents` begun from the best
+    of them; `ended` descents came to the lowest minimum or a twin of it, `higher` to others, of
+    which `next_chi_square` is the lowest against `chi_square` of the lowest of all (NaN without
+    any). `explained` whether noise explains it; `twins` number of exact symmetries of the model.
+    """
+
+    screened: int
+    screens: int
+    descents: int
+    ended: int
+    higher: int
+    chi_square: float
+    next_chi_square: float
+    explained: bool
+    twins: int
+    evaluations: int
+    fmu_runs: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class AlternativeResult:
-    """One discrete alternative with its best start; `equal_to_best` within the tolerance of J."""
+    """One discrete alternative with its best start; `equal_to_best` within the tolerance of J.
+
+    `search` is None where the box was not searched.
+    """
 
     settings: Mapping[str, Scalar]
     parameters: Mapping[str, float]
@@ -62,17 +96,23 @@ class AlternativeResult:
     reported: bool
     equal_to_best: bool
     starts: tuple[StartResult, ...]
+    search: SearchResult | None = None
 
 
-def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
-    """A row per nu of the reported chain, level -1 being the start, with derived means.
+def history_rows(solution: Solution, published: Chain) -> tuple[HistoryRow, ...]:
+    """A row per nu, level -1 being the start, with derived means.
+
+    The levels are those of Algorithm 2 from the campaign's start; a further row is the reported
+    end, where that is another.
 
     Args:
         solution: end of the fit.
+        published: Algorithm 2 from the campaign's start.
     """
     parameters = solution.parameters
-    begun = np.array(solution.chain.begun)
-    places = [begun, *(np.array(step.x) for step in solution.chain.steps)]
+    begun = np.array(published.begun)
+    steps = [*published.steps, *(s for s in solution.chain.steps if s not in published.steps)]
+    places = [begun, *(np.array(step.x) for step in steps)]
     values = [to_model(parameters, x) for x in places]
     derived = solution.objective.response.derived_many(values)
     rows = []
@@ -99,7 +139,7 @@ def history_rows(solution: Solution) -> tuple[HistoryRow, ...]:
                 )
             )
             continue
-        step = solution.chain.steps[k - 1]
+        step = steps[k - 1]
         rows.append(
             HistoryRow(
                 level=step.level,
@@ -166,6 +206,7 @@ def alternative_results(
                 reported=k == reported,
                 equal_to_best=equal_j(last.j, best_j),
                 starts=tuple(_start(objective, c, chain) for c in outcome.chains if c.steps),
+                search=_search(outcome),
             )
         )
     return tuple(results)
@@ -183,4 +224,24 @@ def _start(objective: Objective, chain: Chain, best: Chain) -> StartResult:
         joined=chain.joined,
         ended=chain.ended,
         equivalent=chain is best or chain.joined is not None or equal_j(last.j, top.j),
+    )
+
+
+def _search(outcome: Outcome) -> SearchResult | None:
+    search = outcome.search
+    if search is None:
+        return None
+    low, others = search.apart_by_height()
+    return SearchResult(
+        screened=search.screened,
+        screens=search.screens,
+        descents=search.descents,
+        ended=sum(minimum.descents for minimum in low),
+        higher=sum(minimum.descents for minimum in others),
+        chi_square=low[0].chi_square if low else math.nan,
+        next_chi_square=others[0].chi_square if others else math.nan,
+        explained=search.explained,
+        twins=len(outcome.twins),
+        evaluations=search.evaluations,
+        fmu_runs=search.runs,
     )

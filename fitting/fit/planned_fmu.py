@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fitting.campaign.parameters import starts
 from fitting.fit.problem import Problem
 from fitting.fmu import FmuWorkers, read_accuracy_annotation
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
-from fitting.measurements.tones import Tones, undriven
+from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 
 @dataclass(frozen=True)
@@ -97,12 +100,10 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
     model = DrivenModel(
         setup=setup, parameters=series.parameters, plan=draft, alternative=series.alternative
     )
-    peaks = [m for m in series.measurements if isinstance(m, Tones)]
     try:
-        share = max(
-            (undriven(tones, model, starts(series.parameters), workers) for tones in peaks),
-            default=0.0,
-        )
+        share = max(_undriven(m, model, workers) for m in series.measurements)
+    except NoAnswer:
+        raise
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
         return
     if share > max(100.0 * setup.accuracy, 1e-4):
@@ -111,3 +112,24 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
             "every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
             "[fmu.start]"
         )
+
+
+def _undriven(measurement: Measurement, model: DrivenModel, workers: Workers) -> float:
+    """Range of the output without any tone of the campaign, over the range with them."""
+    silent, driven = (
+        _range(measurement.first_drive(driven=on), model, workers) for on in (False, True)
+    )
+    return silent / driven if driven > 0.0 else 0.0
+
+
+def _range(measurement: Measurement | None, model: DrivenModel, workers: Workers) -> float:
+    """Range of the samples of its first run at the start parameters; zero where there is none."""
+    if measurement is None:
+        return 0.0
+    batch = Batch()
+    model = replace(model, setup=measurement.setup)
+    sampled = measurement.sampled(model, starts(model.parameters), batch)
+    if not sampled:
+        return 0.0
+    batch.simulate(workers)
+    return float(np.ptp(batch.samples(sampled[0].run, sampled[0].output)))

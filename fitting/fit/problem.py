@@ -10,10 +10,9 @@ from fitting.campaign import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.joint import join_parameters, named_apart
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.dataset import Dataset
+from fitting.measurements.kinds import measurements_of
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.planning import Series
-from fitting.measurements.sweep import sweep_of
-from fitting.measurements.tones import tones_of
 from fitting.text.arrays import Scalar
 
 
@@ -90,6 +89,7 @@ class Problem:
             derived=self.outputs,
             drift=Drift(),
             notes=self.notes,
+            measurements={},
         )
 
     @property
@@ -109,17 +109,16 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
     """
     series = named_apart(bounds)
     parameters, notes = join_parameters([bound for _, bound in series])
-    tones = [tones_of(bound, name) for name, bound in series if bound.experiments]
-    sweeps = [
-        sweep_of(bound, bound.sweep, name) for name, bound in series if bound.sweep is not None
-    ]
+    measured = [m for name, bound in series for m in measurements_of(bound, name)]
     held = any(p.prior_sigma is not None for p in parameters)
     noises = [bound.noise for bound in bounds]
     return Problem(
         parameters=parameters,
         data=Dataset(
-            (*tones, *sweeps),
-            weigh=held or any(n.declared or n.outliers != "keep" for n in noises),
+            tuple(sorted(measured, key=lambda m: m.is_curve)),
+            weigh=held
+            or any(n.declared or n.outliers != "keep" for n in noises)
+            or any(bound.measurements for bound in bounds),  # rows of unlike noise
             outliers="huber" if all(n.outliers == "huber" for n in noises) else "keep",
             names=tuple(name for name, _ in series),
         ),

@@ -18,6 +18,11 @@ from fitting.measurements.dataset import Dataset
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
 
+#: Decrease of chi square that matters to nobody.
+UNSEEN = 1e-3
+#: Share of the misfit that is never called unresolved.
+UNRESOLVED_SHARE = 1e-2
+
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
@@ -90,6 +95,32 @@ def solution_of(
         tikhonov_weights=tikhonov_weights,
         secant_points=secant_points,
     )
+
+
+def negligible(solution: Solution, misfit: str) -> float:
+    """Decrease of the misfit that nobody could tell from none, in its own unit.
+
+    What changes the likelihood of the data by less than UNSEEN of chi square, their noise as it is
+    stated or, where larger, as the residuals have it; or what the model computes no better: rows of
+    a relative error a add up to sqrt(m) a, as they are independent.
+
+    Args:
+        solution: end of the fit.
+        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
+    """
+    data, rows = solution.objective.data, solution.final.residuals
+    sigma = data.sigma[data.sigma > 0.0]
+    accuracy = min(m.setup.accuracy for m in data.measurements)
+    if misfit == "squares":
+        reached = solution.final.squares
+        unit = 1.0 / float(np.mean(sigma**-2)) if sigma.size else 0.0
+        unresolved = 2.0 * accuracy * float(np.linalg.norm(rows))
+    else:
+        reached = solution.final.j_fit
+        unit = 0.5 * float(np.sqrt(2.0 / np.pi) * np.median(sigma)) if sigma.size else 0.0
+        unresolved = accuracy * float(np.sqrt(rows.size))
+    noise = UNSEEN * max(reached / rows.size, unit)
+    return max(noise, min(unresolved, UNRESOLVED_SHARE * reached))
 
 
 def _curve_structure(data: Dataset, final: Point, matrix: FloatArray) -> Structure | None:

@@ -36,8 +36,11 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
     Raises:
         BadInput: the annotation names a variable that is not there, or a value of another kind.
     """
-    with zipfile.ZipFile(description.path) as archive:
-        root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
+    try:
+        with zipfile.ZipFile(description.path) as archive:
+            root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # alphabets, too
+        raise BadInput(f"{description.path}: modelDescription.xml: {error}") from error
     found = [element for place in PLACES for element in root.iterfind(place)]
     if not found:
         return AccuracyAnnotation()

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from fitting.fmu.archive import member_names
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
+from fitting.text.files import read_whole
 
 Kind = Literal["Real", "Integer", "Boolean", "String", "other"]
 
@@ -96,15 +97,11 @@ def read_description(path: Path | str) -> FmuDescription:
     import fmpy  # slow to load, and the other names of this module are wanted by many
 
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror}; wanted an FMU file") from error
+    content = read_whole(path, "an FMU file")
+    names = member_names(path)
     try:
         # unvalidated: many FMUs in use break a rule or two and run all the same
         model = fmpy.read_model_description(str(path), validate=False)
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
     except Exception as error:  # fmpy has no exception of its own for a broken file
         raise BadInput(f"{path}: is not an FMU ({error})") from error
     if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
@@ -191,7 +188,7 @@ def _number(text: str | None, where: str) -> float | None:
     try:
         return float(text)
     except ValueError as error:
-        raise BadInput(f"{where}: found {text!r}, wanted a number") from error
+        raise BadInput(f"{where}: found {shown(text)}, wanted a number") from error
 
 
 def _value(kind: Kind, text: str | None, where: str) -> Scalar | None:
@@ -201,5 +198,9 @@ def _value(kind: Kind, text: str | None, where: str) -> Scalar | None:
         return text
     if kind == "Boolean":
         return text.strip() in ("true", "1")
-    number = _number(text, where)
-    return int(text) if kind == "Integer" else number
+    if kind == "Real":
+        return _number(text, where)
+    try:
+        return int(text)
+    except ValueError as error:
+        raise BadInput(f"{where}: found start {shown(text)}, wanted a whole number") from error

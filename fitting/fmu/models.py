@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol
 
 from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+from fitting.text.scratch import Scratch
 from fitting.text.shipped import shipped
 
 BUILDER = "build_fmu.py"
@@ -40,11 +44,27 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """
     if source.file is not None:
         return source.file
+    # in a thread, because an interrupt within a start of a process would leave that process running
+    with Scratch() as folder, ThreadPoolExecutor(1) as thread:
+        built = thread.submit(_build, str(source.model), folder).result()
+        write_whole(cache / built.name, built.read_bytes())
+        return cache / built.name
+
+
+def _build(model: str, folder: Path) -> Path:
     builder = shipped(BUILDER)
-    command = [sys.executable, str(builder), "--model", str(source.model), "--out", str(cache)]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+    command = [sys.executable, str(builder), "--model", model, "--out", str(folder)]
+    built = subprocess.run(  # noqa: S603
+        command,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        # what a builder leaves that is killed goes with the folder
+        env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))},
+    )
     lines = built.stdout.strip().splitlines()
     if built.returncode != 0 or not lines:
         said = built.stderr.strip().splitlines() or ["no message"]
-        raise BadInput(f"[fmu] model = {source.model!r} could not be built: {said[-1]}")
+        raise BadInput(f"model {model!r} could not be built: {said[-1]}")
     return Path(lines[-1])

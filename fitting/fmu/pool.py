@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
-import tempfile
 import time
 import weakref
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
@@ -26,11 +24,14 @@ from fitting.fmu.worker.messages import Batch, Reply, UnpackedFmu
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import ReuseDecision
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+from fitting.text.scratch import Scratch
 
 POLL_S = 0.1
 CLOSING_S = 2.0
-MOST_WARNINGS = 50
+MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
+#: More processes than that are a slip of the pen on the machines of today.
+MOST_WORKERS = 256
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
 
 
@@ -39,7 +40,7 @@ class _Open:
     """What has to be closed: processes by number, the unpacked FMU, and whose they are."""
 
     processes: list[WorkerProcess | None]
-    home: Path | None = None
+    scratch: Scratch | None = None
     owner: int = field(default_factory=os.getpid)
 
     def close(self) -> None:
@@ -53,9 +54,14 @@ class _Open:
         until = time.monotonic() + CLOSING_S
         for worker in alive:
             worker.end(max(0.0, until - time.monotonic()))
-        home, self.home = self.home, None
-        if home is not None:
-            shutil.rmtree(home, ignore_errors=True)
+        scratch, self.scratch = self.scratch, None
+        if scratch is not None:
+            scratch.remove()
+
+    @property
+    def home(self) -> Path | None:
+        """Folder of the unpacked FMU and the workers' files."""
+        return None if self.scratch is None else self.scratch.path
 
 
 @dataclass(kw_only=True)
@@ -66,6 +72,7 @@ class _Job:
     requests: list[RunRequest]
     results: list[FloatArray]
     todo: dict[int, list[int]]  # by worker: numbers of the runs that it has still to do
+    repeated: set[int] = field(default_factory=set)  # workers that were killed and replaced
 
 
 class FmuWorkers:
@@ -92,8 +99,8 @@ class FmuWorkers:
         reuse: Literal["auto", "never"] = "auto",
         timeout_name: str = "timeout_s",
     ) -> None:
-        if workers < 1:
-            raise BadInput(f"workers is {workers!r}, wanted at least 1")
+        if not 1 <= workers <= MOST_WORKERS:
+            raise BadInput(f"workers is {workers!r}, wanted 1 to {MOST_WORKERS}")
         if not timeout_s > 0:
             raise BadInput(f"timeout_s is {timeout_s!r}, wanted a positive time")
         self.description = read_description(path)
@@ -180,9 +187,9 @@ class FmuWorkers:
                 self._start(number)
 
     def _start(self, number: int) -> WorkerProcess:
-        if self._open.home is None:
-            self._open.home = _unpack(self.description)
-        home, d = self._open.home, self.description
+        if self._open.scratch is None:
+            self._open.scratch = _unpack(self.description)
+        home, d = self._open.scratch.path, self.description
         folder = str(home / "fmu")
         fmu = UnpackedFmu(
             fmi_version=d.fmi_version,
@@ -217,15 +224,17 @@ class FmuWorkers:
             number, worker = pipes[pipe]  # type: ignore[index]
             reply = worker.receive()
             if reply is None:
-                self._ended_badly(number, worker, job, worker.cause_of_death())
+                self._ended(number, worker, job)
             else:
                 self._take(number, reply, job)
             del pipes[worker.pipe]
         for number, worker in pipes.values():
-            if worker.is_late(self._timeout_s):
+            if worker.is_gone:
+                self._ended(number, worker, job)
+            elif worker.is_late(self._timeout_s):
                 text = f"gave no answer within {self._timeout_s:g} s and was stopped"
                 text += f"; {self._timeout_name} sets that limit"
-                self._ended_badly(number, worker, job, text)
+                self._blame(number, worker, job, text, NoAnswer)
 
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
         self._verdicts[number] = reply.verdict
@@ -249,42 +258,64 @@ class FmuWorkers:
         else:
             del job.todo[number]
 
-    def _ended_badly(self, number: int, worker: WorkerProcess, job: _Job, how: str) -> None:
+    def _ended(self, number: int, worker: WorkerProcess, job: _Job) -> None:
+        """Do again once what somebody has killed; what the FMU itself has ended, it would again."""
+        death = worker.death()
+        if not death.killed_by:
+            self._blame(number, worker, job, death.how, FmuFailure)
+        elif number in job.repeated:
+            text = (
+                f"had its process killed ({death.killed_by}) twice in the same runs, by somebody "
+            )
+            text += "or by the system for want of memory"
+            raise self._failure(f"the FMU {text}", self._run_of(number, worker, job), NoAnswer)
+        else:
+            job.repeated.add(number)
+            self._kill(number)
+            self._send(number, job)
+
+    def _blame(
+        self, number: int, worker: WorkerProcess, job: _Job, how: str, kind: type[FmuFailure]
+    ) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
-        at_run = min(worker.at_run, len(job.todo[number]) - 1)
-        in_trial = worker.in_trial
+        run, in_trial = self._run_of(number, worker, job), worker.in_trial
         self._kill(number)
         if not in_trial:
-            raise self._failure(f"the FMU {how}", job.runs[job.todo[number][at_run]])
+            raise self._failure(f"the FMU {how}", run, kind)
         self._verdicts[number].refuse(f"after a reset the FMU {how}")
         self._send(number, job)
 
-    def _failure(self, message: str, run: Run) -> FmuFailure:
-        return FmuFailure(message, run.start_values, self.description.path)
+    def _run_of(self, number: int, worker: WorkerProcess, job: _Job) -> Run:
+        """The run that the process was at."""
+        left = job.todo[number]
+        return job.runs[left[min(worker.at_run, len(left) - 1)]]
+
+    def _failure(self, message: str, run: Run, kind: type[FmuFailure] = FmuFailure) -> FmuFailure:
+        return kind(message, run.start_values, self.description.path)
 
 
 def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:
-    return (*kept, *(text for text in more if text not in kept))[:MOST_WARNINGS]
+    found = (*kept, *(text for text in more if text not in kept))
+    return found if len(found) <= MOST_WARNINGS else (*found[:MOST_WARNINGS], DROPPED)
 
 
-def _unpack(description: FmuDescription) -> Path:
+def _unpack(description: FmuDescription) -> Scratch:
     """Unpack the FMU to a folder of plain name; FMUs stumble over umlauts and brackets in it."""
-    home = Path(tempfile.mkdtemp(prefix="fmu-fit-"))
-    if not _PLAIN.fullmatch(str(home)):
-        shutil.rmtree(home)
+    scratch = Scratch()
+    if not _PLAIN.fullmatch(str(scratch.path)):
+        scratch.remove()
         try:
-            home = Path(tempfile.mkdtemp(prefix="fmu-fit-", dir="/tmp"))
-        except OSError as error:
+            scratch = Scratch(Path("/tmp"))  # noqa: S108 - a private folder in it
+        except BadInput as error:
             raise BadInput(
-                f"{home.parent}: the folder for temporary files has a character in its name that "
-                "FMUs stumble over, wanted letters, digits and ._-/ (set TMPDIR)"
+                f"{scratch.path.parent}: the folder for temporary files has a character in its "
+                "name that FMUs stumble over, wanted letters, digits and ._-/ (set TMPDIR)"
             ) from error
-    folder = home / "fmu"
+    folder = scratch.path / "fmu"
     try:
-        with zipfile.ZipFile(description.path) as archive:
-            archive.extractall(folder)
+        unpack(description.path, folder)
     except BaseException:
-        shutil.rmtree(home, ignore_errors=True)
+        scratch.remove()
         raise
     (folder / "resources").mkdir(exist_ok=True)  # some FMUs crash where it is missing
-    return home
+    return scratch

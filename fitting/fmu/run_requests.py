@@ -14,10 +14,17 @@ import numpy as np
 
 from fitting.fmu.runs import Run, Segment, Tone
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 
 if TYPE_CHECKING:
     from fitting.fmu.description import FmuDescription, FmuVariable
+
+#: Least and largest number of every type of whole numbers; Integer is that of FMI 2.0.
+_RANGES = {
+    "Integer": (-(2**31), 2**31 - 1),
+    **{f"Int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"UInt{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+}
 
 
 class Group(NamedTuple):
@@ -103,6 +110,9 @@ class RunRequests:
             tuple([given[name] if name in given else defaults[name] for name in group.names])
             for group in self.layouts[number].sets
         )
+        for group, numbers in zip(self.layouts[number].sets, values, strict=True):
+            if group.fmi_type in _RANGES:
+                self._require_range(group, numbers)
         return RunRequest(
             layout=number,
             values=values,
@@ -199,6 +209,16 @@ class RunRequests:
             raise BadInput(
                 f"{self._description.path}: {variable.name} = {value!r}, wanted a {variable.kind}"
             )
+
+    def _require_range(self, group: Group, numbers: tuple[Scalar, ...]) -> None:
+        """What does not fit into the bytes of a type would be set to something else."""
+        lowest, highest = _RANGES[group.fmi_type]
+        for name, number in zip(group.names, numbers, strict=True):
+            if not lowest <= int(number) <= highest:
+                raise BadInput(
+                    f"{self._description.path}: {name} = {shown(number)}, wanted {lowest} to "
+                    f"{highest}, as {group.fmi_type} has it"
+                )
 
     @staticmethod
     def _grouped(variables: list[FmuVariable]) -> tuple[Group, ...]:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fitting.fit.likelihood.descent import Optimum, most_likely
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
-from fitting.inference.likelihood.descent import Optimum, most_likely
 from fitting.inference.likelihood.exploration import (
     OTHER_STARTS,
     Exploration,
@@ -24,7 +25,6 @@ from fitting.inference.likelihood.exploration import (
     other_minima,
 )
 from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
-from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.verdicts import profiles as profiles_of

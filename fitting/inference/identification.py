@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import references, search_bounds, starts, to_model, to_search
+from fitting.fit.likelihood.descent import most_likely
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.descent import most_likely
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
-from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.inference.likelihood.profiles import ROOT_95
 from fitting.measurements.measurement import Response
 from fitting.signal.residual_tests import residual_structure

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from fitting.fit.fit import Fit, Status
+from fitting.fit.likelihood.likelihood import likelihood_of
 from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.solution import Solution
@@ -22,7 +23,6 @@ from fitting.inference.equivalent_fits import (
 from fitting.inference.estimates import derived_results, offset_results, parameter_results
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Equivalent, Knowledge, Profile
-from fitting.inference.likelihood.likelihood import likelihood_of
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.likelihood.profiles import ROOT_95
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
@@ -129,7 +129,7 @@ def _knowledge(
     try:
         knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_of(solution.objective, noise.sigma, noise.common)
-        return replace(knowledge, nu=choose_nu(plain, solution.chain.steps, fit.path)), []
+        return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), []
     except KeyboardInterrupt:
         why = "Interrupted before the profiles were done"
     except FmuFailure as failure:

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
+from fitting.fit.likelihood.descent import Optimum
 from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.inference.equivalent_fits import contradicts, exchange_words
-from fitting.inference.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
 from fitting.inference.likelihood.profiles import (

@@ -11,13 +11,20 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import prior_sigmas
+from fitting.fit.alternative import Outcome
 from fitting.fit.fit import Fit
 from fitting.fit.linearisation import IDENTIFIABLE, Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.fit.solver.continuation import Outcome, distance, equal_j
+from fitting.fit.solver.continuation import distance, equal_j
+from fitting.inference.mistakes import (
+    agreement_sentences,
+    fault_sentences,
+    line_sentences_of,
+    swapped_sentences,
+)
 from fitting.inference.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.signal.peaks import DETECTION_SIGMA
@@ -50,6 +57,10 @@ class Kind(Enum):
     OUTLIERS = "outliers"
     ALTERNATIVES = "alternatives that fit as well"
     LINE = "the line of the sweep"
+    SWEEP = "faults of the sweep"
+    SWAPPED = "peaks that changed places"
+    LINES = "lines of a spectrum that no drive explains"
+    SCALE_FACTOR = "peaks and sweep that contradict each other"
     NOTE = "a note of the campaign"
     PROFILES = "profiles that were not walked"
     FMU = "what the FMU says"
@@ -86,6 +97,7 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
     line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
     campaigns = tuple(problem.campaigns.values())
+    faults = fault_sentences(problem)
     return [
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
@@ -95,8 +107,13 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
         *warned(Kind.DRIFT, _drift(problem, offsets)),
         *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution))),
+        *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
+        *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *warned(Kind.LINE, line_warnings(line, fitted=fitted) if line else []),
+        *warned(Kind.SWEEP, faults),
+        # a sweep that is no line contradicts the peaks for that reason
+        *warned(Kind.SCALE_FACTOR, [] if faults else agreement_sentences(solution)),
     ]
 
 
@@ -159,16 +176,34 @@ def _other_minima(solution: Solution, outcome: Outcome) -> list[str]:
         there = np.array(chain.steps[-1].x)
         apart = distance(solution.parameters, there, np.array(best.steps[-1].x))
         values = named(solution.parameters, np.array(chain.steps[-1].parameters))
-        own = [p.name for p in solution.parameters if not p.experiments]
-        shown = ", ".join(f"{name} = {values[name]:.7g}" for name in own)
+        names = [p.name for p in solution.parameters if not p.experiments]
+        shown = ", ".join(f"{name} = {values[name]:.7g}" for name in names)
         if equal_j(chain.steps[-1].j, best.steps[-1].j) and apart > APART:
             said.append(f"Start {chain.start + 1} found an equal J elsewhere: {shown}.")
-        elif len(chain.steps) == len(best.steps):
+        elif chain.nu == best.nu:
+            own = " (Algorithm 2 from the campaign's start)" if chain.start == 0 else ""
             said.append(
-                f"Start {chain.start + 1} ended in another minimum, "
+                f"Start {chain.start + 1}{own} ended in another minimum, "
                 f"J = {chain.steps[-1].j:.4g}: {shown}."
             )
-    return said
+    return said + _open_search(outcome)
+
+
+def _open_search(outcome: Outcome) -> list[str]:
+    """What a search of the box leaves open: a minimum that noise would explain."""
+    search = outcome.search
+    if search is None or search.explained:
+        return []
+    low, others = search.apart_by_height()
+    count = sum(minimum.descents for minimum in low)
+    said = (
+        f"The box was searched from {search.screened} points without finding parameters that the "
+        f"stated noise explains: {count} of {search.descents} descents ended at the least chi "
+        f"square, {low[0].chi_square:.4g}"
+    )
+    if others:
+        said += f", the others higher, from {others[0].chi_square:.4g} on"
+    return [f"{said}."]
 
 
 def _drift(problem: Problem, offsets: Sequence[OffsetResult]) -> list[str]:

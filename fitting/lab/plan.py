@@ -11,6 +11,7 @@ from fitting.lab.drive import Drive
 from fitting.lab.instruments.averaged import Averaged
 from fitting.lab.truth import TRUTH_NAME, truth_toml
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_of, written_mhz
+from fitting.measurements.kinds import KINDS
 from fitting.text.errors import BadInput
 from fitting.text.tables import Column, Table, read_table, read_text
 from fitting.text.toml import Tables, inline, rewritten
@@ -32,7 +33,7 @@ class Plan:
     """
 
     def __init__(self, path: Path) -> None:
-        file = read_campaign_file(path)
+        file = read_campaign_file(path, KINDS)
         design, experiments = file.design, file.experiments
         if design.averaged is None or experiments is None:
             raise BadInput(

@@ -9,11 +9,14 @@ from typing import Any
 
 from fitting.lab.bench import Bench, Instrument, Measured, measure
 from fitting.lab.benches import bench_named, changed
+from fitting.lab.duffing import CubicModes
+from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.plan import Plan
 from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
+from fitting.text.results_folder import results_folder
 
 
 @dataclass(frozen=True)
@@ -35,15 +38,11 @@ class Synthetic:
             folder: where the files go.
 
         Raises:
-            BadInput: a file cannot be written, or there is a campaign that is not synthetic.
+            BadInput: a file cannot be written, or is there and was not synthesized.
         """
-        path = folder / CAMPAIGN_NAME
-        if path.is_file() and not path.read_bytes().startswith(b"# synthetic"):
-            raise BadInput(
-                f"{path}: is there and not synthetic; wanted another folder, nothing was written"
-            )
-        write_all(folder, self.files)
-        return path
+        with results_folder(folder, "synthesize", self.files):
+            write_all(folder, self.files)
+        return folder / CAMPAIGN_NAME
 
 
 def synthesize(
@@ -78,12 +77,13 @@ def synthesize(
 
     Raises:
         BadInput: no such bench, impossible numbers, a plan that the bench cannot follow, or a
-            folder with a campaign that is not synthetic.
+            folder with files that were not synthesized.
     """
     if seed < 0:
         raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")
     try:
         bench = changed(bench_of(truth), **changes)
+        _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
         made = _planned(bench, plan, seed, command) if plan else _series(bench, seed, command)
     except ValueError as error:
@@ -91,6 +91,16 @@ def synthesize(
     if out is not None:
         made.write(out)
     return made
+
+
+def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path | None) -> None:
+    if instrument is not None and plan is not None:
+        raise BadInput("instrument: a plan says how it is read, in its [design]; wanted none")
+    if isinstance(instrument, LockIns) and isinstance(bench.sample, CubicModes):
+        raise BadInput(
+            f"instrument: lock-in amplifiers have no meaning for the bench {bench.series!r}, which "
+            "is read at its lines"
+        )
 
 
 def _series(bench: Bench, seed: int, command: str) -> Synthetic:

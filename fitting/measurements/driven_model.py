@@ -109,7 +109,7 @@ class DrivenModel:
         drive = self.setup.drive
         values = self.values(p, None, settings)
         if drive.kind == "tones":
-            values[drive.frequency_names[0]] = _in_unit(tone_hz, drive.frequency_unit)
+            values[drive.frequency_names[0]] = _in_unit(tone_hz, drive.tone_unit)
             values.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))
         return values
 

@@ -15,20 +15,24 @@ settings of the runs, by label, as those of an experiment are.
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, Scalar
+
+#: Predicted or measured values (n,), real or complex.
+Values = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Prediction:
     need them. `maximum` is that of a simulated sweep, where the scale is taken from it.
     """
 
-    values: npt.NDArray[np.float64] | npt.NDArray[np.complex128]
+    values: Values
     maximum: Maximum | None = None
 
 
@@ -172,6 +176,14 @@ class Measurement(Protocol):
         """
         ...
 
+    def first_drive(self, *, driven: bool) -> Measurement | None:
+        """The same with the first of its drives alone; None where it has none.
+
+        Args:
+            driven: False: every amplitude of that drive is zero.
+        """
+        ...
+
     def scale(self, prediction: Prediction) -> Scale | None:
         """What a prediction says of the scale; None where this measurement says nothing of it.
 
@@ -194,6 +206,25 @@ class Measurement(Protocol):
 
         Args:
             residuals: rows (m,), relative.
+        """
+        ...
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """What was measured beside what the model says, for report and plots.
+
+        Args:
+            before: predictions (n,) of everything that was measured, times the scale, at the start
+                parameters.
+            after: the same at the fitted parameters.
+        """
+        ...
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
         """
         ...
 
@@ -255,6 +286,10 @@ class MeasurementKind:
         """No samples that should be mean and tones alone."""
         return []
 
+    def first_drive(self, *, driven: bool) -> Measurement | None:
+        """It has no drive."""
+        return None
+
     def scale(self, prediction: Prediction) -> Scale | None:
         """It says nothing of the scale."""
         return None
@@ -262,6 +297,32 @@ class MeasurementKind:
     def unexplained(self, residuals: FloatArray) -> str:
         """Nothing is told from the residuals alone."""
         return ""
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """It has no figure."""
+        return ()
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same record as part of a series; what has labelled places puts the name before them.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        changed: Any = replace(self, setup=setup, series=series)  # type: ignore[type-var]
+        return cast(Self, changed)
+
+
+def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:
+    """Setup and settings of a drive with every amplitude zero, also those that are its own.
+
+    Args:
+        setup: how the FMU is driven.
+        settings: of the drive, by name.
+    """
+    drive = replace(setup.drive, amplitude=0.0)
+    own = {name: 0.0 for name in drive.amplitude_names if name in settings}
+    return replace(setup, drive=drive), {**settings, **own}
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from fitting.simulate.drive import Drive
 from fitting.simulate.planner import DrivePlan, Knowledge, PlanOptions, plan_drives
 from fitting.simulate.settling import settling_s
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
 TRANSIENT = 0.1
@@ -213,6 +213,8 @@ def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive
 def _runs(drives: list[Drive], workers: Workers) -> bool:
     try:
         workers.run([drive.run(drive.window(0.0), {}) for drive in drives])
+    except NoAnswer:
+        raise
     except FmuFailure:
         return False
     return True

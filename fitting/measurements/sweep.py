@@ -18,9 +18,19 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Setup, SweepData
 from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Sampled, Scale
+from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.measurement import (
+    MeasurementKind,
+    Predicting,
+    Prediction,
+    Sampled,
+    Scale,
+    Values,
+    without_drive,
+)
 from fitting.measurements.plan import Plan
 from fitting.measurements.tones import PLATEAU
+from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.scale import (
     FINE_POINTS,
     SCALES,
@@ -40,7 +50,17 @@ from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.settling import SAFETY
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
+from fitting.text.notation import with_error
 
+#: How the scale was taken, in words.
+SCALE_WORDS = {
+    "maximum": "from the ratio of the maxima",
+    "fit": "by least squares",
+    "robust": "by Huber's estimate",
+    "free": "fitted with the rest",
+    "none": "not scaled",
+}
 #: Spacings of three sweep points that are tried, in those of five.
 SPACINGS = (0.5, 0.25, 0.12)
 #: Rounds of further sweep points, at most, to bracket a maximum or to lower its bias.
@@ -56,7 +76,8 @@ class Sweep(MeasurementKind):
     `scale` "maximum" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate over all
     points), "free" (that of "fit" times a fitted factor) or "none"; `sigmas_v` (n,) the standard
     deviation of every point, `known` where it was declared, else it is the scatter of the top;
-    `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error.
+    `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error;
+    `unit` is that of the amplitudes, `background` that of the line which its figure shows.
 
     Raises:
         ValueError: no points, shapes that differ, an unknown scale.
@@ -73,6 +94,8 @@ class Sweep(MeasurementKind):
     known: bool = False
     maximum_v: float = 0.0
     maximum_sigma: float = 0.0
+    unit: str = "V"
+    background: str = "none"
 
     def __post_init__(self) -> None:
         if self.scaled_by not in SCALES:
@@ -239,6 +262,13 @@ class Sweep(MeasurementKind):
         [(run, window)] = self._ask(model, p, self.frequency_hz[:1], batch, 0)
         return [Sampled(run, window, self.setup.output)]
 
+    def first_drive(self, *, driven: bool) -> Sweep:
+        """It begins with its first point."""
+        if driven:
+            return self
+        setup, settings = without_drive(self.setup, self.settings)
+        return replace(self, setup=setup, settings=settings)
+
     def scale(self, prediction: Prediction) -> Scale | None:
         """chi of one prediction and the relative bias that the simulated grid leaves in it.
 
@@ -275,6 +305,53 @@ class Sweep(MeasurementKind):
             return "the simulated sweep does not follow the measured one"
         return ""
 
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """The frequency response, and what is left between measured and simulated points."""
+        found = self._line()
+        resonance = found if isinstance(found, Resonance) else None
+        curves = ResponseCurves(
+            frequency_hz=self.frequency_hz,
+            measured=self.amplitude_v,
+            before=np.asarray(before, dtype=float),
+            after=np.asarray(after, dtype=float),
+            unit=self.unit,
+        )
+        role = "is fitted point by point" if self.fitted else "sets the scale χ only"
+        if resonance is None:
+            line = f"One damped mode could not be fitted to it: {found}"
+        else:
+            line = (
+                "The fit of one damped mode to the laboratory points gives "
+                f"{', '.join(resonance_words(resonance))}; its residual is "
+                f"{100 * resonance.residual_rms:.2g} % of its amplitude."
+            )
+        said = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
+        figure = Figure(
+            name="8_frequency_response",
+            title="Frequency response: laboratory, resonance fit, simulation",
+            caption=(
+                f"Frequency response as measured ({self.amplitude_v.size} points), which {role} "
+                f"(χ {SCALE_WORDS[self.scaled_by]}), and as simulated with the start and with the "
+                "fitted parameters. Below: differences from the laboratory; those of the "
+                f"simulation have an rms of {100 * curves.rms:.2g} % of the maximum. {line}"
+            ),
+            alt=(
+                f"Resonance curve with {self.amplitude_v.size} measured points and the simulated "
+                f"curve{said}"
+            ),
+            rows=((response_panel(curves, resonance),), (residual_panel(curves, resonance),)),
+            series=self.series,
+        )
+        return (figure,)
+
+    def _line(self) -> Resonance | str:
+        """One damped mode that is fitted to it without the FMU, or why that fails."""
+        f, a = self.frequency_hz, self.amplitude_v
+        try:
+            return fit_resonance(f, a, background=self.background, source="")
+        except BadInput as error:
+            return f"{str(error).removeprefix(':').strip().rstrip('.')}."
+
     def _ask(
         self, model: DrivenModel, p: FloatArray, tones_hz: FloatArray, batch: Batch, owner: int
     ) -> list[tuple[int, Window]]:
@@ -290,6 +367,88 @@ class Sweep(MeasurementKind):
     def _read(self, batch: Batch, requested: Sequence[tuple[int, Window]]) -> FloatArray:
         found = [batch.amplitudes(k, window, self.setup.output) for k, window in requested]
         return np.concatenate(found) if found else np.empty(0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseCurves:
+    """A frequency response: amplitudes (n,) peak, in `unit`, at `frequency_hz` (n,).
+
+    `measured`, and simulated times the scale `before` and `after` the fit.
+    """
+
+    frequency_hz: FloatArray
+    measured: FloatArray
+    before: FloatArray
+    after: FloatArray
+    unit: str = "V"
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of what the fit leaves, over the largest measured amplitude."""
+        left = (self.after - self.measured) / np.max(self.measured)
+        return float(np.sqrt(np.mean(left**2)))
+
+
+def response_panel(curves: ResponseCurves, resonance: Resonance | None = None) -> Panel:
+    """Amplitudes over drive frequency: measured points, simulated curves before and after.
+
+    Args:
+        curves: measured and simulated.
+        resonance: one damped mode fitted to the same points.
+    """
+    f = curves.frequency_hz
+    layers = [
+        Layer(Role.MEASURED, Form.POINTS, f, curves.measured, label="laboratory"),
+        Layer(Role.START, Form.CURVE, f, curves.before, label="simulated × χ, start parameters"),
+    ]
+    notes: tuple[str, ...] = ()
+    if resonance is not None:
+        layers.append(Layer(Role.OTHER, Form.CURVE, f, resonance.curve, label="resonance fit"))
+        notes = ("resonance fit:", *resonance_words(resonance))
+    fitted = "simulated × χ, fitted parameters"
+    layers.append(Layer(Role.SIMULATED, Form.CURVE, f, curves.after, label=fitted))
+    return Panel(
+        x=Axis("drive frequency f", "Hz"),
+        y=Axis("amplitude", curves.unit, low=0.0),
+        layers=tuple(layers),
+        notes=notes,
+    )
+
+
+def residual_panel(curves: ResponseCurves, resonance: Resonance | None = None) -> Panel:
+    """Simulated minus measured amplitudes over drive frequency, in % of the largest measured.
+
+    Args:
+        curves: measured and simulated.
+        resonance: one damped mode fitted to the same points; what it leaves is shown too.
+    """
+    f, percent = curves.frequency_hz, 100.0 / float(np.max(curves.measured))
+    layers = []
+    if resonance is not None:
+        left = percent * (resonance.curve - curves.measured)
+        layers.append(Layer(Role.OTHER, Form.CURVE, f, left, label="resonance fit"))
+    left = percent * (curves.after - curves.measured)
+    layers.append(Layer(Role.SIMULATED, Form.POINTS, f, left, label="simulated"))
+    return Panel(
+        x=Axis("drive frequency f", "Hz"),
+        y=Axis("minus laboratory", "% of maximum"),
+        layers=tuple(layers),
+        level=0.0,
+        height=0.4,
+    )
+
+
+def resonance_words(resonance: Resonance) -> list[str]:
+    """Eigenfrequency, full width and Q of a fitted mode, each with its standard deviation.
+
+    Args:
+        resonance: fitted to the sweep.
+    """
+    return [
+        f"η = {with_error(resonance.eta_hz, resonance.eta_std_hz, 'Hz')}",
+        f"full width = {with_error(resonance.width_hz, resonance.width_std_hz, 'Hz')}",
+        f"Q = {with_error(resonance.q, resonance.q_std)}",
+    ]
 
 
 def _real(prediction: Prediction) -> FloatArray:
@@ -375,6 +534,8 @@ def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:
         sigmas_v=sweep_sigmas(f, a, noise),
         known=noise.declared,
         maximum_sigma=maximum_sigma(f, a, noise),
+        unit=data.unit,
+        background=data.background,
     )
 
 

@@ -5,24 +5,35 @@ r_i = (chi z_i - z*_i)/z*_i        z_i simulated, z*_i measured amplitude of lin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Experiment, Setup
+from fitting.campaign import BoundCampaign, Experiment, Setup, Spectrum
 from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Sampled
+from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.measurement import (
+    MeasurementKind,
+    Predicting,
+    Prediction,
+    Sampled,
+    Values,
+    without_drive,
+)
 from fitting.measurements.plan import Plan
 from fitting.signal.window import Window
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import window_decision
 from fitting.simulate.words import window_in_words
 from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.text.notation import listed, number, percent, prefixed
 
+#: Spectra in a figure, and side by side: a figure is to stay readable.
+MOST_SPECTRA, SPECTRA_PER_ROW = 20, 5
 #: Share of the peaks that may be left, on average, where a point still counts as following them.
 PLATEAU = 0.5
 
@@ -33,7 +44,8 @@ class Tones(MeasurementKind):
 
     `setup` drives the FMU; `experiments` hold tones, settings and amplitudes; `sigmas_v` (rows,)
     are the standard deviations of all amplitudes in their order, NaN where unknown (taken from the
-    experiments where it is empty); `noise_origin` says in a sentence where they come from.
+    experiments where it is empty); `noise_origin` says in a sentence where they come from; `unit`
+    is that of the amplitudes.
 
     Raises:
         ValueError: shapes that differ, or an amplitude that is not positive and finite.
@@ -45,6 +57,7 @@ class Tones(MeasurementKind):
     series: str = ""
     sigmas_v: FloatArray = field(default_factory=lambda: np.empty(0))
     noise_origin: str = ""
+    unit: str = "V"
 
     def __post_init__(self) -> None:
         if not np.all(np.isfinite(self.peaks_v)) or np.any(self.peaks_v <= 0.0):
@@ -125,6 +138,16 @@ class Tones(MeasurementKind):
             for (window, output), (ks, _) in zip(self._observed(model), requested, strict=True)
         ]
 
+    def first_drive(self, *, driven: bool) -> Tones | None:
+        """Its first experiment."""
+        if not self.experiments:
+            return None
+        setup, first = self.setup, self.experiments[0]
+        if not driven:
+            setup, settings = without_drive(setup, first.settings)
+            first = replace(first, settings=settings)
+        return Tones(setup, (first,))
+
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(chi z - z*)/z*, shape (rows,)."""
         return np.asarray((chi * prediction.values - self.peaks_v) / self.peaks_v)
@@ -133,6 +156,32 @@ class Tones(MeasurementKind):
         """Peaks that are half their size off on average are no description of the data."""
         mean = float(np.mean(np.abs(residuals))) if residuals.size else 0.0
         return f"the peaks are {100.0 * mean:.0f} % off on average" if mean > PLATEAU else ""
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """A column of spectra per experiment, before above after; none where there are no peaks."""
+        if not self.experiments:
+            return ()
+        ends = np.cumsum([e.peaks_v.size for e in self.experiments])[:-1]
+        spectra = tuple(
+            ShownSpectrum(
+                label=e.label,
+                lines_hz=np.array(e.read_hz),
+                measured=e.peaks_v,
+                sigmas=e.sigmas_v,
+                before=start,
+                after=end,
+                spectrum=e.spectrum,
+                unit=self.unit,
+            )
+            for e, start, end in zip(
+                self.experiments,
+                np.split(np.asarray(before, dtype=float), ends),
+                np.split(np.asarray(after, dtype=float), ends),
+                strict=True,
+            )
+        )
+        floors = [e.floor_v for e in self.experiments]
+        return (spectra_figure(spectra, floors, self.series),)
 
     def _observed(self, model: DrivenModel) -> list[tuple[Window, str]]:
         """Window and output of every experiment."""
@@ -156,6 +205,127 @@ class Tones(MeasurementKind):
         return requested
 
 
+@dataclass(frozen=True, kw_only=True)
+class ShownSpectrum:
+    """One experiment beside its model: `lines_hz`, and amplitudes (n,) peak there, in `unit`.
+
+    `measured` with `sigmas` (NaN: not known), and simulated times the scale `before` and `after`
+    the fit; `spectrum` is the whole one where it was measured.
+    """
+
+    label: str
+    lines_hz: FloatArray
+    measured: FloatArray
+    sigmas: FloatArray
+    before: FloatArray
+    after: FloatArray
+    spectrum: Spectrum | None = None
+    unit: str = "V"
+
+    @property
+    def highest(self) -> float:
+        """The largest amplitude of all."""
+        heights = [self.measured, self.before, self.after]
+        heights += [] if self.spectrum is None else [self.spectrum.amplitude_v]
+        values = np.concatenate(heights)
+        return float(np.max(values[np.isfinite(values)]))
+
+
+def spectra_figure(
+    spectra: Sequence[ShownSpectrum], floors: Sequence[float], series: str = ""
+) -> Figure:
+    """Spectra as measured, and simulated amplitudes at their lines, before and after the fit.
+
+    Args:
+        spectra: of all experiments.
+        floors: mean magnitude of the noise of each, NaN or zero where it is not known.
+        series: name of the series.
+    """
+    shown = spectra[:MOST_SPECTRA]
+    lines = np.concatenate([s.lines_hz for s in shown])
+    margin = max(0.2 * float(np.ptp(lines)), 1e-9 * float(np.max(lines)))
+    x = Axis("f", "Hz", low=float(np.min(lines)) - margin, high=float(np.max(lines)) + margin)
+    y = Axis("amplitude", shown[0].unit, low=0.0, high=1.12 * max(s.highest for s in shown))
+    columns = [
+        (_spectrum(s, k, x, y, "before"), _spectrum(s, k, x, y, "after"))
+        for k, s in enumerate(shown)
+    ]
+    rows = []
+    for k in range(0, len(columns), SPECTRA_PER_ROW):
+        rows += [tuple(row) for row in zip(*columns[k : k + SPECTRA_PER_ROW], strict=True)]
+    mean_before, mean_after = (
+        float(
+            np.mean(np.concatenate([np.abs(getattr(s, when) / s.measured - 1.0) for s in spectra]))
+        )
+        for when in ("before", "after")
+    )
+    return Figure(
+        name="2_spectra",
+        title="Spectra, measured and simulated",
+        caption=_spectra_caption(spectra, floors),
+        alt=(
+            f"A column per experiment ({listed(s.label for s in shown)}), above with the start "
+            "parameters, below with the fitted ones: measured spectrum, simulated line at every "
+            f"drive frequency. The mean deviation goes from {number(mean_before, 3)} to "
+            f"{number(mean_after, 3)}."
+        ),
+        rows=tuple(rows),
+        series=series,
+    )
+
+
+def _spectrum(shown: ShownSpectrum, place: int, x: Axis, y: Axis, when: str) -> Panel:
+    """One experiment, `when` before or after the fit; above it how far its peaks are off."""
+    simulated = shown.before if when == "before" else shown.after
+    layers = []
+    if shown.spectrum is not None:
+        f, a = shown.spectrum.frequency_hz, shown.spectrum.amplitude_v
+        layers.append(Layer(Role.MEASURED, Form.CURVE, f, a, label="measured spectrum"))
+    peaks = "measured peak ± σ, floor removed"
+    layers += [
+        Layer(Role.SIMULATED, Form.STEMS, shown.lines_hz, simulated, label="simulated × χ"),
+        Layer(
+            Role.MEASURED,
+            Form.LEVELS,
+            shown.lines_hz,
+            shown.measured,
+            label=peaks,
+            sigma=shown.sigmas,
+        ),
+    ]
+    words = [percent(off) for off in simulated / shown.measured - 1.0]
+    return Panel(
+        x=x,
+        y=y,
+        layers=tuple(layers),
+        title="\n".join(
+            [shown.label, *(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))]
+        ),
+        when=when,
+        marked=tuple(map(float, shown.lines_hz)),
+        joined=True,
+        shape=place,
+    )
+
+
+def _spectra_caption(spectra: Sequence[ShownSpectrum], floors: Sequence[float]) -> str:
+    known = [floor for floor in floors if np.isfinite(floor) and floor > 0.0]
+    said = ""
+    if known:
+        factor, unit = prefixed(max(known), spectra[0].unit)
+        low, high = (number(f(known) / factor, 2) for f in (min, max))
+        said = f" The noise floor (mean magnitude {low} to {high} {unit}) is in the trace."
+    if len(spectra) > MOST_SPECTRA:
+        said += f" The first {MOST_SPECTRA} of {len(spectra)} experiments are shown."
+    return (
+        "Spectra measured (solid) and amplitudes simulated at the drive frequencies (dashed), "
+        "scaled by χ of Algorithm 1: above with the start parameters, below with the fitted ones. "
+        "Black bars join measured and simulated peak; the difference relative to the measured peak "
+        f"stands above each panel, in the order of the tones. Vertical lines are the drive "
+        f"frequencies.{said}"
+    )
+
+
 def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
     """The experiments of a campaign as a measurement, with everything known of their noise.
 
@@ -165,7 +335,12 @@ def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
     """
     sigmas_v, origin = peak_sigmas(bound)
     return Tones(
-        bound.setup, bound.experiments, series=series, sigmas_v=sigmas_v, noise_origin=origin
+        bound.setup,
+        bound.experiments,
+        series=series,
+        sigmas_v=sigmas_v,
+        noise_origin=origin,
+        unit=bound.amplitude_unit,
     )
 
 
@@ -210,38 +385,3 @@ def _repeats(bound: BoundCampaign) -> list[object]:
         (frozenset(e.settings.items()), e.output, e.read_hz, own[e.label])
         for e in bound.experiments
     ]
-
-
-def undriven(tones: Tones, model: DrivenModel, p: FloatArray, workers: Workers) -> float:
-    """Range of the output without any tone of the campaign, over the range with them.
-
-    Args:
-        tones: the measured peaks.
-        model: how the FMU is driven for one series, and by which plan.
-        p: parameters (n,), each in its own unit.
-        workers: processes that run the FMU.
-    """
-    if not tones.experiments:
-        return 0.0
-    silent, driven = (
-        _range(tones, model, amplitude, p, workers)
-        for amplitude in (0.0, tones.setup.drive.amplitude)
-    )
-    return silent / driven if driven > 0.0 else 0.0
-
-
-def _range(
-    tones: Tones, model: DrivenModel, amplitude: float, p: FloatArray, workers: Workers
-) -> float:
-    """Range of the first experiment's samples with the drive at that amplitude."""
-    drive = replace(tones.setup.drive, amplitude=amplitude)
-    experiment = tones.experiments[0]
-    if not amplitude:  # also where the experiment has a level of its own
-        own = {n: 0.0 for n in drive.amplitude_names if n in experiment.settings}
-        experiment = replace(experiment, settings={**experiment.settings, **own})
-    setup = replace(tones.setup, drive=drive)
-    one = Tones(setup, (experiment,))
-    batch = Batch()
-    [found] = one.sampled(replace(model, setup=setup), p, batch)
-    batch.simulate(workers)
-    return float(np.ptp(batch.samples(found.run, found.output)))

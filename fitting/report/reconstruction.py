@@ -113,7 +113,7 @@ def sections_of(
         _plan(result, data),
         _provenance(result),
     ]
-    if shelf:
+    if shelf:  # what other kinds of measurements show, for example
         made.append(Section("figures", "Further figures", figures=tuple(shelf.values())))
     return tuple(section for section in made if section is not None)
 

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
+from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
+from fitting.measurements.figure import Figure
 from fitting.report.words.values import settings_words
-from fitting.result.result import DeviationSet, Result, SweepCurves
-from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.result.result import DeviationSet, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed, number
@@ -50,30 +51,13 @@ class ShownTones:
 
 
 @dataclass(frozen=True)
-class ShownSweep:
-    """The frequency response as measured: ``frequency_hz``, ``amplitude`` (n,), in ``unit``.
-
-    ``fitted``: its points are fitted, else it sets the scale only. ``resonance`` is one damped mode
-    fitted to it without the FMU; where that failed ``message`` says why.
-    """
-
-    frequency_hz: tuple[float, ...]
-    amplitude: tuple[float, ...]
-    _: KW_ONLY
-    unit: str = "V"
-    fitted: bool = False
-    resonance: Resonance | None = None
-    message: str = ""
-
-
-@dataclass(frozen=True)
 class ShownCampaign:
     """A campaign as the report shows it.
 
     ``unit`` is that of the amplitudes, ``drive`` the name of the drive; ``drift_hz`` the
     frequencies (before, after) through which the sample drifted, by variable; ``settings`` are
     names and words for the table of settings, ``notes`` sentences; ``series`` holds the campaigns
-    that were fitted together, by name.
+    that were fitted together, by name; ``figures`` are what the measurements show of themselves.
     """
 
     title: str
@@ -82,16 +66,36 @@ class ShownCampaign:
     unit: str = "V"
     drive: str = "b"
     tones: tuple[ShownTones, ...] = ()
-    sweep: ShownSweep | None = None
     drift_hz: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     series: Mapping[str, ShownCampaign] = field(default_factory=dict)
+    figures: tuple[Figure, ...] = ()
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the experiments, in their order."""
         return tuple(tone.label for tone in self.tones)
+
+
+def shown_fit(fit: Fit) -> ShownCampaign:
+    """All that the report shows of a fit, beside its result.
+
+    Args:
+        fit: the solved problem.
+    """
+    return replace(shown_problem(fit.problem), figures=figures_of(fit))
+
+
+def figures_of(fit: Fit) -> tuple[Figure, ...]:
+    """What the measurements of a fit show beside its model, in their order.
+
+    Args:
+        fit: the solved problem.
+    """
+    before, after = fit.solution.initial.scaled, fit.solution.final.scaled
+    answers = zip(fit.problem.measurements, before, after, strict=True)
+    return tuple(figure for m, start, end in answers for figure in m.figures(start, end))
 
 
 def shown_problem(problem: Problem) -> ShownCampaign:
@@ -120,7 +124,6 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
         tones=tuple(
             _shown_tones(e, bound.setup.drive, bound.amplitude_unit) for e in bound.experiments
         ),
-        sweep=None if bound.sweep is None else _shown_sweep(bound.sweep),
         drift_hz=_drift_hz(bound),
         settings=_settings(bound),
         notes=bound.notes,
@@ -146,35 +149,12 @@ def _shown_tones(experiment: Experiment, drive: Drive, unit: str) -> ShownTones:
     )
 
 
-def _shown_sweep(sweep: SweepData) -> ShownSweep:
-    try:
-        resonance, message = (
-            fit_resonance(
-                sweep.frequency_hz,
-                sweep.amplitude_v,
-                background=sweep.background,
-                source=sweep.source.name,
-            ),
-            "",
-        )
-    except BadInput as error:
-        resonance, message = None, str(error)
-    return ShownSweep(
-        frequency_hz=tuple(map(float, sweep.frequency_hz)),
-        amplitude=tuple(map(float, sweep.amplitude_v)),
-        unit=sweep.unit,
-        fitted=sweep.use == "fit",
-        resonance=resonance,
-        message=message,
-    )
-
-
 def _drift_hz(bound: BoundCampaign) -> dict[str, tuple[float, float]]:
     """Drifting variables that are frequencies; where no unit is known, the drive's is theirs."""
     found = {}
     for name, (before, after) in bound.drift.ends.items():
         unit = bound.drift.units.get(name, "1")
-        unit = bound.setup.drive.frequency_unit if unit == "1" else unit
+        unit = bound.setup.drive.tone_unit if unit == "1" else unit
         try:
             found[name] = (
                 convert(before, unit, "Hz", where=name),
@@ -237,14 +217,6 @@ def shares_of(result: Result, data: ShownCampaign) -> list[tuple[str, Result, Sh
         labels = set(own.labels)
         rows = [k for k, peak in enumerate(result.peaks) if peak.experiment in labels]
         places = [k for k, label in enumerate(data.labels) if label in labels]
-        curves = None
-        if own.sweep is not None and series.swept_final_v:
-            curves = SweepCurves(
-                frequency_hz=own.sweep.frequency_hz,
-                measured_v=own.sweep.amplitude,
-                initial_v=series.swept_initial_v,
-                final_v=series.swept_final_v,
-            )
         share = replace(
             result,
             title=own.title,
@@ -255,7 +227,6 @@ def shares_of(result: Result, data: ShownCampaign) -> list[tuple[str, Result, Sh
                 initial=_share(result.deviations.initial, rows, places),
                 final=_share(result.deviations.final, rows, places),
             ),
-            sweep=curves,
             scale=replace(result.scale, kind=series.scale_kind, final=series.chi),
         )
         shares.append((name, share, own))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from fitting.fit.linearisation import IDENTIFIABLE
@@ -35,17 +35,15 @@ def with_external(result: Result, given: Sequence[str]) -> Result:
     return replace(result, external=tuple(_test(result, text) for text in given))
 
 
-def check_external(given: Sequence[str], known: Sequence[str] = ()) -> None:
-    """Complain of what cannot be read, before anything is computed.
-
-    `known`: the values that there will be, where that is known already.
+def check_external(given: Sequence[str], known: Mapping[str, str] | None = None) -> None:
+    """Complain of what `with_external` would refuse, before anything is computed.
 
     Args:
         given: as "lambda=0.8604 MHz +- 1 kHz".
-        known: names of the values that there will be; empty: not known yet.
+        known: units of the values that there will be, by name; None: not known yet.
 
     Raises:
-        BadInput: not NAME=VALUE with a number, or none of the known names.
+        BadInput: not NAME=VALUE with a number, none of the known names, or another dimension.
     """
     for text in given:
         name, _, value = text.partition("=")
@@ -53,8 +51,12 @@ def check_external(given: Sequence[str], known: Sequence[str] = ()) -> None:
             raise BadInput(f"--external: found {text!r}, wanted NAME=VALUE as in lambda=0.8604MHz")
         for part in _parts(value):
             parse_quantity(part, where=f"--external {name}")
-        if known and name not in known:
-            raise _no_such(name, known)
+        if known is None:
+            continue
+        if name not in known:
+            raise _no_such(name, list(known))
+        for part in _parts(value):
+            _in(part, known[name], name)
 
 
 def _parts(text: str) -> list[str]:

@@ -17,6 +17,7 @@ from fitting.campaign import BoundCampaign
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
 from fitting.result.result import Provenance
+from fitting.text.files import read_whole
 from fitting.text.records import to_plain
 
 
@@ -102,4 +103,4 @@ def _files(problem: Problem) -> dict[str, str]:
 
 
 def _sha256(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    return hashlib.sha256(read_whole(path)).hexdigest() if path.is_file() else ""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fitting.signal.tones import exact
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.tables import did_you_mean
 
 TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
@@ -16,6 +16,9 @@ TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
 
 #: Highest order of lines of a nonlinear response that sampling keeps off those that are read.
 USUAL_ORDER = 9
+MOST_DIGITS = 3
+#: Lines beside those that are read: more cannot be kept off them in any time.
+MOST_MIXED = 10**6
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,8 @@ def parse_combination(text: str, names: Sequence[str], where: str) -> Combinatio
         if match is None or not (match[1] or rest == text.strip()):
             raise BadInput(f"{where}: found '{text}', wanted a sum of tones as '2*u1 - u2'")
         sign, count, name = match.groups()
+        if len(count or "") > MOST_DIGITS:
+            raise BadInput(f"{where}: found {shown(text)}, wanted multiples of fewer digits")
         if name not in factors:
             hint = did_you_mean(name, list(names))
             raise BadInput(f"{where}: '{text}' holds '{name}', which is no tone of the drive{hint}")
@@ -82,7 +87,7 @@ def lines_to_read(
         where: file, row or key, for complaints.
 
     Raises:
-        BadInput: no line, one line twice, or one beyond the order.
+        BadInput: no line, one line twice, one beyond the order, or too many in all.
     """
     own = {
         t: Combination(tuple(int(i == k) for i in range(len(tones))), t)
@@ -96,6 +101,11 @@ def lines_to_read(
         order = 1 if highest == 1 else max(USUAL_ORDER, highest)
     if order < highest:
         raise BadInput(f"{where}: a line of order {highest}, but order = {order}")
+    if (2 * order + 1) ** len(tones) > MOST_MIXED:
+        raise BadInput(
+            f"{where}: order = {order} with {len(tones)} tones is too many lines; wanted "
+            f"(2 order + 1)^tones of {MOST_MIXED} at most"
+        )
     return read, order
 
 

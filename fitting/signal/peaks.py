@@ -28,6 +28,7 @@ GUARD_POINTS = 6  # a resolution filter sampled at its own bandwidth is below 1e
 MIN_FLOOR_POINTS = 10
 DETECTION_SIGMA = 4.0  # noise alone exceeds it in one trace point of 3000
 MIN_SWEEP_POINTS = 8
+CHANCE = 1e-6  # of an unknown line of noise alone, in a whole spectrum
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,33 @@ def read_peaks(
     return PeakReading(
         peaks_v=peaks, sigmas_v=np.full(raw.shape, floor.sigma_v), raw_v=raw, floor=floor
     )
+
+
+def unknown_line(
+    frequency_hz: FloatArray, amplitude_v: FloatArray, known_hz: Sequence[float]
+) -> tuple[float, float] | None:
+    """The largest line of a spectrum at none of the known frequencies: (Hz, amplitude), or None.
+
+    Told where noise alone reaches that height at any of the points less often than `CHANCE`:
+    a > sigma sqrt(2 ln(n/CHANCE)) for n Rayleigh-distributed magnitudes.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), any unit.
+        known_hz: lines that are expected, Hz.
+    """
+    away = np.ones(frequency_hz.size, dtype=bool)
+    for tone in known_hz:
+        nearest = int(np.argmin(np.abs(frequency_hz - tone)))
+        away[max(0, nearest - GUARD_POINTS) : nearest + GUARD_POINTS + 1] = False
+    rest = np.flatnonzero(away)
+    if rest.size < MIN_FLOOR_POINTS:
+        return None
+    sigma = float(np.median(amplitude_v[rest])) / RAYLEIGH_MEDIAN
+    top = int(rest[np.argmax(amplitude_v[rest])])
+    if not amplitude_v[top] > sigma * math.sqrt(2.0 * math.log(rest.size / CHANCE)):
+        return None
+    return float(frequency_hz[top]), float(amplitude_v[top])
 
 
 def _check_inside(frequency_hz: FloatArray, tone_hz: float, source: str) -> None:

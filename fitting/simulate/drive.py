@@ -31,9 +31,10 @@ class Drive:
 
     `tones_hz` are the tones of the drive: made by the FMU from its own parameters, or by us
     through `input`, each with that `amplitude` and `steps_per_period` held steps in the period of
-    the fastest. `read_hz` are the lines that are read (empty: the tones), `highest_order` that of
-    the combinations of the tones which the response is known to hold. `approach`: the tone is moved
-    while the FMU runs, and read where it has come to.
+    the fastest; `tone_names` are what they are called (empty: f1, f2, ...). `read_hz` are the lines
+    that are read (empty: the tones), `highest_order` that of the combinations of the tones which
+    the response is known to hold. `approach`: the tone is moved while the FMU runs, and read where
+    it has come to.
     """
 
     start_values: Mapping[str, Scalar]
@@ -45,6 +46,12 @@ class Drive:
     read_hz: tuple[float, ...] = ()
     highest_order: int = 1
     approach: Approach | None = None
+    tone_names: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the tones are called, in combinations of them."""
+        return self.tone_names or tuple(f"f{k + 1}" for k in range(len(self.tones_hz)))
 
     @property
     def lines_hz(self) -> tuple[float, ...]:

@@ -50,7 +50,7 @@ from fitting.simulate.settling import (
     settling_decision,
 )
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.notation import hertz
 from fitting.text.units import checked_accuracy
 
@@ -167,6 +167,11 @@ class DrivePlan:
     def promised(self) -> float:
         """Sum of the bounds."""
         return self.budget.promised
+
+    @property
+    def settles(self) -> bool:
+        """Whether what is left of the transient alone keeps to what was wanted."""
+        return self.budget.of(Kind.SETTLING)[0].bound <= self.budget.wanted
 
     @property
     def record(self) -> PlanRecord:
@@ -336,6 +341,8 @@ class _Planner:
         try:
             here = self.probe.read({**settings, name: value}, settle_s)
             better = self.probe.read({**settings, name: finer}, settle_s)
+        except NoAnswer:
+            raise
         except FmuFailure:
             return math.inf
         if all((a.tones == b.tones).all() for a, b in zip(here, better, strict=True)):

@@ -18,7 +18,7 @@ from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.batch import Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from fitting.text.errors import FmuFailure
+from fitting.text.errors import FmuFailure, NoAnswer
 
 #: A tone below this part of an output's largest value is none: it is rounding.
 NOTHING = 1e-12
@@ -280,6 +280,8 @@ class Probe:
             try:
                 a, b = self.workers.run([one.run(window, {**others, name: v}) for v in values])
                 self._acting[key] = a.tobytes() != b.tobytes()
+            except NoAnswer:
+                raise
             except FmuFailure:  # too long a substep, for one
                 self._acting[key] = True
         return self._acting[key]

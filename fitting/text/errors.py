@@ -22,6 +22,25 @@ class BadInput(Exception):
         return "\n".join(map(str, self.args))
 
 
+#: Characters of a found value in a complaint.
+LONGEST_FOUND = 200
+
+
+def shown(value: object) -> str:
+    """A value as a complaint repeats it, cut where it is long.
+
+    Args:
+        value: what was found.
+    """
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # thousands of digits; lists in lists without end
+        return f"a {type(value).__name__} beyond all measure"
+    if len(text) <= LONGEST_FOUND:
+        return text
+    return f"{text[: LONGEST_FOUND // 2]} ... {text[-LONGEST_FOUND // 4 :]}"
+
+
 def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:
     """What all the readers make.
 
@@ -63,3 +82,11 @@ class FmuFailure(Exception):
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {value!r}" for name, value in self.parameters.items())
         return f"{self.fmu}: {self.message}" + (f" [with {values}]" if values else "")
+
+
+class NoAnswer(FmuFailure):
+    """An FMU that gave no answer in time, or whose process was killed again and again.
+
+    Other values are no way round it: every attempt would cost as much time. Who catches failures in
+    order to try something else lets this one pass.
+    """

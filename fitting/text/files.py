@@ -1,44 +1,82 @@
-"""Files that are written whole or not at all."""
+"""Files that are read whole, and written whole or not at all."""
 
 from __future__ import annotations
 
-import os
-import tempfile
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 
+from fitting.text.atomic import replace_file
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import open_folder_of
+
+#: A file that is larger is none of those that people mean here.
+MOST_BYTES = 2 * 2**30
+
+
+class NoFile(BadInput):
+    """There is no file of that name."""
+
+
+def read_whole(path: Path, wanted: str = "a file") -> bytes:
+    """Content of a file.
+
+    Args:
+        path: of the file.
+        wanted: what it should be, for complaints.
+
+    Raises:
+        NoFile: there is none of that name.
+        BadInput: a folder, a pipe or a device (which may never end), too large, or not readable.
+    """
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):
+            raise BadInput(f"{path}: is {_kind(found.st_mode)}, wanted {wanted}")
+        if found.st_size > MOST_BYTES:
+            raise BadInput(
+                f"{path}: has {found.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
+                f"{MOST_BYTES / 1e6:.6g} MB"
+            )
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise NoFile(f"{path}: no such file, wanted {wanted}") from error
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}; wanted {wanted}") from error
+    except ValueError as error:  # a NUL character
+        raise BadInput(f"{path}: no file can have this name; wanted {wanted}") from error
+
+
+def _kind(mode: int) -> str:
+    kinds = {
+        stat.S_IFDIR: "a folder",
+        stat.S_IFIFO: "a pipe",
+        stat.S_IFSOCK: "a socket",
+        stat.S_IFCHR: "a device",
+        stat.S_IFBLK: "a device",
+    }
+    return kinds.get(stat.S_IFMT(mode), "no file")
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file under a temporary name beside it, then rename: never half a file.
 
-    Text is written as UTF-8 with line feeds on every system. Folders are made as needed.
+    Text is written as UTF-8 with line feeds on every system. Folders are made as needed. Below a
+    folder that `results_folder` has opened, a file that others wrote is not replaced.
 
     Args:
         path: of the file.
         content: of the file.
 
     Raises:
-        BadInput: the folder or file cannot be written.
+        BadInput: the folder or file cannot be written, or is not this command's to replace.
     """
-    data = content.encode("utf-8") if isinstance(content, str) else content
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            # mkstemp makes files private; give this one the mode any new file has
-            os.chmod(name, 0o666 & ~_umask())
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    folder = open_folder_of(path)
+    if folder is None:
+        replace_file(path, data)
+    else:
+        folder.write(path, data)
 
 
 def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
@@ -47,12 +85,12 @@ def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]
     Args:
         folder: where the files go.
         texts: contents by file name.
+
+    Raises:
+        BadInput: a file cannot be written, or would not be below the folder.
     """
+    for name in texts:
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise BadInput(f"{folder}: {name!r} would be written outside this folder")
     for name, text in texts.items():
         write_whole(folder / name, text)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -29,8 +29,11 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.written import Written, as_written, positive_in
+
+#: No key has a reason to hold more: what it counts would take years.
+MOST, MOST_REPEATS, MOST_SEED = 10**6, 1000, 2**63 - 1
 
 
 class Keys:
@@ -150,7 +153,7 @@ def wanted(words: str) -> WrapValidator:
         try:
             return inner(value)
         except ValidationError:
-            raise Refused(f"found {value!r}, wanted {words}") from None
+            raise Refused(f"found {shown(value)}, wanted {words}") from None
 
     return WrapValidator(check)
 
@@ -179,13 +182,13 @@ class OneOf:
         """
         if value not in self.words:
             words = ", ".join(f'"{word}"' for word in self.words)
-            raise Refused(f"found '{value}', wanted one of {words}")
+            raise Refused(f"found {shown(value)}, wanted one of {words}")
         return value
 
 
 def _different(values: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(values)) < len(values):
-        raise Refused(f"{list(values)!r} names something twice")
+        raise Refused(f"{shown(list(values))} names something twice")
     return values
 
 
@@ -196,7 +199,9 @@ def _value(value: Any) -> Written:
 
 def _beside_the_file(value: Any, info: ValidationInfo) -> Path:
     if not isinstance(value, str) or not value.strip():
-        raise Refused(f"found {value!r}, wanted a text")
+        raise Refused(f"found {shown(value)}, wanted a text")
+    if "\0" in value:
+        raise Refused(f"found {shown(value)}, wanted the name of a file")
     return Path((info.context or {}).get("folder", "")) / value
 
 
@@ -209,7 +214,7 @@ def _share(value: Any) -> float:
         except ValueError:
             number = math.nan
     if isinstance(number, bool) or not isinstance(number, int | float) or not 0.0 <= number < 1.0:
-        raise Refused(f'found {value!r}, wanted a share as "1 %" or 0.01')
+        raise Refused(f'found {shown(value)}, wanted a share as "1 %" or 0.01')
     return float(number)
 
 
@@ -224,7 +229,7 @@ def listed(words: str, least: int = 1) -> BeforeValidator:
     def check(values: Any) -> Any:
         if isinstance(values, list | tuple) and len(values) >= least:
             return values
-        raise Refused(f"found {values!r}, wanted {words}")
+        raise Refused(f"found {shown(values)}, wanted {words}")
 
     return BeforeValidator(check)
 
@@ -245,10 +250,22 @@ Positives = Annotated[
     wanted("a list of positive numbers"),
 ]
 Counts = Annotated[
-    tuple[Annotated[int, Strict(), Field(ge=1)], ...], wanted("a list of whole numbers")
+    tuple[Annotated[int, Strict(), Field(ge=1, le=MOST)], ...],
+    wanted(f"a list of whole numbers from 1 to {MOST}"),
 ]
-WholeNumber = Annotated[int, Strict(), Field(ge=0), wanted("a whole number of at least 0")]
-Count = Annotated[int, Strict(), Field(ge=1), wanted("a whole number of at least 1")]
+WholeNumber = Annotated[
+    int, Strict(), Field(ge=0, le=MOST_SEED), wanted("a whole number from 0 to 2^63 - 1")
+]
+Count = Annotated[int, Strict(), Field(ge=1, le=MOST), wanted(f"a whole number from 1 to {MOST}")]
+#: Of what takes a fit or a measurement each.
+Repeats = Annotated[
+    int,
+    Strict(),
+    Field(ge=1, le=MOST_REPEATS),
+    wanted(f"a whole number from 1 to {MOST_REPEATS}"),
+]
+#: Of a term in search variables, of which a change by one is a large one.
+Weight = Annotated[float, Strict(), Field(ge=0, le=MOST), wanted(f"a number from 0 to {MOST}")]
 #: A share as 0.01 or "1 %".
 Share = Annotated[
     float,

@@ -16,8 +16,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
+from fitting.text.errors import BadInput, shown
+from fitting.text.files import read_whole, write_whole
 
 Record = TypeVar("Record")
 
@@ -105,7 +105,10 @@ def _decode_float(data: Any, where: str) -> float:
     if data in ("inf", "-inf"):
         return float(data)
     _check(isinstance(data, (int, float)) and not isinstance(data, bool), data, "a number", where)
-    return float(data)
+    try:
+        return float(data)
+    except OverflowError:
+        raise BadInput(f"{where}: found {shown(data)}, wanted a number below 1e308") from None
 
 
 def _decode_record(kind: Any, data: Any, where: str) -> Any:
@@ -151,9 +154,7 @@ def read_json(path: Path, kind: type[Record]) -> Record:
         BadInput: no such file, no JSON, or not such a record; names the file and the key.
     """
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise BadInput(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
+        data = json.loads(read_whole(path))
+    except (ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read as JSON: {error}") from error
     return from_plain(kind, data, str(path))

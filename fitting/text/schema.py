@@ -34,7 +34,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.keys import Missing, Refused
 from fitting.text.tables import did_you_mean
 from fitting.text.written import Written
@@ -143,9 +143,11 @@ def _complaints(
             case "value_error":
                 said.append(_refused(e["ctx"]["error"], source, place))
             case "dataclass_type" | "mapping_type" | "dict_type":
-                said.append(f"{source.where(place, table=True)}: found {value!r}, wanted a table")
+                said.append(
+                    f"{source.where(place, table=True)}: found {shown(value)}, wanted a table"
+                )
             case _:
-                said.append(f"{source.where(place)}: found {value!r}: {e['msg']}")
+                said.append(f"{source.where(place)}: found {shown(value)}: {e['msg']}")
     return tuple(dict.fromkeys(said))
 
 

@@ -13,10 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
+from fitting.text.files import NoFile, read_whole
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*")
+#: Characters of a column's name and unit; the pattern takes its time over longer ones.
+LONGEST_HEADER = 1000
 
 
 @dataclass(frozen=True)
@@ -92,16 +95,14 @@ def read_text(path: Path) -> str:
         path: of the file.
 
     Raises:
-        BadInput: no such file, a folder, or not readable.
+        BadInput: no such file, a folder, a pipe, or not readable.
     """
     try:
-        data = path.read_bytes()
-    except FileNotFoundError as error:
+        data = read_whole(path)
+    except NoFile as error:
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         hint = did_you_mean(path.name, siblings, listed=False)
-        raise BadInput(f"{path}: no such file{hint}") from error
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
+        raise NoFile(f"{path}: no such file{hint}") from error
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -169,7 +170,12 @@ def split_line(text: str, delimiter: str) -> tuple[str, ...]:
         text: as it was written.
         delimiter: between the cells of a line.
     """
-    return tuple(cell.strip() for cell in next(csv.reader([text], delimiter=delimiter)))
+    if '"' not in text:
+        return tuple(cell.strip() for cell in text.split(delimiter))
+    try:
+        return tuple(cell.strip() for cell in next(csv.reader([text], delimiter=delimiter)))
+    except csv.Error:  # a quotation mark that nothing closes took in more than it bears
+        return tuple(cell.strip() for cell in text.split(delimiter))
 
 
 def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float:
@@ -185,7 +191,7 @@ def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float
         value = float(plain)
         if math.isfinite(value):
             return value
-    raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+    raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
 
 
 def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:
@@ -207,7 +213,7 @@ def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -
 
 
 def _column(text: str, index: int) -> Column:
-    match = _HEADER.fullmatch(text)
+    match = _HEADER.fullmatch(text) if len(text) <= LONGEST_HEADER else None
     if match and match["name"]:
         return Column(match["name"], match["unit"] or None, index)
     return Column(text, None, index)

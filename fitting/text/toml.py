@@ -32,6 +32,10 @@ from tomlkit.items import AoT, Item, Table, Whitespace
 from fitting.text.errors import BadInput
 from fitting.text.tables import read_text
 
+#: Lists and tables in each other: no file that is read here has more than five.
+DEEPEST = 30
+TOO_DEEP = f"lists or tables stand in each other more than {DEEPEST} deep, wanted fewer"
+
 Tables = MutableMapping[str, Any]
 
 
@@ -45,9 +49,30 @@ def read_toml(path: Path) -> dict[str, Any]:
         BadInput: no such file, or not TOML; names the line.
     """
     try:
-        return tomllib.loads(read_text(path))
-    except tomllib.TOMLDecodeError as error:
+        tables = tomllib.loads(read_text(path))
+    except ValueError as error:  # of TOML, or of a number with thousands of digits
         raise BadInput(f"{path}: not valid TOML: {error}") from error
+    except RecursionError:
+        raise BadInput(f"{path}: {TOO_DEEP}") from None
+    if is_deeper(tables, DEEPEST):
+        raise BadInput(f"{path}: {TOO_DEEP}")
+    return tables
+
+
+def is_deeper(value: Any, most: int) -> bool:
+    """Whether lists and tables stand in each other more than ``most`` deep.
+
+    Args:
+        value: plain tables and lists.
+        most: so deep is allowed.
+    """
+    layer = [value]
+    for _ in range(most + 1):
+        inner = (v.values() if isinstance(v, Mapping) else v for v in layer)
+        layer = [v for items in inner for v in items if isinstance(v, Mapping | list)]
+        if not layer:
+            return False
+    return True
 
 
 def toml_text(tables: Mapping[str, Any], head: Sequence[str] = ()) -> str:

@@ -9,13 +9,17 @@ import math
 import re
 from decimal import Decimal
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pint
+from fitting.text.errors import BadInput, shown
 
-from fitting.text.errors import BadInput
+if TYPE_CHECKING:  # takes a while to load: only where a unit is met
+    import pint
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+#: Characters of a quantity; the patterns take their time over longer ones.
+LONGEST = 400
 
 # Names that FMI tools write and pint does not know; all else is left to pint.
 _FMI_NAMES = {"-": "dimensionless", "": "dimensionless", "1": "dimensionless"}
@@ -24,6 +28,8 @@ _PLAIN = re.compile(r"[\w°Ωµμ%./*^() \u00b2\u00b3·-]+")
 
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
     registry: pint.UnitRegistry[Any] = pint.UnitRegistry(non_int_type=Decimal)
     registry.define("@alias ohm = Ohm")  # as SI and Modelica write it; takes prefixes
     return registry
@@ -33,7 +39,7 @@ def _registry() -> pint.UnitRegistry[Any]:
 def _unit(text: str) -> pint.Unit | None:
     """Unit of a written name, in pint's spelling or FMI's ("kg.m2", "m/s2"); None if unknown."""
     name = _FMI_NAMES.get(text.strip(), text.strip())
-    if not _PLAIN.fullmatch(name):
+    if len(name) > LONGEST or not _PLAIN.fullmatch(name):
         return None
     spelled = re.sub(r"(?<=[A-Za-z)])(-?\d+)", r"**\1", name).replace("·", "*")
     spelled = re.sub(r"(?<=[\w)])\.(?=[A-Za-z(])", "*", spelled)
@@ -45,26 +51,31 @@ def _unit(text: str) -> pint.Unit | None:
     return None
 
 
-def parse_quantity(text: str, *, where: str) -> tuple[float, str | None]:
+def parse_quantity(text: str, *, where: str, wanted: str | None = None) -> tuple[float, str | None]:
     """Number and unit of a written quantity: "6.94016 MHz" -> (6.94016, "MHz"), "3" -> (3.0, None).
 
     Args:
         text: as it was written.
         where: file, row or key, for complaints.
+        wanted: unit that is wanted, for complaints; None where nobody knows.
 
     Raises BadInput, beginning with ``where``, if it is not a finite number followed by a unit that
     exists.
     """
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text) if len(text) <= LONGEST else None
     if match is None:
-        raise BadInput(f'{where}: found {text!r}, wanted a number and a unit, as "6.94016 MHz"')
+        raise BadInput(
+            f'{where}: found {shown(text)}, wanted a number and a unit, as "6.94016 MHz"'
+        )
     value, unit = float(match[1]), match[2]
     if not math.isfinite(value):
-        raise BadInput(f"{where}: found {text!r}, wanted a finite number")
+        raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     if not unit:
         return value, None
     if _unit(unit) is None:
-        raise BadInput(f"{where}: found {text!r}, but there is no unit {unit!r}")
+        raise BadInput(
+            f"{where}: found {shown(text)}, but there is no unit {shown(unit)}{_instead(wanted)}"
+        )
     return value, unit
 
 
@@ -78,7 +89,7 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if source is None:
         if unit == wanted:  # a private unit name of the FMU, used as the FMU writes it
             return value
-        raise BadInput(f"{where}: there is no unit {unit!r}")
+        raise BadInput(f"{where}: there is no unit {unit!r}{_instead(wanted)}")
     if wanted is None:
         target = _registry().get_base_units(source, check_nonmult=False)[1]
     elif (found := _unit(wanted)) is not None:
@@ -90,9 +101,20 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if source == target or not math.isfinite(value):
         return value
     try:
-        return float(_registry().Quantity(Decimal(repr(float(value))), source).to(target).magnitude)
+        made = _registry().Quantity(Decimal(repr(float(value))), source).to(target).magnitude
+        converted = float(made)
     except TypeError as error:  # logarithmic units (dBm) have no decimal arithmetic
         raise BadInput(f"{where}: {unit!r} to {wanted!r} is not a linear conversion") from error
+    except ArithmeticError:  # powers beyond all exponents
+        converted = math.inf
+    if not math.isfinite(converted):
+        raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
+    return converted
+
+
+def _instead(wanted: str | None) -> str:
+    """What to write instead of a unit that there is not."""
+    return f", wanted {wanted!r} or one convertible to it" if wanted else ""
 
 
 def base_unit(unit: str) -> str:

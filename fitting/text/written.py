@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, shown
 from fitting.text.units import convert, parse_quantity
 
 
@@ -35,7 +36,9 @@ def as_written(value: Any, where: str) -> Written:
     if isinstance(value, float) and not math.isfinite(value):
         raise BadInput(f"{where}: found {value!r}, wanted a finite number")
     if not isinstance(value, bool | int | float | str):
-        raise BadInput(f"{where}: found {value!r}, wanted a number, true/false or a text")
+        raise BadInput(f"{where}: found {shown(value)}, wanted a number, true/false or a text")
+    if isinstance(value, int) and abs(value) > sys.float_info.max:
+        raise BadInput(f"{where}: found {shown(value)}, wanted a number below 1e308")
     return Written(value, None, where)
 
 
@@ -68,7 +71,7 @@ def in_unit(written: Written, unit: str | None) -> float:
     if isinstance(value, bool):
         raise BadInput(f"{written.where}: found {value!r}, wanted a number")
     if isinstance(value, str):
-        value, found = parse_quantity(value, where=written.where)
+        value, found = parse_quantity(value, where=written.where, wanted=unit)
     if found is None:
         return float(value)
     return convert(float(value), found, unit, where=written.where)

@@ -8,6 +8,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +127,20 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ff.Parameter("d1", 0.5, bounds=(1.0, 1000.0)), "outside its bounds"),
     (lambda: ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0), prior=0.0), "prior"),
     (lambda: ff.Parameter("d1", 94.0, bounds=(1.0, 1000.0), scope="row"), "scope is 'row'"),
+    (lambda: ff.Parameter("d1", "4 Hzz", bounds=(1.0, 9.0)), "there is no unit 'Hzz'"),
+    (
+        lambda: ff.Parameter("d1", "4 Hzz", bounds=(1.0, 9.0), unit="kHz"),
+        "parameter 'd1': start: found '4 Hzz', but there is no unit 'Hzz', wanted 'kHz' or one",
+    ),
+    (lambda: ff.Parameter("d1", "4 Hz", bounds=("9 Hz", "1 kHz")), "outside its bounds [9.0, "),
+    (lambda: ff.Parameter("d1", "4 m", bounds=(1, 9), unit="Hz"), "found unit 'm', wanted 'Hz'"),
+    (lambda: ff.Parameter("d1", [4.0], bounds=(1.0, 9.0)), "found [4.0], wanted a number or"),  # type: ignore[arg-type]
+    (lambda: ff.fit([1]), "fit: found a list, wanted a Problem"),  # type: ignore[arg-type]
+    (lambda: ff.profile("fit"), "profile: found a str, wanted a Fit"),  # type: ignore[arg-type]
+    (lambda: ff.identify(1), "identify: found a int, wanted a Problem"),  # type: ignore[arg-type]
+    (lambda: ff.design(1), "design: found a int, wanted a Problem"),  # type: ignore[arg-type]
+    (lambda: ff.report(1, "out"), "report: found a int, wanted a Fit or an Inference"),  # type: ignore[arg-type]
+    (lambda: ff.Sweep(SETUP, F_HZ, ["a"] * 21), "sweep: amplitude_v is not an array of numbers"),
     (lambda: ff.Drive(frequency_names=("u1",)), "0 amplitude_names, wanted 1"),
     (lambda: ff.Drive(), "wanted what drives the FMU"),
     (lambda: ff.Drive(frequency_names="u1", amplitude_names=("A1",)), "a sequence of names"),  # type: ignore[arg-type]
@@ -159,7 +175,7 @@ def fmu(oscillator_fmu: Path) -> ff.Fmu:
     return ff.Fmu(oscillator_fmu)
 
 
-def problem(fmu: ff.Fmu, *sweeps: ff.Sweep, **changes: Any) -> ff.Problem:
+def problem(fmu: ff.Fmu, *sweeps: ff.Sweep | ff.Tones, **changes: Any) -> ff.Problem:
     parameters = [
         ff.Parameter("theta", 1.9, bounds=(0.0, math.pi), unit="rad"),
         ff.Parameter("d1", 0.1, bounds=(0.001, 1.0), unit="kHz", reference=0.094),
@@ -168,6 +184,17 @@ def problem(fmu: ff.Fmu, *sweeps: ff.Sweep, **changes: Any) -> ff.Problem:
     given: dict[str, Any] = {"derived": ["lambda", "width_plus"], "noise": ff.Noise(relative=0.01)}
     measured = sweeps or (ff.Sweep(SETUP, F_HZ, A_V),)
     return ff.Problem(fmu, parameters, measured, **(given | changes))
+
+
+def driven(**changes: Any) -> ff.Sweep:
+    return ff.Sweep(replace(SETUP, drive=replace(DRIVE, **changes)), F_HZ, A_V)
+
+
+def started(**values: Any) -> ff.Sweep:
+    return ff.Sweep(replace(SETUP, start_values=values), F_HZ, A_V)
+
+
+TONES = partial(ff.Tones, SETUP, [[6.94e6, 6.9402e6]], [[1e-5, 1e-5]])
 
 
 def test_what_only_the_fmu_can_tell_is_refused_beside_it(fmu: ff.Fmu) -> None:
@@ -179,6 +206,29 @@ def test_what_only_the_fmu_can_tell_is_refused_beside_it(fmu: ff.Fmu) -> None:
         (lambda: problem(fmu, sweep, sweep), "2 sweeps"),
         (lambda: problem(fmu, sweep, ff.Sweep(other, F_HZ, A_V)), "different setups"),
         (lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, use="scale")), "nothing to fit"),
+        (lambda: problem(fmu, driven(frequency_unit="kHz")), "frequency_unit is 'kHz', but the"),
+        (lambda: problem(fmu, driven(amplitude_names=("A1", "A3"))), "setup: drive: the FMU has"),
+        (lambda: problem(fmu, started(d1="3 Hz")), "'d1' is fitted and also set by the setup's"),
+        (lambda: problem(fmu, started(d9=3.0)), "setup: start_values: d9: the FMU has no variable"),
+        (
+            lambda: problem(fmu, started(eta_plus="3 Hzz")),
+            "setup: start_values: eta_plus: found '3 Hzz', but there is no unit 'Hzz', wanted 'Hz'",
+        ),
+        (
+            lambda: problem(fmu, ff.Sweep(SETUP, F_HZ, A_V, settings={"dd": 1.0}, series="b")),
+            "series 'b': sweep: settings: dd: the FMU has no variable",
+        ),
+        (
+            lambda: problem(fmu, sweep, TONES(amplitude_unit="m")),
+            "sweep in 'V', tones in 'm'; wanted one amplitude_unit",
+        ),
+        (lambda: problem(fmu, TONES()), "tones: amplitude_unit: found unit 'V', wanted 'm'"),
+        (
+            lambda: problem(fmu, TONES(amplitude_unit="m", settings={"d2": "1 V"}, series="c")),
+            "series 'c': tones: experiment '1': d2: found unit 'V'",
+        ),
+        (lambda: problem(fmu, alternatives={"g1": 1.0}), "alternatives: g1: found 1.0, wanted"),
+        (lambda: problem(fmu, 1), "measurements hold a int, wanted Tones or Sweep"),  # type: ignore[arg-type]
         (lambda: fmu.simulate({"u1": "3 kg"}), "u1"),
         (lambda: fmu.simulate(tones=("theta",)), "wanted a frequency"),
         (lambda: problem(fmu).logp([1.0, 2.0]), "wanted (..., 3)"),
@@ -186,6 +236,31 @@ def test_what_only_the_fmu_can_tell_is_refused_beside_it(fmu: ff.Fmu) -> None:
     ):
         with pytest.raises(ff.BadInput, match=re.escape(words)):
             make()
+
+
+def test_quantities_are_numbers_in_their_own_unit(fmu: ff.Fmu) -> None:
+    d1 = ff.Parameter("d1", "0.1 kHz", bounds=("1 Hz", 1000.0), reference="94 Hz", scale="0.05 kHz")
+    d2 = ff.Parameter("d2", 0.1, bounds=("1 Hz", 1.0), unit="kHz")
+    posed = ff.Problem(fmu, [d1, d2], ff.Sweep(SETUP, F_HZ, A_V))
+    assert posed.start.tolist() == [100.0, 100.0]
+    assert [end.tolist() for end in posed.bounds] == [[1.0, 1.0], [1000.0, 1000.0]]
+    assert posed.from_search([0.0, 0.0]).tolist() == [94.0, 100.0]
+    assert posed.from_search([1.0, 0.0])[0] == 144.0
+    # a bound in the FMU's unit, which is known only there
+    with pytest.raises(ff.BadInput, match="parameter 'd1': lower = 2000"):
+        ff.Problem(fmu, ff.Parameter("d1", 5.0, bounds=("2 kHz", 9.0)), driven())
+
+
+def test_a_variable_of_single_experiments_may_have_a_start_value_for_the_sweep(
+    fmu: ff.Fmu,
+) -> None:
+    setup = replace(SETUP, start_values={"eta_plus": 6.94e6})
+    own = ff.Parameter("eta_plus", 6.9401e6, bounds=(6.93e6, 6.95e6), scope="experiment")
+    measured: list[ff.Tones | ff.Sweep] = [
+        ff.Tones(setup, [[6.94e6, 6.9402e6]], [[1e-5, 1e-5]]),
+        ff.Sweep(setup, F_HZ, A_V),
+    ]
+    assert ff.Problem(fmu, own, measured).names == ("eta_plus[1]",)
 
 
 def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
@@ -223,6 +298,18 @@ def test_an_open_value_is_nan_and_has_a_range(fmu: ff.Fmu) -> None:
     assert f"{width.std:.2g}" in text
     assert "<table" in found._repr_html_()
     assert found.result.parameters["d1"].unit == "Hz"
+    check_intervals(text, *width.interval())
+
+
+def check_intervals(text: str, low: float, high: float) -> None:
+    """The table has a column of them, a dash where the data leave a value open."""
+    [row] = [line for line in text.splitlines() if line.startswith("width_plus ")]
+    said = re.search(r" ([\d.]+) to ([\d.]+) ", row)
+    assert "95 % interval" in text
+    assert said is not None
+    assert [float(end) for end in said.groups()] == pytest.approx([low, high], rel=1e-4)
+    [row] = [line for line in text.splitlines() if line.startswith("lambda ")]
+    assert row.split()[1:5] == ["-", "Hz", "-", "-"]
 
 
 def test_tones_of_arrays_are_those_of_a_campaign(fmu: ff.Fmu) -> None:

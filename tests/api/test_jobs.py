@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -53,6 +57,25 @@ def test_plots_take_fits_and_draw_where_they_are_told(fit: ff.Fit) -> None:
         ff.plot.profile(fit["width_plus"], ax=ax)
 
 
+def test_a_profile_is_drawn_by_the_name_of_its_value(fit: ff.Fit) -> None:
+    found = ff.profile(fit, ["width_plus"])
+    curves = []
+    for words in ((found, "width_plus"), (found,), (found["width_plus"],)):
+        ax = ff.plot.profile(*words, ax=Figure().subplots())
+        curves.append(np.array(ax.lines[0].get_xydata()))
+        assert "width" in ax.get_xlabel()
+    assert all(np.array_equal(curve, curves[0]) for curve in curves)
+    with pytest.raises(ff.BadInput, match="no profile of 'd1', wanted one of width_plus"):
+        ff.plot.profile(found, "d1", ax=Figure().subplots())
+    with pytest.raises(ff.BadInput, match=r"wanted what fitting\.profile\(fit\) returns"):
+        ff.plot.profile(fit, "d1", ax=Figure().subplots())  # type: ignore[arg-type]
+
+
+def test_every_plot_is_in_the_list_of_its_module() -> None:
+    listed = re.findall(r"^(\w+) {2,}\w", ff.plot.__doc__ or "", re.MULTILINE)
+    assert sorted(listed) == ff.plot.__all__
+
+
 def test_what_is_identified_sets_out_from_a_fit(fit: ff.Fit) -> None:
     found = ff.identify(fit.problem, fit, expected=True)
     verdicts = {name: p.verdict for name, p in found.knowledge.profiles.items()}
@@ -63,13 +86,52 @@ def test_what_is_identified_sets_out_from_a_fit(fit: ff.Fit) -> None:
 
 
 def test_a_design_makes_the_target_better_known(fit: ff.Fit) -> None:
-    design = ff.design(fit.problem, "lambda", number=2)
+    few = replace(ff.limits(fit.problem), frequency_step_hz=50.0, levels=(100.0, 1.0), number=2)
+    assert few.levels == (1.0, 100.0)
+    design = ff.design(fit.problem, "lambda", limits=few).design
     assert (design.target, design.unit, len(design.proposals)) == ("lambda", "Hz", 2)
     errors = [design.before.mean, *(p.expected.mean for p in design.proposals)]
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] < errors[0]
     with pytest.raises(ff.BadInput, match="criterion 'E'"):
-        ff.design(fit.problem, criterion="E")
+        ff.design(fit.problem, ff.Goal(criterion="E"))
+    with pytest.raises(ff.BadInput, match="levels: found"):
+        replace(few, levels=(1.0, -1.0))
+    with pytest.raises(ff.BadInput, match=r"limits: outputs.*'q3_hybrid'"):
+        ff.design(fit.problem, "lambda", limits=replace(few, outputs=("q3_hybrid",)))
+
+
+def test_limits_are_no_wider_than_those_of_the_campaign(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """What a file or a record leaves out is the campaign's; what goes beyond that is refused."""
+    folder = tmp_path / "string"
+    shutil.copytree(ff.example("string_q1").parent, folder)
+    path = folder / "campaign.toml"
+    own = 'levels = [1, 2]\nlargest = "80 uV"\nfarthest = "100 Hz"\nleast_spacing = "20 Hz"\n'
+    own += 'outputs = ["q1_hybrid"]\nsettings = { g1 = [1] }\n'
+    path.write_text(path.read_text() + "\n[design]\n" + own)
+    problem = ff.Problem.of(path, ff.Fmu(oscillator_fmu))
+    given = tmp_path / "candidates.toml"
+    given.write_text('[design]\nfarthest = "0.1 kHz"\nrepeats = [1]\nsettings = { g2 = [0, 1] }\n')
+    found = ff.limits(problem, given)
+    assert found.levels == (1.0, 2.0)
+    assert found.repeats == (1,)
+    assert found.largest_v == pytest.approx(80e-6)
+    assert found.settings == {"g1": (1.0,), "g2": (0.0, 1.0)}
+    for text, words in (
+        ("levels = [1, 100]", "levels: found 100, wanted at most the 2 "),
+        ('largest = "1 mV"', "largest: found 0.001 V, wanted at most the 8e-05 V "),
+        ('farthest = "101 Hz"', "farthest: found 101 Hz, wanted at most the 100 Hz "),
+        ('least_spacing = "10 Hz"', "least_spacing: found 10 Hz, wanted at least the 20 Hz "),
+        ('outputs = ["q2_hybrid"]', "outputs: 'q2_hybrid' is none of those "),
+    ):
+        given.write_text(f"[design]\n{text}\n")
+        with pytest.raises(ff.BadInput) as refused:
+            ff.limits(problem, given)
+        assert str(refused.value).startswith(f"{given}: [design] {words}of {path}: [design] ")
+    with pytest.raises(ff.BadInput, match="limits: levels: found 3, wanted at most the 2 "):
+        ff.design(problem, limits=replace(found, levels=(3.0,)))
 
 
 def test_rows_are_flat_and_plain(fit: ff.Fit) -> None:

@@ -333,7 +333,7 @@ READING = [
     ),
     (TOML, "beta = 0.1", "beta = 1.5", "[continuation] beta: found 1.5, wanted a factor below 1"),
     (TOML, "nu_start = 0.1", "nu_start = -1", "[continuation] nu_start: found -1"),
-    (TOML, "starts = 3", "starts = 0", "starts: found 0, wanted a whole number of at least 1"),
+    (TOML, "starts = 3", "starts = 0", "starts: found 0, wanted a whole number from 1 to 1000"),
     (TOML, "reflection = [false, true]", "reflection = true", "wanted a list of values to try"),
     (
         TOML,
@@ -397,6 +397,7 @@ BINDING = [
         "[fmu.start] theta: found unit 'Hz', wanted 'rad'",
     ),
     ("periodic_start = true ", "f1 = 1.0 ", "causality output, which cannot be set"),
+    ("periodic_start = true ", "d1 = 1.0 ", "'d1' is fitted and also set by [fmu.start]"),
     (
         "reflection = [false, true]",
         "theta = [0.0, 1.0]",

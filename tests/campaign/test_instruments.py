@@ -246,7 +246,7 @@ def test_missing_file_names_its_neighbour(tmp_path: Path) -> None:
     put(tmp_path, PLAIN, "pair1.csv")
     assert complaint(tmp_path / "pari1.csv") == "no such file; did you mean 'pair1.csv'?"
     assert complaint(tmp_path / "nowhere" / "x.csv") == "no such file"
-    assert "cannot be read" in complaint(tmp_path)
+    assert complaint(tmp_path) == "is a folder, wanted a file"
     assert "unknown layout 'cvs'; did you mean 'csv'?" in complaint(tmp_path / "a", "cvs")
 
 

@@ -13,73 +13,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from fitting.cli.main import main
+from fitting.text.results_folder import RECORD_NAME
 from tests.support.cfmu_build import build_c_fmu
+from tests.support.oscillator_campaign import CAMPAIGN, FILES
 
 ROOT = Path(__file__).parents[2]
-MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3
-
-CAMPAIGN = """\
-title = "Driven oscillator"
-[fmu]
-file = "oscillator.fmu"
-timeout_s = 1.5
-[fmu.start]
-mass = "1 g"
-[observe]
-output = "displacement"
-line_width = "3 kHz"
-[drive]
-kind = "input"
-frequencies = ["f"]
-input = "force"
-level = 1.0
-samples_per_period = 8
-[experiments]
-file = "experiments.csv"
-spectra = "{experiment}.csv"
-amplitude = "V peak"
-[sweep]
-file = "sweep.csv"
-amplitude = "V peak"
-[[parameters]]
-name = "damping"
-unit = "N.s/m"
-lower = 0.05
-upper = 0.6
-start = 0.25
-[[parameters]]
-name = "stiffness"
-unit = "N/m"
-lower = 3500.0
-upper = 4500.0
-start = 4000.0
-[continuation]
-iterations = 1
-starts = 1
-"""
-
-
-def line(f: np.ndarray) -> np.ndarray:
-    """Amplitude in mV at a gain of 100 V/m."""
-    w = 2 * np.pi * f
-    return np.asarray(1e5 / np.abs(STIFFNESS - MASS * w**2 + 1j * DAMPING * w))
-
-
-def csv(f: np.ndarray, a: np.ndarray) -> str:
-    rows = (f"{x:.10g},{y:.10g}\n" for x, y in zip(f, a, strict=True))
-    return "frequency (Hz),amplitude (mV)\n" + "".join(rows)
-
-
-def spectrum(tone: float) -> str:
-    """A line at the tone on a floor of 0.01 mV that alternates a little."""
-    f = tone + np.arange(-25.0, 26.0)
-    a = 0.01 + 0.001 * (-1.0) ** np.arange(f.size)
-    a[25] = line(np.array([tone]))[0]
-    return csv(f, a)
 
 
 @pytest.fixture(scope="session")
@@ -90,15 +31,7 @@ def oscillator_c(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 @pytest.fixture
 def folder(tmp_path: Path, oscillator_c: bytes) -> Path:
     """The campaign, unbroken."""
-    f = np.linspace(292.0, 352.0, 13)
-    files = {
-        "campaign.toml": CAMPAIGN,
-        "experiments.csv": "experiment,f (Hz)\none,310\ntwo,330\n",
-        "one.csv": spectrum(310.0),
-        "two.csv": spectrum(330.0),
-        "sweep.csv": csv(f, line(f)),
-    }
-    for name, text in files.items():
+    for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     (tmp_path / "oscillator.fmu").write_bytes(oscillator_c)
     return tmp_path
@@ -112,13 +45,17 @@ def broken(folder: Path, name: str, old: str, new: str) -> None:
 
 
 def left_in(out: Path) -> list[str]:
-    return sorted(str(p.relative_to(out)) for p in out.rglob("*") if p.is_file())
+    files = (p for p in out.rglob("*") if p.is_file() and p.name != RECORD_NAME)
+    return sorted(str(p.relative_to(out)) for p in files)
 
 
 def refused(
     folder: Path, capsys: pytest.CaptureFixture[str], code: int = 2, left: tuple[str, ...] = ()
 ) -> str:
-    """The one line of complaint of a run that has to end with this code and leave these files."""
+    """The complaint of a run that has to end with this code and leave these files.
+
+    One line; where finished levels are left, a second one says how to go on from them.
+    """
     out = folder / "out"
     words = ["reconstruct", str(folder / "campaign.toml"), "--out", str(out), "--workers", "1"]
     assert main(words) == code
@@ -126,7 +63,9 @@ def refused(
     assert told.out == ""
     assert told.err.startswith("fmu-fit: ")
     assert told.err.endswith("\n")
-    assert told.err.count("\n") == 1
+    lines = told.err.splitlines()
+    assert len(lines) == 1 + bool(left)
+    assert all("--resume" in line for line in lines[1:])
     assert "Traceback" not in told.err
     assert left_in(out) == list(left)
     return told.err
@@ -218,7 +157,8 @@ def test_everything_that_is_wrong_is_told_at_once(
         f"fmu-fit: {path}: [observe] line_width: found unit 's', wanted 'Hz' or one convertible "
         "to it",
         f"fmu-fit: {path}: [parameters 'damping']: key 'upper' is missing",
-        f"fmu-fit: {path}: [continuation] iterations: found 0, wanted a whole number of at least 1",
+        f"fmu-fit: {path}: [continuation] iterations: found 0, wanted a whole number from 1 "
+        "to 1000",
     }
     path.write_text(CAMPAIGN)
     broken(folder, EXPERIMENTS, "one,", "on,")
@@ -346,4 +286,17 @@ def test_the_program_itself_ends_so(folder: Path) -> None:
         f"fmu-fit: {folder}/sweep.csv: row 2, column 'amplitude': found 'NaN', "
         "wanted a finite number\n"
     )
+    assert not out.exists()
+
+
+def test_a_value_from_elsewhere_in_a_wrong_unit_is_refused_before_the_fit(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = folder / "out"
+    words = ["reconstruct", str(folder / TOML), "--out", str(out), "--external"]
+    assert main([*words, "stiffness=3 kHz"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "--external stiffness: " in told.err
+    assert "N/m" in told.err
     assert not out.exists()

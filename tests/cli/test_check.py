@@ -10,6 +10,7 @@ import pytest
 
 from fitting.cli.main import main
 from tests.support.cfmu_build import build_c_fmu
+from tests.support.processes import Clock
 
 ROOT = Path(__file__).parents[2]
 
@@ -133,3 +134,18 @@ def test_what_the_fmu_says_comes_first(
     told = capsys.readouterr().err
     assert f"{oscillator_fmu}: d1 = -1000000.0 Hz is negative" in told
     assert re.search(r"may grow; the growing oscillation .*; stopped early at t = 0\.0 s", told)
+
+
+def test_a_hang_is_told_after_one_time_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], clock: Clock
+) -> None:
+    """The FMU hangs at every stiffness but its own: it is tried once, and what is known is told."""
+    hung = tmp_path / "hung"
+    fmu = build_c_fmu(tmp_path, marks={"HANGS_WHERE_VARIED": hung})
+    clock.runs = hung.exists
+    assert main(["check", str(fmu), "--timeout", "70 s"]) == 3
+    told = capsys.readouterr()
+    assert "gave no answer within 70 s and was stopped; --timeout sets that limit" in told.err
+    assert "stiffness = 400" in told.err
+    assert "trial run: one step" in told.out
+    assert hung.read_text() == "hangs\n"

@@ -233,6 +233,7 @@ def test_noise_of_planned_peaks() -> None:
     [
         (["--target", "nu"], "target 'nu' is neither fitted nor derived"),
         (["--at", "truth.toml"], "truth.toml: cannot be read as JSON"),
+        (["--candidates", "typo.toml"], "typo.toml: top level: unknown key 'desing'"),
         (["--candidates", "nowhere.toml"], "nowhere.toml: no such file"),
         (["--criterion", "E"], "invalid choice: 'E'"),
         (["--number", "0"], "found '0', wanted a whole number of at least 1"),
@@ -245,7 +246,12 @@ def test_one_line_of_complaint(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.chdir(Q1)
+    monkeypatch.chdir(tmp_path)
+    for path in (Q1 / "truth.toml", Q1 / "campaign.toml"):
+        shutil.copy(path, path.name)
+    for name in ("experiments.csv", "sweep.csv", "spectra"):
+        Path(name).symlink_to(Q1 / name)
+    Path("typo.toml").write_text("[desing]\nlevels = [1]\n")
     assert main(["design", "campaign.toml", "--out", str(tmp_path / "out"), *words]) == 2
     out, err = capsys.readouterr()
     assert complaint in err
@@ -257,11 +263,15 @@ def test_one_line_of_complaint(
 def test_measured_peaks_are_not_written_over(
     proposed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(proposed / "campaign", tmp_path / "campaign")
-    rows = tmp_path / "campaign" / "experiments.csv"
-    rows.write_text(rows.read_text().replace(",,,", ",1.5,,", 1))
-    assert main(["design", str(Q1 / "campaign.toml"), "--out", str(tmp_path)]) == 2
-    assert "column 'peak_1' holds measured peaks" in capsys.readouterr().err
+    out = tmp_path / "out"
+    shutil.copytree(proposed, out)
+    rows = out / "campaign" / "experiments.csv"
+    filled = rows.read_text().replace(",,,", ",1.5,,", 1)
+    rows.write_text(filled)
+    assert main(["design", str(Q1 / "campaign.toml"), "--out", str(out)]) == 2
+    told = capsys.readouterr().err
+    assert f"{rows}: was changed since fmu-fit design wrote it, so it is kept" in told
+    assert rows.read_text() == filled
 
 
 @pytest.mark.parametrize(

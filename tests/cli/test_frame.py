@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -46,13 +48,21 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
     assert "3 the FMU failed" in " ".join(text.split())
     told = (ROOT / "README.md").read_text("utf-8").partition("| exit code | meaning |")[2]
     codes = re.findall(r"^\| (\d+) \| ", told.partition("\n\n")[0], re.MULTILINE)
-    assert codes == ["0", "1", "2", "3", "130"]
+    assert codes == ["0", "1", "2", "3", "70", "130"]
     for code in codes:
         assert re.search(rf"\b{code} [a-z]", text), f"exit code {code} is not told"
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["frobnicate"]])
-def test_the_list_of_commands_takes_no_library(words: list[str]) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["frobnicate"],
+        *([name, "--help"] for name in ("simulate", "sweep", "check", "example")),
+    ],
+)
+def test_help_takes_no_library(words: list[str]) -> None:
     """Any of these takes longer to import than the interpreter takes to start."""
     heavy = ("numpy", "scipy", "matplotlib", "fmpy", "pydantic", "pint", "jinja2", "mpmath")
     script = (
@@ -72,7 +82,8 @@ def test_the_list_of_commands_takes_no_library(words: list[str]) -> None:
         ([], "COMMAND"),
         (["frobnicate"], "frobnicate"),
         (["simulate"], "FMU"),
-        (["check", "absent.fmu"], "absent.fmu: No such file"),
+        (["check", "absent.fmu"], "absent.fmu: no such file"),
+        (["check", "Absent"], "model 'Absent' could not be built: build_fmu.py: there is no model"),
         (["check", "absent.fmu", "--step", "long"], "--step"),
         (["check", "absent.fmu", "--timeout", "-1"], "--timeout: found '-1', wanted a positive"),
         (["reconstruct", "c.toml", "--workers", "0"], "--workers: found '0', wanted a whole"),
@@ -109,3 +120,80 @@ def test_output_into_a_closed_pipe_is_no_traceback(oscillator_fmu: Path) -> None
     )
     assert "CoupledOscillator" in told.stdout
     assert told.stderr == ""
+
+
+def test_a_reader_that_has_seen_enough_does_not_stop_the_work(tmp_path: Path) -> None:
+    """The pipe is closed before anything is written into it; the files are there all the same."""
+    taken, given = os.pipe()
+    os.close(taken)
+    asked = [sys.executable, "-m", "fitting", "example", "string_q1", "--out", str(tmp_path / "o")]
+    told = subprocess.run(asked, stdout=given, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    os.close(given)
+    assert (told.returncode, told.stderr) == (0, "")
+    assert (tmp_path / "o" / "campaign.toml").is_file()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is full")
+@pytest.mark.parametrize(
+    ("where", "code", "words"),
+    [
+        (">/dev/full", 2, "fmu-fit: standard output: cannot be written: No space left on device\n"),
+        (">&-", 0, ""),
+        ("2>&-", 0, ""),
+        ("2>/dev/full", 0, ""),
+        (">&- 2>&- <&-", 0, ""),
+    ],
+)
+def test_standard_streams_that_are_closed_or_full(
+    where: str, code: int, words: str, oscillator_fmu: Path
+) -> None:
+    """The check runs a worker process, whose pipe must not become the standard output."""
+    script = f"'{sys.executable}' -m fitting check '{oscillator_fmu}' {where}"
+    told = subprocess.run(["sh", "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert (told.returncode, told.stderr) == (code, words)
+
+
+def test_a_fault_of_the_program_is_a_line_and_a_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(args: argparse.Namespace) -> int:
+        raise ZeroDivisionError("over\nnothing")
+
+    monkeypatch.setattr("fitting.cli.example.run", fails)
+    assert main(["example", "string_q1", "--out", str(tmp_path)]) == 70
+    told = capsys.readouterr()
+    [kept] = tmp_path.iterdir()
+    assert told.out == ""
+    assert told.err == (
+        "fmu-fit: a fault of this program: ZeroDivisionError: over nothing; "
+        f"{kept} has the traceback, please report it\n"
+    )
+    text = kept.read_text("utf-8")
+    assert text.startswith(f"fmu-fit example string_q1 --out {tmp_path}\n")
+    assert "Traceback" in text
+    assert "in fails" in text
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (MemoryError(), "not enough memory"),
+        (OSError(errno.ENOSPC, "No space left on device", "/tmp/x"), "/tmp/x: No space left"),
+        (OSError(errno.EMFILE, "Too many open files"), "ulimit -n"),
+        (ImportError("x.so: failed to map segment from shared object"), "x.so: failed to map"),
+    ],
+)
+def test_what_the_machine_refuses_is_no_fault_of_the_program(
+    error: Exception,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fails(args: argparse.Namespace) -> int:
+        raise error
+
+    monkeypatch.setattr("fitting.cli.example.run", fails)
+    assert main(["example", "string_q1", "--out", str(tmp_path)]) == 2
+    assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from fitting.cli.main import main
+from fitting.fit.likelihood.descent import Expansion, Optimum, most_likely
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.lockstep import Task, run_in_lockstep
 from fitting.fit.noise import RowNoise
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.bootstrap import _displaced, bootstrap
-from fitting.inference.likelihood.descent import Expansion, Optimum, most_likely
 from fitting.inference.likelihood.knowledge import Identification, Knowledge
-from fitting.inference.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.inference.likelihood.lockstep import Task, run_in_lockstep
 from fitting.text.records import read_json
 from tests.support import single_line
 

@@ -16,8 +16,9 @@ import pytest
 from fitting.cli.main import main
 from fitting.fmu import Run
 from fitting.simulate.drive import Drive
+from fitting.simulate.frf import USUAL_SWEEP_ACCURACY
 from fitting.simulate.planner import Knowledge, plan_drives
-from fitting.simulate.response import RemainderKind, Shown, respond
+from fitting.simulate.response import USUAL_ACCURACY, RemainderKind, Shown, respond
 from fitting.simulate.words import remainder_in_words
 from tests.support.cfmu_build import build_c_fmu
 
@@ -101,12 +102,29 @@ def test_published_pair_has_the_closed_amplitudes(
     assert "time − 0 s (ms)" in "".join(ET.parse(out / "trace.svg").getroot().itertext())
 
 
+def test_a_model_goes_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "CoupledOscillator", "--accuracy", "1e-3", "--plan"]) == 0
+    assert "wanted 1.0e-03" in capsys.readouterr().out
+
+
+def test_what_help_says_is_wanted_is_what_is_planned_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for command, usual in (("simulate", USUAL_ACCURACY), ("sweep", USUAL_SWEEP_ACCURACY)):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        text = " ".join(capsys.readouterr().out.split())
+        said = re.search(r"--accuracy ACCURACY [^(]*\((1e-\d+)\)", text)
+        assert said is not None
+        assert float(said[1]) == usual
+
+
 def test_figures_and_tables_are_reproducible(oscillator_fmu: Path, tmp_path: Path) -> None:
     for name in ("a", "b"):
         arguments = ["simulate", str(oscillator_fmu), "--set", "periodic_start=true"]
         assert main([*arguments, "--out", str(tmp_path / name)]) == 0
     files = sorted(p.name for p in (tmp_path / "a").iterdir())
-    assert len(files) == 8
+    assert len(files) == 9  # the list of them is one
     for name in files:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 

@@ -140,7 +140,7 @@ def test_one_way_and_the_time_that_is_found(oscillator_fmu: Path, tmp_path: Path
         (["--from", "1", "--to", "2", "--tone", "u3"], "u3"),
         (["--from", "1", "--to", "2", "--set", "u1=3"], "is the tone that is moved"),
         (["--from", "1", "--to", "2", "--set", "A2=3"], "u2 would drive beside u1"),
-        (["--from", "1", "--to", "2", "--tone", "f1"], "that cannot be set"),
+        (["--from", "1", "--to", "2", "--tone", "f1"], "which cannot be set"),
         (["--from", "1", "--to", "2", "--points", "1"], "at least 2"),
         (["--from", "1", "--to", "2", "--settle", "-1"], "a time of at least 0"),
         (["--from", "1", "--to", "2", "--accuracy", "2"], "wanted 1e-12 to 1"),

@@ -17,6 +17,7 @@ from fitting.lab.duffing import Cubic, CubicModes
 from fitting.lab.truth import read_bench
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
+from fitting.text.results_folder import RECORD_NAME
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -28,9 +29,8 @@ def call(*words: str | Path) -> int:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {
-        p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()
-    }
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name != RECORD_NAME)
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,10 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "q1", "--d1", "-3"], "damping d1 = -3.0"),
         (["--series", "q1", "--eta-plus", "9e6"], "eta_plus = 9000000.0 Hz must lie"),
         (["--series", "q1", "--noise-scale", "-1"], "noise_scale must not be negative"),
-        (["--series", "q1", "--alpha1", "1e32"], "--alpha1: has no meaning here"),
+        (["--series", "q1", "--alpha1", "1e32"], "alpha1: has no meaning for the bench 'q1'"),
+        (["--series", "duffing", "--cross-mode"], "lock-in amplifiers have no meaning"),
+        (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7, wanted"),
+        (["--series", "q1", "--noise", "0.1"], "--noise: has no meaning here"),
         (["--series", "duffing", "--level", "-1"], "must be positive"),
         (["--series", "duffing", "--level", "3"], "wanted a weaker drive"),
         (["--series", "duffing", "--d1", "-3"], "damping d1 = -3.0"),
@@ -168,9 +171,17 @@ def test_a_negative_seed_is_refused_by_name(
 def test_a_measured_campaign_is_never_overwritten(tmp_path: Path) -> None:
     original = (DATA / "afm_sensor" / "campaign.toml").read_bytes()
     (tmp_path / "campaign.toml").write_bytes(original)
-    with pytest.raises(BadInput, match="not synthetic"):
+    with pytest.raises(BadInput, match=r"campaign.toml: is there already, and fmu-fit synthesize"):
         call("--series", "q1", "--out", tmp_path)
     assert contents(tmp_path) == {"campaign.toml": original}
+
+
+def test_measured_data_are_kept_beside_any_campaign(tmp_path: Path) -> None:
+    """One file of the laboratory among those that would be written: then none is."""
+    (tmp_path / "sweep.csv").write_text("frequency (Hz),amplitude (V)\n")
+    with pytest.raises(BadInput, match=r"sweep.csv: is there already"):
+        call("--series", "q1", "--out", tmp_path)
+    assert list(contents(tmp_path)) == ["sweep.csv"]
 
 
 def test_a_broken_truth_is_named(tmp_path: Path) -> None:
@@ -193,8 +204,9 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     write_whole(path, "old")
     with pytest.raises(BadInput, match="cannot be written"):
         write_whole(path / "below", "new")
-    with pytest.raises(UnicodeEncodeError):
-        write_whole(path, "\ud800")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_whole(tmp_path / "folder", "new")
     assert contents(tmp_path) == {"x.txt": b"old"}
     mask = os.umask(0)
     os.umask(mask)

@@ -285,7 +285,7 @@ def test_a_prior_over_more_than_a_period_counts_once(bound: BoundCampaign) -> No
         ({"frequency_step": 10}, "has no unit"),
         ({"levels": [0]}, "wanted a list of positive numbers"),
         ({"repeats": [1.5]}, "wanted whole numbers"),
-        ({"number": 0}, "at least 1"),
+        ({"number": 0}, "wanted a whole number from 1"),
         ({"number": 1000}, "at most 50"),
         ({"tones": 3}, "a design places one or two"),
         ({"noise_floor": "3 Hz"}, "wanted 'V'"),

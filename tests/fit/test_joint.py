@@ -16,11 +16,12 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
+from fitting.fit.alternative import run_alternative
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.options import options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
-from fitting.fit.solver.continuation import Schedule, run_alternative
+from fitting.fit.solver.continuation import Course, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings
 from fitting.fmu import FmuWorkers, read_description
@@ -252,7 +253,8 @@ def agreement(
     _, joint, objective = joined(folder, modes, seed, other)
     evaluator = Evaluator(objective)
     schedule = Schedule(nu_start=1e-3, levels=1, starts=1)
-    outcome = run_alternative(objective, schedule, SolveSettings(misfit="squares"))
+    settings = SolveSettings(misfit="squares")
+    outcome = run_alternative(Course(objective=objective, schedule=schedule, settings=settings))
     assert outcome.best is not None
     return consistency(joint, solution_of(evaluator, outcome.best, schedule, "squares"))
 
@@ -391,6 +393,11 @@ def test_values_from_elsewhere_that_cannot_be_read_are_refused(text: str) -> Non
 
 
 def test_a_name_that_nobody_will_report_is_refused_before_the_fit() -> None:
-    check_external(["lambda=1 MHz"], ["theta", "lambda"])
+    known = {"theta": "rad", "lambda": "Hz"}
+    check_external(["lambda=1 MHz +- 2 kHz", "theta=110 deg"], known)
     with pytest.raises(BadInput, match=r"no 'lamda'.*lambda"):
-        check_external(["lamda=1 MHz"], ["theta", "lambda"])
+        check_external(["lamda=1 MHz"], known)
+    with pytest.raises(BadInput, match=r"--external lambda: .*Hz"):
+        check_external(["lambda=3 kg"], known)
+    with pytest.raises(BadInput, match=r"--external lambda: .*Hz"):
+        check_external(["lambda=3 MHz +- 1 s"], known)

@@ -10,7 +10,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,14 +24,13 @@ from fitting.fmu import (
     read_description,
     validation_problems,
 )
-from fitting.fmu.worker import process as worker_process
 from fitting.fmu.worker.input_signal import held_values
 from fitting.fmu.worker.pulse import BEGUN, open_pulse
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.cfmu_build import build_c_fmu
-from tests.support.processes import is_gone, wait_until
+from tests.support.processes import Clock, is_gone, wait_until
 
 MASS, DAMPING, STIFFNESS = 1.25e-3, 2.5e-2, 4.1e3
 START: dict[str, Scalar] = {"mass": MASS, "damping": DAMPING, "stiffness": STIFFNESS}
@@ -177,26 +175,6 @@ def test_failure_is_a_sentence_with_the_parameters(
     np.testing.assert_allclose(after[:, 0], step_response(np.arange(6) * 1e-3), rtol=1e-11)
 
 
-class Clock:
-    """The clock by which workers are late: ten seconds on at every look while ``runs`` holds."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.runs: Callable[[], bool] = lambda: False
-
-    def monotonic(self) -> float:
-        self.now += 10.0 * self.runs()
-        return self.now
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    """A clock that no busy machine can disturb."""
-    clock = Clock()
-    monkeypatch.setattr(worker_process, "time", clock)
-    return clock
-
-
 def in_second_run(workers: FmuWorkers) -> bool:
     """Whether the second run of a batch is under way in the first process."""
     process = workers._open.processes[0]
@@ -245,6 +223,19 @@ def test_warnings_are_kept_and_do_not_stop(good: Path) -> None:
             assert workers.warnings == ("slow today, 99 % load",)
             latest.append(workers.latest_warnings)
     assert latest == [("slow today, 99 % load",), ()]
+
+
+def test_a_flood_of_warnings_is_cut_short_in_a_sentence(good: Path) -> None:
+    """One for every step; what is beyond fifty is dropped, and that is said."""
+    lost = replace(PULLED, start_values={**START, "misbehave": NAN}, allow_nan=True)
+    with FmuWorkers(good) as workers:
+        workers.run([replace(lost, samples=51)])
+        assert len(workers.warnings) == 50
+        assert workers.warnings[-1].startswith("lost the state after ")
+        workers.run([replace(lost, samples=81)])
+        assert len(workers.warnings) == 51
+        assert workers.warnings[-1] == "… further warnings dropped"
+        assert workers.latest_warnings == workers.warnings
 
 
 def test_nan_is_handed_back_only_where_it_is_allowed(good: Path) -> None:
@@ -445,7 +436,7 @@ def test_files_that_cannot_be_used(folder: Path, good: Path, tmp_path: Path) -> 
     text.write_text("this is not a zip file")
     with pytest.raises(BadInput, match="is not an FMU"):
         read_description(text)
-    with pytest.raises(BadInput, match="No such file"):
+    with pytest.raises(BadInput, match="no such file"):
         read_description(tmp_path / "absent.fmu")
 
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import to_search
+from fitting.fit.alternative import Outcome
 from fitting.fit.choice import chosen
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
-from fitting.fit.solver.continuation import Chain, ContinuationStep, Outcome
+from fitting.fit.solver.continuation import Chain, ContinuationStep
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Equivalent
 from tests.inference.test_identifiability import TRUTH, both_modes

@@ -12,20 +12,20 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model, to_search
-from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.inference.likelihood.descent import (
+from fitting.fit.likelihood.descent import (
     Constraint,
     descend,
     expansion_at,
     inflation_of,
     most_likely,
 )
-from fitting.inference.likelihood.likelihood import (
+from fitting.fit.likelihood.likelihood import (
     MOST_FAILURES,
     LikelihoodEvaluator,
     likelihood_of,
 )
-from fitting.inference.likelihood.lockstep import Exhausted, Request, run_in_lockstep
+from fitting.fit.likelihood.lockstep import Exhausted, Request, run_in_lockstep
+from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.measurements.measurement import Evaluation
 from fitting.text.errors import FmuFailure
 from tests.support import closed_form, single_line

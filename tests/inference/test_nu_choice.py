@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from fitting.fit.likelihood.likelihood import likelihood_of
 from fitting.fit.objective import Objective
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuRow
-from fitting.inference.likelihood.likelihood import likelihood_of
 from fitting.inference.likelihood.nu_choice import choose_nu, corner_of, curvatures
 from tests.support import single_line
 

@@ -54,7 +54,7 @@ def test_nothing_is_written_unless_asked_and_nothing_measured_written_over(tmp_p
     made.write(tmp_path)
     made.write(tmp_path)  # its own
     (tmp_path / "campaign.toml").write_text('title = "measured"\n')
-    with pytest.raises(BadInput, match="not synthetic"):
+    with pytest.raises(BadInput, match="was changed since fmu-fit synthesize wrote it"):
         made.write(tmp_path)
 
 

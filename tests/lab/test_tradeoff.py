@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -271,6 +272,18 @@ def test_interrupted_and_resumed_is_the_same(oscillator_fmu: Path, tmp_path: Pat
         assert a.extrapolated or a.error == b.error
     with pytest.raises(BadInput, match="belongs to other data"):
         Memory(tmp_path, "another job").resume()
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"accuracies": (1e-3, 2.0)}, "accuracies: found 2.0, wanted numbers between 0 and 1"),
+        ({"quantities": ("phases",)}, "quantities: found 'phases', wanted some of amplitudes"),
+    ],
+)
+def test_what_cannot_be_asked_of_a_study(asked: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        StudyOptions(**asked)
 
 
 # --- the command ---------------------------------------------------------------------------------

@@ -20,29 +20,46 @@ from matplotlib.transforms import Bbox
 
 from fitting.report.figures import style as plots_style
 from fitting.report.figures.fit import draw_convergence, draw_derived
+from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.reconstruction import figures_of, write_figures
 from fitting.report.figures.style import Drawing, FigureFile, save, style
-from fitting.report.figures.sweep import draw_response
 from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,
     draw_over_frequency,
     draw_per_experiment,
-    draw_spectra,
 )
 from fitting.report.plot.axes import AFTER, BLACK, MEASURED, SIMULATED
 from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from tests.support import report_records as records
 
+Draw = Callable[[Result, ShownCampaign], Drawing]
+
 SVG = "{http://www.w3.org/2000/svg}"
 HREF = "{http://www.w3.org/1999/xlink}href"
+
+
+def draw_spectra(result: Result, data: ShownCampaign) -> Drawing:
+    """What the experiments show of themselves."""
+    return draw_measurement(records.spectra(data, result), data)
+
+
+def draw_response(result: Result, data: ShownCampaign) -> Drawing:
+    """What the sweep shows of itself."""
+    return draw_measurement(records.response(data, result), data)
+
+
+def all_of(result: Result, data: ShownCampaign) -> list[Draw]:
+    """Everything that is drawn of a reconstruction."""
+    spectra = [draw_spectra] if data.tones else []
+    return [*figures_of(result, data), *spectra, draw_response]
+
+
 DEVIATIONS = (draw_over_frequency, draw_improvement, draw_per_experiment)
 ALL = (draw_drive, draw_spectra, *DEVIATIONS, draw_convergence, draw_derived, draw_response)
 #: The paper: bullet, triangle, pentagon, diamond, square.
 PAPER_MARKERS = ["o", "^", "p", "D", "s"]
-
-Draw = Callable[[Result, ShownCampaign], Drawing]
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +76,8 @@ def result() -> Result:
 def files(
     result: Result, data: ShownCampaign, tmp_path_factory: pytest.TempPathFactory
 ) -> list[FigureFile]:
-    return write_figures(result, data, tmp_path_factory.mktemp("figures"))
+    shown = records.with_figures(data, result)
+    return write_figures(result, shown, tmp_path_factory.mktemp("figures"))
 
 
 KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, ShownCampaign]] = {}
@@ -163,13 +181,10 @@ def test_no_unfinished_file_is_left(files: list[FigureFile]) -> None:
 
 def test_a_sweep_alone_gets_convergence_and_response(tmp_path: Path) -> None:
     data = records.campaign(tones=[])
-    names = [f.name for f in write_figures(records.result_for(data), data, tmp_path)]
+    result = records.result_for(data)
+    shown = records.with_figures(data, result)
+    names = [f.name for f in write_figures(result, shown, tmp_path)]
     assert names == ["5_convergence", "8_frequency_response"]
-
-
-def test_peaks_without_a_sweep_get_no_response() -> None:
-    data = records.campaign(sweep=False)
-    assert draw_response not in figures_of(records.result_for(data), data)
 
 
 def test_svg_holds_a_marker_per_peak_before_and_after(files: list[FigureFile]) -> None:
@@ -352,7 +367,7 @@ RESULTS = {shape: records.result_for(data) for shape, data in SHAPES.items()}
 def test_labels_keep_apart_and_inside(shape: str) -> None:
     data = SHAPES[shape]
     result = RESULTS[shape]
-    for draw in figures_of(result, data):
+    for draw in all_of(result, data):
         figure = drawn(draw, result, data)
         boxes = label_boxes(figure)
         page = figure.bbox

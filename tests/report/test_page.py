@@ -295,6 +295,7 @@ def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None
 def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
     data = records.campaign(tones=[])
     result = records.result_for(data)
+    data = records.with_figures(data, result)
     path = write_report(result, data, tmp_path)
     assert path == tmp_path / "report.html"
     first = path.read_bytes()

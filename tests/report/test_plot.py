@@ -20,6 +20,7 @@ from tests.support import report_records as records
 
 DATA = records.campaign()
 RESULT = records.result_for(DATA)
+SPECTRA = records.spectra(DATA, RESULT)
 KNOWLEDGE = plot_records.knowledge()
 DRIVE, FRF, DESIGN = plot_records.drive_result(), plot_records.frf_result(), plot_records.design()
 SWEEP, RESONANCE = (
@@ -112,6 +113,11 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
         "ν",
         "⟨$D_{\\mathrm{11}}$⟩ (1/s)",
     ),
+    "panel": (
+        lambda ax: plot.panel(SPECTRA.rows[1][0], ax=ax),
+        "f − 6.94026 MHz (Hz)",
+        "after: amplitude (µV)",
+    ),
     "parameter_path": (
         lambda ax: plot.parameter_path(RESULT, "d1", ax=ax),
         "ν",
@@ -136,11 +142,6 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
         lambda ax: plot.response_residuals(SWEEP, resonance=RESONANCE, ax=ax),
         "drive frequency f − 6.9403 MHz (Hz)",
         "minus laboratory\n(% of maximum)",
-    ),
-    "spectrum": (
-        lambda ax: plot.spectrum(DATA.tones[0], RESULT.peaks[:2], ax=ax),
-        "f − 6.94026 MHz (Hz)",
-        "amplitude (µV)",
     ),
     "swept_tone": (
         lambda ax: plot.swept_tone(FRF, unit="V", ax=ax),
@@ -199,7 +200,7 @@ def test_every_plot_says_what_it_takes(name: str) -> None:
     assert all(f"    {key}: " in words for key in inspect.signature(function).parameters)
 
 
-@pytest.mark.parametrize("name", ["deviations", "frequency_response", "spectrum", "objective_path"])
+@pytest.mark.parametrize("name", ["deviations", "frequency_response", "panel", "objective_path"])
 def test_nothing_is_drawn_in_the_colour_of_the_paper(name: str) -> None:
     with mpl.style.context("dark_background"):
         _, axes = pyplot.subplots()
@@ -211,7 +212,7 @@ def test_nothing_is_drawn_in_the_colour_of_the_paper(name: str) -> None:
 
 
 def test_spectrum_joins_measured_and_simulated(axes: Axes) -> None:
-    drawn("spectrum", axes)
+    drawn("panel", axes)
     f, a = line(axes, "measured spectrum")
     tops = records.lorentzian_v(np.array(records.PAIRS_HZ[0])) * 1e6
     assert a[np.isin(np.round(f), (-100.0, 100.0))] == pytest.approx(tops)

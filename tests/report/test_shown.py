@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from fitting.campaign import BoundCampaign, Drift
@@ -33,8 +32,6 @@ def test_experiments_and_sweep_are_shown_as_they_were_measured(tmp_path: Path) -
         assert tones.peaks == tuple(experiment.peaks_v)
         assert tones.drive == (1.0, 1.0)  # the campaign's level for every tone
     assert bound.sweep is not None
-    assert shown.sweep is not None
-    assert np.array_equal(shown.sweep.amplitude, bound.sweep.amplitude_v)
     assert shown.settings["observed output"] == "q1_hybrid"
     assert shown.settings["sweep"].startswith(f"{len(bound.sweep.frequency_hz)} points, ")
 

@@ -19,11 +19,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
-from fitting.cli.reconstruct import table
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
+from fitting.report.words.result import result_lines
 from fitting.result.reconstruction import identify_fmu
 from fitting.result.result import STATUSES, Result
 from fitting.text.arrays import FloatArray
@@ -297,7 +297,7 @@ def speaks_plainly(result: Result) -> None:
     assert result.status in STATUSES
     assert result.message.endswith(".")
     assert all(math.isfinite(p.value) for p in result.parameters.values())
-    for line in table(result):
+    for line in result_lines(result):
         if "The FMU says" in line:  # its own words
             continue
         words = line.lower().replace(",", " ").replace("=", " ").split()

@@ -8,10 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from fitting.campaign import Drive, Setup, Spectrum
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.inference.sweep_line import SweepLine
 from fitting.inference.values import DerivedResult, ParameterResult
-from fitting.report.shown import ShownCampaign, ShownSweep, ShownTones, Trace
+from fitting.measurements.figure import Figure
+from fitting.measurements.sweep import Sweep
+from fitting.measurements.tones import ShownSpectrum, spectra_figure
+from fitting.report.shown import ShownCampaign, ShownTones, Trace
 from fitting.result.result import (
     Cost,
     Deviations,
@@ -75,25 +79,16 @@ def campaign(
     title: str = "A string",
     synthetic: bool = True,
     drift_hz: dict[str, tuple[float, float]] | None = None,
-    sweep: bool = True,
     unit: str = "V",
 ) -> ShownCampaign:
     """A campaign of two-tone experiments; the paper's pairs unless others are given."""
     if tones is None:
         tones = [experiment(f"pair{m + 1}", pair) for m, pair in enumerate(PAIRS_HZ)]
-    swept = ShownSweep(
-        frequency_hz=tuple(map(float, SWEEP_HZ)),
-        amplitude=tuple(map(float, SWEPT_V)),
-        unit=unit,
-        fitted=not tones,
-        resonance=RESONANCE,
-    )
     return ShownCampaign(
         title=title,
         synthetic=synthetic,
         unit=unit,
         tones=tuple(replace(t, unit=unit) for t in tones),
-        sweep=swept if sweep else None,
         drift_hz={"eta_plus": (6940210.0, 6940310.0), "temperature": (300.0, 301.0)}
         if drift_hz is None
         else drift_hz,
@@ -116,6 +111,7 @@ def result_for(
     *,
     initial: Sequence[float] | None = None,
     final: Sequence[float] | None = None,
+    sweep: bool = True,
 ) -> Result:
     """A result for a campaign; ``initial``, ``final`` are signed relative errors per peak."""
     peaks = [
@@ -169,7 +165,7 @@ def result_for(
             initial_v=tuple(0.9 * v for v in swept),
             final_v=swept,
         )
-        if data.sweep is not None
+        if sweep
         else None,
         history=history(),
         alternatives=alternatives(),
@@ -195,6 +191,51 @@ def result_for(
             notes={},
         ),
     )
+
+
+def spectra(data: ShownCampaign, result: Result) -> Figure:
+    """What the experiments show beside the model of the result."""
+    shown = []
+    for e in data.tones:
+        peaks = [p for p in result.peaks if p.experiment == e.label]
+        spectrum = None
+        if e.trace is not None:
+            spectrum = Spectrum(e.trace.frequency_hz, e.trace.amplitude, unit=e.unit)
+        shown.append(
+            ShownSpectrum(
+                label=e.label,
+                lines_hz=np.array(e.read_hz),
+                measured=np.array(e.peaks),
+                sigmas=np.array(e.sigmas),
+                before=np.array([p.initial_v for p in peaks]),
+                after=np.array([p.final_v for p in peaks]),
+                spectrum=spectrum,
+                unit=e.unit,
+            )
+        )
+    return spectra_figure(shown, [e.floor for e in data.tones])
+
+
+def response(data: ShownCampaign, result: Result) -> Figure:
+    """What the sweep shows beside the model of the result."""
+    curves = result.sweep
+    assert curves is not None
+    measured = Sweep(
+        setup=Setup(Drive(input="b"), "q1"),
+        frequency_hz=SWEEP_HZ,
+        amplitude_v=SWEPT_V,
+        fitted=not data.tones,
+        unit=data.unit,
+    )
+    (figure,) = measured.figures(np.array(curves.initial_v), np.array(curves.final_v))
+    return figure
+
+
+def with_figures(data: ShownCampaign, result: Result) -> ShownCampaign:
+    """The campaign with what its measurements show."""
+    figures = [spectra(data, result)] if data.tones else []
+    figures += [response(data, result)] if result.sweep is not None else []
+    return replace(data, figures=tuple(figures))
 
 
 def parameters() -> dict[str, ParameterResult]:

@@ -3,33 +3,49 @@
     for nu_l = nu_0 beta^l:  x_(l+1) = argmin misfit + nu_l/2 |x|^2 from x_l
     until E = |x_(l+1) - x_l| + |J_fit - J_reg(nu_(l+1))| <= tol  or  l = l_max
 
-Several starts run side by side, level by level; where two meet they go on as one. Nothing here
-writes: finished steps are handed out, and may be handed back in to go on after an interruption.
+One start goes through all levels: the campaign's own. What a search of the box finds besides is
+lowered at the last nu only, since large ones pull all starts together. Nothing here writes:
+finished steps are handed out, and may be handed back in to go on after an interruption.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_search
-from fitting.fit.objective import Objective, j_reg, weights
+from fitting.fit.objective import Nu, Objective, j_reg, weights
 from fitting.fit.solver.evaluator import Counts, Evaluator, total
-from fitting.fit.solver.interior_point import SolveSettings, inside, solve
+from fitting.fit.solver.interior_point import (
+    Solve,
+    SolveSettings,
+    finish,
+    inside,
+    solve,
+    to_the_last_digits,
+)
 from fitting.text.arrays import FloatArray
 
-#: Starts that come closer than this, in units of the search vector, go on as one ...
+#: Starts that end closer than this, in units of the search vector, ended in one minimum ...
 SAME_POINT = 1e-2
 #: ... if their J agree to this share of J and to this amount.
 SAME_SHARE, SAME_AMOUNT = 1e-3, 1e-6
+#: Difference of J, and share of it, from which one of two ends is the lower all the same.
+LOWER = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search."""
+    """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search.
+
+    The first of `starts` is the campaign's own, the others are the lowest minima that a search of
+    the box finds; with one start there is no search.
+    """
 
     nu_start: float = 0.1
     beta: float = 0.1
@@ -51,6 +67,7 @@ class Schedule:
 class ContinuationStep:
     """One solved level of one start: where it ended, at what misfit, and how well.
 
+    What a search found is lowered at the last nu, as one level more than the schedule has.
     `x` search vector, `parameters` the same in their units; `change` the paper's E; `optimality`
     the decrease of J that a linearised step still promises; counts and seconds of this level.
     """
@@ -88,7 +105,8 @@ class ContinuationStep:
 class Chain:
     """One start and the levels it went through.
 
-    `joined` is the start it met, None while it goes on; `ended` says why it stopped.
+    `joined` is the start whose minimum it ended in, None if there is none; `ended` says why it
+    stopped.
     """
 
     start: int
@@ -97,6 +115,11 @@ class Chain:
     steps: tuple[ContinuationStep, ...] = ()
     joined: int | None = None
     ended: str = ""
+
+    @property
+    def nu(self) -> float:
+        """Where it stands: the last nu that is done, infinite before the first."""
+        return self.steps[-1].nu if self.steps else math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,132 +136,107 @@ class Journal:
     clock: Callable[[], float] = time.perf_counter
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """All chains of one alternative; `interrupted` where the user stopped it."""
-
-    chains: tuple[Chain, ...]
-    interrupted: bool = False
-
-    @property
-    def best(self) -> Chain | None:
-        """The chain that goes furthest with the least J; None before the first level is done.
-
-        Of chains with equal J the first: the campaign's own start, if it is among them.
-        """
-        done = [chain for chain in self.chains if chain.steps and chain.joined is None]
-        furthest = max((len(chain.steps) for chain in done), default=0)
-        done = [chain for chain in done if len(chain.steps) == furthest]
-        least = min((chain.steps[-1].j for chain in done), default=0.0)
-        return next((chain for chain in done if equal_j(chain.steps[-1].j, least)), None)
-
-
-@dataclass(kw_only=True)
-class _Run:
-    """What one call of `run_alternative` holds together."""
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """How the levels of one discrete alternative are solved, and who is told."""
 
     objective: Objective
     schedule: Schedule
     settings: SolveSettings
-    alternative: int
-    journal: Journal
-    chains: list[Chain] = field(default_factory=list)
+    alternative: int = 0
+    journal: Journal = field(default_factory=Journal)
 
 
-def start_vectors(parameters: Sequence[Parameter], schedule: Schedule) -> list[FloatArray]:
-    """Search vectors to start from: the campaign's own first, then seeded ones in the box.
-
-    All strictly inside. More than one, because a symmetric start can be a stationary point of the
-    misfit (theta = 0 of two coupled modes is). What has a prior of its own starts alike every time.
+def own_start(parameters: Sequence[Parameter]) -> FloatArray:
+    """Search vector of the campaign's start, strictly inside the box.
 
     Args:
         parameters: the fitted parameters.
-        schedule: of ν.
     """
-    lower, upper = search_bounds(parameters)
-    generator = np.random.default_rng(schedule.seed)
-    own = to_search(parameters, starts(parameters))
-    free = np.array([p.prior_sigma is None for p in parameters])
-    seeded = [np.array(own) for _ in range(schedule.starts - 1)]
-    for x in seeded:
-        x[free] = generator.uniform(lower[free], upper[free])
-    return [inside(x, lower, upper) for x in [own, *seeded]]
+    return inside(to_search(parameters, starts(parameters)), *search_bounds(parameters))
 
 
-def run_alternative(
-    objective: Objective,
-    schedule: Schedule,
-    settings: SolveSettings,
-    alternative: int = 0,
-    journal: Journal | None = None,
-) -> Outcome:
-    """Algorithm 2 for one discrete alternative, from all starts.
+def next_level(course: Course, chain: Chain) -> Chain:
+    """The chain one level further: a regularised problem, solved from its last point.
 
-    A KeyboardInterrupt ends it with what is finished and `interrupted` set.
+    Depends on nothing but that point.
 
     Args:
-        objective: rows, parameters and weights.
-        schedule: of ν.
-        settings: of each solve.
-        alternative: its number.
-        journal: remembers finished levels and is told of new ones.
+        course: schedule, settings and journal.
+        chain: that has not ended.
 
     Raises:
         FmuFailure: the model failed inside the box.
-
-    Source: the paper's Algorithm 2.
     """
-    vectors = start_vectors(objective.parameters, schedule)
-    run = _Run(
-        objective=objective,
-        schedule=schedule,
-        settings=settings,
-        alternative=alternative,
-        journal=journal or Journal(),
+    level, schedule = len(chain.steps), course.schedule
+    course.journal.entering(course.alternative, chain.start, level)
+    step = course.journal.recall(course.alternative, chain.start, level)
+    if step is None:
+        x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
+        step = _solved(course, chain.start, level, schedule.nu(level), x, solve)
+        course.journal.record(step)
+    ended = ""
+    if step.change <= schedule.tolerance:
+        ended = f"E = {step.change:.2e} fell to the tolerance"
+    elif level + 1 == schedule.levels:
+        ended = f"all {schedule.levels} levels of nu were done"
+    return replace(chain, steps=(*chain.steps, step), ended=ended)
+
+
+def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatArray) -> Chain:
+    """A chain of one level, beyond the schedule: J at the last nu from a point near a minimum.
+
+    Args:
+        course: schedule, settings and journal.
+        start: its number.
+        nu: the last one.
+        begun: where the search came from, (n,).
+        x: search vector that it found, (n,).
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+    """
+    level = course.schedule.levels
+    course.journal.entering(course.alternative, start, level)
+    step = course.journal.recall(course.alternative, start, level)
+    if step is None:
+        step = _solved(course, start, level, nu, x, finish)
+        course.journal.record(step)
+    return Chain(
+        start,
+        tuple(map(float, begun)),
+        steps=(step,),
+        ended=f"lowered at nu = {nu:.1e} from what the search of the box found",
     )
-    run.chains = [Chain(k, tuple(map(float, x))) for k, x in enumerate(vectors)]
-    try:
-        for level in range(schedule.levels):
-            _one_level(run, level)
-    except KeyboardInterrupt:
-        return Outcome(tuple(run.chains), interrupted=True)
-    for k, chain in enumerate(run.chains):
-        if not chain.ended:
-            run.chains[k] = replace(chain, ended=f"all {schedule.levels} levels of nu were done")
-    return Outcome(tuple(run.chains))
 
 
-def _one_level(run: _Run, level: int) -> None:
-    for k, chain in enumerate(run.chains):
-        if chain.ended:
-            continue
-        run.journal.entering(run.alternative, chain.start, level)
-        step = run.journal.recall(run.alternative, chain.start, level)
-        if step is None:
-            step = _solve_level(run, chain, level)
-            run.journal.record(step)
-        ended = ""
-        if step.change <= run.schedule.tolerance:
-            ended = f"E = {step.change:.2e} fell to the tolerance"
-        run.chains[k] = replace(chain, steps=(*chain.steps, step), ended=ended)
-    _join(run)
+class _Solver(Protocol):
+    def __call__(
+        self,
+        evaluator: Evaluator,
+        start: FloatArray,
+        nu: Nu,
+        settings: SolveSettings,
+        generator: np.random.Generator,
+    ) -> Solve: ...
 
 
-def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
-    """One regularised problem, from the chain's last point; depends on nothing but that point."""
-    begun = run.journal.clock()
-    nu = run.schedule.nu(level)
-    x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
-    evaluator = Evaluator(run.objective)
-    seeds = [run.schedule.seed, run.alternative, chain.start, level]
-    misfit = run.settings.misfit
-    tikhonov_weights = weights(run.objective, nu, misfit)
-    answer = solve(evaluator, x, tikhonov_weights, run.settings, np.random.default_rng(seeds))
+def _solved(
+    course: Course, start: int, level: int, nu: float, x: FloatArray, solver: _Solver
+) -> ContinuationStep:
+    begun = course.journal.clock()
+    evaluator = Evaluator(course.objective)
+    seeds = [course.schedule.seed, course.alternative, start, level]
+    misfit = course.settings.misfit
+    tikhonov_weights = weights(course.objective, nu, misfit)
+    answer = solver(evaluator, x, tikhonov_weights, course.settings, np.random.default_rng(seeds))
+    if level + 1 >= course.schedule.levels:
+        answer = to_the_last_digits(evaluator, answer, tikhonov_weights, course.settings)
     point = evaluator.point(answer.x)
-    following = j_reg(answer.x, weights(run.objective, run.schedule.nu(level + 1), misfit))
+    following = j_reg(answer.x, weights(course.objective, nu * course.schedule.beta, misfit))
     return ContinuationStep(
-        alternative=run.alternative,
-        start=chain.start,
+        alternative=course.alternative,
+        start=start,
         level=level,
         nu=nu,
         x=tuple(map(float, answer.x)),
@@ -253,29 +251,36 @@ def _solve_level(run: _Run, chain: Chain, level: int) -> ContinuationStep:
         evaluations=evaluator.counts.evaluations,
         jacobians=evaluator.counts.jacobians,
         runs=evaluator.counts.runs,
-        seconds=run.journal.clock() - begun,
+        seconds=course.journal.clock() - begun,
     )
 
 
-def _join(run: _Run) -> None:
-    """End every chain that stands where an earlier one stands: they would go on alike."""
-    going = [k for k, chain in enumerate(run.chains) if not chain.ended]
-    kept: list[int] = []
-    for k in going:
-        chain = run.chains[k]
-        twin = next((i for i in kept if _same(run, run.chains[i], chain)), None)
-        if twin is None:
-            kept.append(k)
+def met(
+    parameters: Sequence[Parameter],
+    chain: Chain,
+    others: Sequence[Chain],
+    images: Sequence[FloatArray] = (),
+) -> Chain:
+    """The chain, joined to the first of some others that ended in the same minimum.
+
+    Args:
+        parameters: the fitted parameters.
+        chain: with a level done.
+        others: before it.
+        images: search vectors, (n,) each, that are its end all the same: its twins.
+    """
+    end = chain.steps[-1]
+    for other in others:
+        if not other.steps or other.joined is not None:
             continue
-        met = run.chains[twin].start
-        ended = f"met start {met + 1} at nu = {chain.steps[-1].nu:.1e}"
-        run.chains[k] = replace(chain, joined=met, ended=ended)
-
-
-def _same(run: _Run, one: Chain, other: Chain) -> bool:
-    a, b = one.steps[-1], other.steps[-1]
-    near = distance(run.objective.parameters, np.array(a.x), np.array(b.x)) <= SAME_POINT
-    return near and equal_j(a.j, b.j)
+        there = other.steps[-1]
+        for k, x in enumerate((np.array(end.x), *images)):
+            near = distance(parameters, x, np.array(there.x)) <= SAME_POINT
+            if near and equal_j(end.j, there.j):
+                twin = "a twin of " if k else ""
+                said = f"met {twin}start {other.start + 1} at nu = {end.nu:.1e}"
+                return replace(chain, joined=other.start, ended=said)
+    return chain
 
 
 def equal_j(one: float, other: float) -> bool:
@@ -286,6 +291,16 @@ def equal_j(one: float, other: float) -> bool:
         other: value of J.
     """
     return abs(one - other) <= SAME_AMOUNT + SAME_SHARE * min(abs(one), abs(other))
+
+
+def is_lower(one: float, other: float) -> bool:
+    """Whether a value of J is below another by more than what solving leaves.
+
+    Args:
+        one: value of J.
+        other: value of J.
+    """
+    return one < other - LOWER * (1.0 + abs(other))
 
 
 def distance(parameters: Sequence[Parameter], x: FloatArray, y: FloatArray) -> float:

@@ -58,6 +58,14 @@ class Evaluator:
             self._remember(self._points, key, self._evaluate([x])[0])
         return self._points[key]
 
+    def points(self, xs: Sequence[FloatArray]) -> list[Point]:
+        """Points at several search vectors, in one batch.
+
+        Args:
+            xs: search vectors, (n,) each.
+        """
+        return self._evaluate(xs)
+
     def whole(self, xs: Sequence[FloatArray]) -> list[Point]:
         """Points with predictions of everything that was measured, in one batch.
 
@@ -83,7 +91,7 @@ class Evaluator:
         return self._jacobians[key]
 
     def _evaluate(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
-        points = evaluate_many(self.objective, xs, whole=whole)
+        points = evaluate_many(self.objective, xs, whole=whole) if xs else []
         self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
         return points
 

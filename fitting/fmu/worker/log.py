@@ -41,7 +41,7 @@ class Log:
         if status >= SEVERE and self._written < WRITTEN:
             self._written += 1
             os.write(self._file, f"[{label(status)}] {text}\n".encode())
-        if status == SEVERE and len(self._warned) < KEPT:
+        if status == SEVERE and len(self._warned) <= KEPT:  # one more tells that there are more
             self._warned[text] = None
 
     def new_run(self) -> None:

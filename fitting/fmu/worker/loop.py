@@ -6,6 +6,7 @@ import contextlib
 import os
 import queue
 import shutil
+import signal
 import sys
 import threading
 import time
@@ -23,10 +24,11 @@ from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
 from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
-from fitting.fmu.worker.reuse import ReuseDecision, run_with_reuse
+from fitting.fmu.worker.reuse import Instances, ReuseDecision, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
+CALLER_S = 1.0  # time between two looks whether the caller is there
 # Each instantiation leaks some ten kilobytes in many FMUs, and crashes are reported near 1,000.
 MOST_INSTANCES = 500
 MOST_GROWTH = 256 * 2**20  # bytes by which a worker may grow before a new process takes over
@@ -56,7 +58,8 @@ class _Holder:
 
     def do(self, layouts: list[Layout], request: RunRequest) -> FloatArray:
         self._layouts = layouts
-        return run_with_reuse(self.verdict, layouts, request, self._fresh, self._again)
+        instances = Instances(self._fresh, self._again, self._tried)
+        return run_with_reuse(self.verdict, layouts, request, instances)
 
     def take_counts(self) -> Counts:
         counts = Counts(
@@ -78,25 +81,27 @@ class _Holder:
         self.log.new_run()
         self._pulse[BEGUN] += 1
         self._fmu.instantiate()
-        self._pulse[IN_TRIAL] = 0
         self._instances += 1
         self._new_instances += 1
         return self._simulate(self._fmu, request)
 
+    def _tried(self, request: RunRequest) -> FloatArray:
+        self._pulse[IN_TRIAL] = 1
+        try:
+            return self._again(request)
+        finally:
+            self._pulse[IN_TRIAL] = 0
+
     def _again(self, request: RunRequest) -> FloatArray:
-        trial = self.verdict.trials[request.layout]
         fmu = self._fmu
         if fmu is None or fmu.instance is None:  # a new process has taken over
             return self._fresh(request)
-        self._pulse[IN_TRIAL] = not trial.varied
         self._pulse[BEGUN] += 1
         self.log.new_run()
         began = time.perf_counter()
         fmu.reset()
         self._seconds += time.perf_counter() - began
-        result = self._simulate(fmu, request)
-        self._pulse[IN_TRIAL] = 0
-        return result
+        return self._simulate(fmu, request)
 
     def _simulate(self, fmu: FmuInstance, request: RunRequest) -> FloatArray:
         binding = self._bindings.get(request.layout)
@@ -118,9 +123,8 @@ def serve(pipe: connection.Connection) -> None:
     """
     messages = _messages(pipe)
     task: Task = messages.get()
-    log_file = _divert_output(task.log_path)
     pulse = open_pulse(Path(task.pulse_path)).numbers
-    holder = _Holder(task.fmu, Log(log_file), task.verdict, pulse)
+    holder = _Holder(task.fmu, Log(sys.stderr.fileno()), task.verdict, pulse)
     baseline: int | None = None
     while True:
         batch: Batch | None = messages.get()
@@ -133,7 +137,6 @@ def serve(pipe: connection.Connection) -> None:
         reply = reply._replace(used_up=reply.used_up or memory - baseline > MOST_GROWTH)
         with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
             pipe.send(reply)
-        _shorten(log_file)
     # not by way of the interpreter's teardown, in which FMUs are known to crash
     os._exit(0)
 
@@ -145,11 +148,16 @@ def _messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
     even while the FMU is in an endless loop.
     """
     arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    caller = os.getppid()
 
     def read() -> None:
         home: Path | None = None
         try:
             while True:
+                # a fork of the caller may keep its end of the pipe open
+                while not pipe.poll(CALLER_S):
+                    if os.getppid() != caller:
+                        raise EOFError
                 message = pipe.recv()
                 if isinstance(message, Task):
                     home = Path(message.fmu.folder).parent
@@ -159,10 +167,17 @@ def _messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
                 shutil.rmtree(home, ignore_errors=True)
         except BaseException:
             traceback.print_exc()
+        _end_group()
         os._exit(1)
 
     threading.Thread(target=read, daemon=True).start()
     return arrived
+
+
+def _end_group() -> None:
+    """End this process together with those that the FMU has started, where it heads their group."""
+    if sys.platform != "win32" and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
 
 
 def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
@@ -195,21 +210,6 @@ def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
 
 def _joined(results: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([r.ravel() for r in results]) if results else np.empty(0)
-
-
-def _divert_output(path: str) -> int:
-    """What the FMU prints goes to a file, from where its last words can be quoted."""
-    file = os.open(path, os.O_WRONLY | os.O_APPEND)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os.dup2(file, 1)
-    os.dup2(file, 2)
-    return file
-
-
-def _shorten(file: int) -> None:
-    if os.fstat(file).st_size > 2**20:
-        os.ftruncate(file, 0)
 
 
 def _memory() -> int:

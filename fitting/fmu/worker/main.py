@@ -12,19 +12,25 @@ import signal
 import sys
 from multiprocessing import connection
 
+#: What asks a process to end is for the caller to deal with: it ends its workers.
+IGNORED = [signal.SIGINT, signal.SIGTERM]
+if sys.platform != "win32":
+    IGNORED.append(signal.SIGHUP)
+
 
 def main(handle: int) -> None:
-    """Ignore Ctrl-C, take over the caller's import path, and serve.
+    """Ignore what asks to end, take over the caller's import path, and serve.
 
     Args:
         handle: file descriptor of the pipe.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the caller to deal with
+    for number in IGNORED:
+        signal.signal(number, signal.SIG_IGN)
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, False)  # not for the processes that an FMU may start
         pipe = connection.PipeConnection(handle)
     else:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED)
         os.set_inheritable(handle, False)
         pipe = connection.Connection(handle)
     try:

@@ -21,11 +21,10 @@ class UnpackedFmu(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What a worker is there for: an FMU, what is known about its reuse, and its two files."""
+    """What a worker is there for: an FMU, what is known about its reuse, and its pulse."""
 
     fmu: UnpackedFmu
     verdict: ReuseDecision
-    log_path: str
     pulse_path: str
 
 

@@ -1,15 +1,17 @@
 """Reuse of an instance after a reset: allowed by comparison, not on the FMU's word.
 
 The first run of a layout has a new instance. When a run comes that differs from it in a value that
-no comparison has varied yet, both are repeated: the new run after a reset, the first one after
-another reset, and the new one once more on a new instance. Bit for bit the same, twice: from now on
-this value may vary between resets. Else every run gets a new instance, for good.
+no comparison has varied yet, it has a new instance as well, and then both are repeated: the first
+run after a reset, the new one after another reset. Bit for bit the same, twice: from now on this
+value may vary between resets. Else every run gets a new instance, for good. What goes wrong with
+the values of a run goes wrong before any reset, and is not laid to one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +33,18 @@ class Trial:
     result: FloatArray
     _: KW_ONLY
     varied: set[Place] = field(default_factory=set)
-    pending: tuple[RunRequest, FloatArray] | None = None
+
+
+class Instances(NamedTuple):
+    """Ways to make a run.
+
+    ``fresh``: on a new instance; ``again``: on the present one after a reset; ``tried``: the same
+    in a trial, in which the reset may turn out to be the end of the process.
+    """
+
+    fresh: Callable[[RunRequest], FloatArray]
+    again: Callable[[RunRequest], FloatArray]
+    tried: Callable[[RunRequest], FloatArray]
 
 
 @dataclass
@@ -54,68 +67,47 @@ class ReuseDecision:
 
 
 def run_with_reuse(
-    verdict: ReuseDecision,
-    layouts: list[Layout],
-    request: RunRequest,
-    fresh: Callable[[RunRequest], FloatArray],
-    again: Callable[[RunRequest], FloatArray],
+    verdict: ReuseDecision, layouts: list[Layout], request: RunRequest, instances: Instances
 ) -> FloatArray:
     """Result of a run, on a reset instance where that is proven to be as good as a new one.
-
-    ``fresh`` runs an order on a new instance, ``again`` on the present one after a reset.
 
     Args:
         verdict: what is known about reuse.
         layouts: of runs, met so far.
         request: a run, in value references.
-        fresh: simulates in a new instance.
-        again: simulates in the same instance after a reset.
+        instances: ways to make it.
     """
-    if verdict.reused is False:
-        return fresh(request)
     trial = verdict.trials.get(request.layout)
-    if trial is None:
-        result = fresh(request)
-        verdict.trials[request.layout] = Trial(request, result)
+    if verdict.reused is False or trial is None:
+        result = instances.fresh(request)
+        if verdict.reused is not False:
+            verdict.trials[request.layout] = Trial(request, result)
         return result
     new = _differing(trial.request, request) - trial.varied
     if not new:
-        return again(request) if trial.varied else fresh(request)
-    failure = None
-    if trial.pending is None or trial.pending[0] != request:
-        failure = _repeat(verdict, trial, layouts[request.layout], request, again)
-    result = fresh(request)
-    if failure is not None:  # and on a new instance the same run did not fail
-        verdict.refuse(f"a run after a reset failed ({failure})")
-    elif trial.pending is not None and _same(result, trial.pending[1]):
+        return (instances.again if trial.varied else instances.fresh)(request)
+    result = instances.fresh(request)
+    reason = _difference_after_reset(trial, layouts[request.layout], request, result, instances)
+    if reason:
+        verdict.refuse(reason)
+    else:
         trial.varied |= new
-        trial.pending = None
         verdict.reused, verdict.note = True, REUSED
-    elif trial.pending is not None:
-        outputs = layouts[request.layout].outputs
-        verdict.refuse(_difference(outputs, trial.pending[1], result))
     return result
 
 
-def _repeat(
-    verdict: ReuseDecision,
-    trial: Trial,
-    layout: Layout,
-    request: RunRequest,
-    again: Callable[[RunRequest], FloatArray],
-) -> CallFailed | None:
-    """The new run and the first one, each after a reset; returned: the failure of either."""
-    trial.pending = None
-    try:
-        result = again(request)
-        repeated = again(trial.request)
-    except CallFailed as error:
-        return error
-    if _same(repeated, trial.result):
-        trial.pending = (request, result)
-    else:
-        verdict.refuse(_difference(layout.outputs, repeated, trial.result))
-    return None
+def _difference_after_reset(
+    trial: Trial, layout: Layout, request: RunRequest, result: FloatArray, instances: Instances
+) -> str:
+    """What comes out otherwise of both runs, each repeated after a reset; empty if nothing."""
+    for repeated, new in ((trial.request, trial.result), (request, result)):
+        try:
+            reset = instances.tried(repeated)
+        except CallFailed as error:  # and on a new instance the same run did not fail
+            return f"a run after a reset failed ({error})"
+        if not _same(reset, new):
+            return _difference(layout.outputs, reset, new)
+    return ""
 
 
 def _differing(a: RunRequest, b: RunRequest) -> set[Place]:

@@ -1,1 +1,1 @@
-"""What is searched in the likelihood of the data: optima, profiles, ranges, directions, samples."""
+"""What is searched in the likelihood of the data: profiles, ranges, directions, samples."""

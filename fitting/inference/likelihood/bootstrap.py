@@ -16,11 +16,11 @@ from concurrent.futures import Executor
 import numpy as np
 
 from fitting.campaign.parameters import to_model
+from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles, Profile
-from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
 from fitting.text.arrays import FloatArray
 
 #: Refits handed to an executor at a time.

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds
+from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.likelihood.descent import Expansion, Optimum, descend, expansion_at
-from fitting.inference.likelihood.likelihood import LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.inference.likelihood.profiles import (
     ROOT_95,
     STEPS,

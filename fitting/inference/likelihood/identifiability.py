@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, to_model, to_search
+from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import IDENTIFIABLE
-from fitting.inference.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
-from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 

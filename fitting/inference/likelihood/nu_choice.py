@@ -15,11 +15,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtri
 
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Request
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
-from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Request
 
 #: Probability with which noise alone stays below the allowed chi square.
 ALLOWED_P = 0.95
@@ -148,5 +148,5 @@ def _sentences(
         second = (
             f"Discrepancy principle: the misfit is within the noise up to nu = {discrepancy:.1e}."
         )
-    last = f"The schedule ends at nu = {rows[-1].nu:.1e}, whose values are reported."
+    last = f"The schedule ends at nu = {rows[-1].nu:.1e}."
     return first, second, last

@@ -18,14 +18,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.inference.likelihood.descent import (
+from fitting.fit.likelihood.descent import (
     Constraint,
     Expansion,
     Optimum,
     descend,
     expansion_at,
 )
-from fitting.inference.likelihood.lockstep import Exhausted, Task
+from fitting.fit.likelihood.lockstep import Exhausted, Task
 from fitting.text.arrays import FloatArray
 
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.

@@ -18,6 +18,7 @@ import numpy as np
 from fitting.lab.bench import DRIFTING, OUTPUTS, Answer, Bench, Cell, Instrument, Reading
 from fitting.lab.instruments.analyser import Analyser
 from fitting.lab.instruments.peaks import peak_columns, peak_table
+from fitting.text.errors import BadInput
 from fitting.text.toml import Tables, inline, put
 
 #: Minutes from one drive pair to the next.
@@ -33,6 +34,10 @@ class LockIns(Instrument):
     """
 
     noise: float = 0.01
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.noise < 0.5:
+            raise BadInput(f"lock-ins: noise {self.noise}, wanted a share between 0 and 0.5")
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int

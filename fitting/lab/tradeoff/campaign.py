@@ -85,7 +85,7 @@ def scene_of_campaign(
         solvers=solvers_of(bound.setup.annotation, values, variables),
         steady=bound.setup.steady_start,
         tone=drive.frequency_names[0] if drive.kind == "tones" else "",
-        tone_unit=drive.frequency_unit,
+        tone_unit=drive.tone_unit,
         sweep_hz=tuple(map(float, sweep.frequency_hz)) if sweep is not None else (),
         annotation=bound.setup.annotation,
         synthetic=bound.synthetic,

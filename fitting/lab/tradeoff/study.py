@@ -37,6 +37,8 @@ from fitting.text.errors import BadInput, FmuFailure
 #: accuracy; and the longest of them, s.
 DUEL_ROUNDS, QUICK_ROUNDS, FINALISTS, DUEL_S = 9, 3, 3, 1.0
 QUICK_PATIENCE = Patience(3, 0.02, 0.3)
+#: Longest run of a setting, s, of a coarse and of a fine grid.
+QUICK_LONGEST_S, LONGEST_S = 2.0, 20.0
 CHECKPOINT_NAME = "tradeoff-checkpoint.json"
 #: Time between two writings of the checkpoint, s: kill -9 loses no more than that.
 EVERY_S = 2.0
@@ -44,16 +46,41 @@ EVERY_S = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class StudyOptions:
-    """What is asked: accuracies, seed of the order of settings, longest run of a setting in s.
+    """What is asked of a study.
 
-    `quantities` that are measured.
+    Args:
+        accuracies: Relative errors for which the cheapest setting is told, between 0 and 1.
+        seed: Of the order of the settings.
+        quick: A coarse grid.
+        longest_s: Longest run of a setting, s; None: 20 s, in a quick study 2 s.
+        quantities: That are measured, some of `QUANTITIES`.
+
+    Raises:
+        BadInput: accuracies or quantities that there are not.
     """
 
     accuracies: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-6, 1e-9)
     seed: int = 1
     quick: bool = False
-    longest_s: float = 20.0
+    longest_s: float | None = None
     quantities: tuple[str, ...] = QUANTITIES
+
+    def __post_init__(self) -> None:
+        for value in self.accuracies:
+            if not 0.0 < value < 1.0:
+                raise BadInput(f"accuracies: found {value!r}, wanted numbers between 0 and 1")
+        for name in self.quantities:
+            if name not in QUANTITIES:
+                raise BadInput(
+                    f"quantities: found {name!r}, wanted some of {', '.join(QUANTITIES)}"
+                )
+
+    @property
+    def patience_s(self) -> float:
+        """Longest run of a setting, s."""
+        if self.longest_s is not None:
+            return self.longest_s
+        return QUICK_LONGEST_S if self.quick else LONGEST_S
 
 
 @dataclass(frozen=True)
@@ -111,7 +138,7 @@ def run_study(
         tell("reference")
         known = Part(references=tuple(references_of(bench)))
         memory.record(known)
-    ruler = _Ruler(bench, known.references, options.longest_s)
+    ruler = _Ruler(bench, known.references, options.patience_s)
     wanted = [
         s for s in settings_of(scene, quick=options.quick) if s.quantity in options.quantities
     ]

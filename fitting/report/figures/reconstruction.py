@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.inference import knowledge_figures
+from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import Drawing, FigureFile, save, style
-from fitting.report.figures.sweep import draw_response
 from fitting.report.figures.tones import (
     draw_drive,
     draw_improvement,
     draw_over_frequency,
     draw_per_experiment,
-    draw_spectra,
 )
 from fitting.report.shown import ShownCampaign, shares_of
 from fitting.result.result import Result
 
 FOLDER = "figures"
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
-ALONG_FREQUENCY = (draw_drive, draw_spectra, draw_over_frequency, draw_improvement)
+ALONG_FREQUENCY = (draw_drive, draw_over_frequency, draw_improvement)
 
 
 def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[FigureFile]:
@@ -46,14 +46,16 @@ def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Fi
                 drawn += [_named(draw(share, member), name) for name, share, member in parts]
             else:
                 drawn.append(draw(result, data))
-        drawn += [
-            _named(draw_response(share, member), name)
-            for name, share, member in parts
-            if share.sweep is not None
-        ]
+        drawn += [draw_measurement(described, data) for described in data.figures]
         if result.knowledge is not None:
             drawn += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
-        return [save(drawing, out_dir / FOLDER) for drawing in drawn]
+        return [save(drawing, out_dir / FOLDER) for drawing in sorted(drawn, key=_place)]
+
+
+def _place(drawing: Drawing) -> float:
+    """Where a figure stands among the others: by the number before its name, else last."""
+    number = drawing.name.partition("_")[0]
+    return float(number) if number.isdigit() else math.inf
 
 
 def _named(drawing: Drawing, series: str) -> Drawing:
@@ -64,7 +66,9 @@ def _named(drawing: Drawing, series: str) -> Drawing:
 def figures_of(
     result: Result, data: ShownCampaign
 ) -> list[Callable[[Result, ShownCampaign], Drawing]]:
-    """The figures to draw, in order: those of peaks need experiments, the last one a sweep.
+    """The figures to draw of any reconstruction, in order: those of peaks need experiments.
+
+    What its measurements show of themselves is not among them (`ShownCampaign.figures`).
 
     Args:
         result: of a reconstruction.
@@ -72,13 +76,11 @@ def figures_of(
     """
     draws: list[Callable[[Result, ShownCampaign], Drawing]] = []
     if result.peaks:
-        draws += [draw_drive, draw_spectra, draw_over_frequency, draw_improvement]
+        draws += [draw_drive, draw_over_frequency, draw_improvement]
     if result.history:
         draws.append(draw_convergence)
     if result.peaks and result.derived:
         draws.append(draw_derived)
     if result.peaks:
         draws.append(draw_per_experiment)
-    if result.sweep is not None and data.sweep is not None:
-        draws.append(draw_response)
     return draws

@@ -1,11 +1,10 @@
-"""Figures of two-tone experiments: the drive, the spectra, how far simulated peaks are off."""
+"""Figures of two-tone experiments: the drive, how far simulated peaks are off."""
 
 from __future__ import annotations
 
 import math
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from fitting.report import plot
 from fitting.report.figures.style import (
@@ -14,7 +13,7 @@ from fitting.report.figures.style import (
     legend_below,
     new_figure,
 )
-from fitting.report.plot.axes import experiment_handles, marker_of, short
+from fitting.report.plot.axes import experiment_handles, short
 from fitting.report.plot.simulate import CARRIERS, beats_s
 from fitting.report.plot.tones import (
     NOTABLE_SIGMA,
@@ -23,17 +22,14 @@ from fitting.report.plot.tones import (
     mean_improvement_percent,
     notable,
     residuals_in_sigmas,
-    spectrum_scales,
 )
 from fitting.report.shown import ShownCampaign, ShownTones
 from fitting.result.result import Deviations, Result
 from fitting.text.notation import listed, number, plain, prefixed
 
-#: Drives drawn one below the other, and spectra side by side; a figure is to stay readable.
-MOST_DRIVES, MOST_SPECTRA, SPECTRA_PER_ROW = 8, 20, 5
+#: Drives drawn one below the other: a figure is to stay readable.
+MOST_DRIVES = 8
 LONGEST_LABEL = 10
-#: Width of a panel with a spectrum, inches.
-SPECTRUM_WIDTH = 2.05
 
 
 def draw_drive(result: Result, data: ShownCampaign) -> Drawing:
@@ -88,94 +84,6 @@ def _beat_words(experiment: ShownTones) -> str:
     gap = abs(tones[1] - tones[0])
     period, period_unit = prefixed(1.0 / gap, "s")
     return f"{words}, beats every {1.0 / gap / period:.4g} {period_unit} ({gap:.6g} Hz)"
-
-
-def draw_spectra(result: Result, data: ShownCampaign) -> Drawing:
-    """Spectra as measured, and simulated amplitudes at the tones, before and after the fit.
-
-    Args:
-        result: of a reconstruction.
-        data: what is shown of the campaign.
-    """
-    shown = data.tones[:MOST_SPECTRA]
-    columns = min(len(shown), SPECTRA_PER_ROW)
-    title = "Spectra, measured and simulated"
-    figure = new_figure(
-        title,
-        data.title,
-        synthetic=data.synthetic,
-        height=1.3 + 4.3 * math.ceil(len(shown) / columns),
-        width=max(7.2, SPECTRUM_WIDTH * columns),
-    )
-    _spectrum_panels(figure, result, shown, columns)
-    first, last = result.deviations.initial.mean, result.deviations.final.mean
-    alt = (
-        f"A column per experiment ({listed(e.label for e in shown)}), above with the start "
-        "parameters, below with the fitted ones: measured spectrum, simulated line at every drive "
-        f"frequency. The mean deviation goes from {number(first, 3)} to {number(last, 3)}."
-    )
-    return Drawing(
-        name="2_spectra",
-        title=title,
-        caption=_spectra_caption(data, len(shown)),
-        alt=alt,
-        figure=figure,
-    )
-
-
-def _spectrum_panels(
-    figure: Figure, result: Result, shown: tuple[ShownTones, ...], columns: int
-) -> None:
-    """A column per experiment, before above after, all on the same axes."""
-    blocks = math.ceil(len(shown) / columns)
-    grid = figure.subplots(2 * blocks, columns, sharex=True, sharey=True, squeeze=False)
-    names = {e.label for e in shown}
-    peaks = [p for p in result.peaks if p.experiment in names]
-    scales = spectrum_scales(shown, peaks)
-    for i, experiment in enumerate(shown):
-        block, column = divmod(i, columns)
-        for row, when in enumerate(("before", "after")):
-            axes = plot.spectrum(
-                experiment,
-                [p for p in peaks if p.experiment == experiment.label],
-                when=when,
-                marker=marker_of(i),
-                scales=scales,
-                ax=grid[2 * block + row, column],
-            )
-            axes.set_xlabel(axes.get_xlabel() if row == 1 else "")
-            axes.set_ylabel(f"{when}: {axes.get_ylabel()}" if column == 0 else "")
-    for i in range(len(shown), blocks * columns):
-        block, column = divmod(i, columns)
-        for row in (0, 1):
-            grid[2 * block + row, column].set_visible(False)
-    along, _ = scales
-    tones = [tone for e in shown for tone in e.read_hz]
-    margin = max(0.2 * (max(tones) - min(tones)), 1e-9 * max(tones))
-    grid[0, 0].set_xlim(along(min(tones) - margin), along(max(tones) + margin))
-    tops = [axes.get_ylim()[1] for axes in grid.flat]
-    grid[0, 0].set_ylim(0.0, max(tops))
-    legend_below(figure, handles_of(grid[1, 0]), ncols=4)
-
-
-def _spectra_caption(data: ShownCampaign, shown: int) -> str:
-    floors = [e.floor for e in data.tones if math.isfinite(e.floor) and e.floor > 0]
-    floor = ""
-    if floors:
-        factor, unit = prefixed(max(floors), data.unit)
-        low, high = min(floors) / factor, max(floors) / factor
-        span = f"{number(low, 2)} to {number(high, 2)} {unit}"
-        floor = f" The noise floor (mean magnitude {span}) is in the trace."
-    left_out = ""
-    if shown < len(data.tones):
-        left_out = f" The first {shown} of {len(data.tones)} experiments are shown."
-    return (
-        "Spectra measured (solid) and amplitudes simulated at the drive frequencies (dashed), "
-        "scaled by χ of Algorithm 1: above with the start parameters, below with the fitted ones. "
-        "Black bars join measured and simulated peak; the difference relative to the measured peak "
-        "stands above each panel, in the order of the tones. Vertical lines are the drive "
-        f"frequencies.{floor}{left_out}"
-    )
 
 
 def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:

@@ -21,6 +21,7 @@ from fitting.report.plot.inference import (
     profile,
     together,
 )
+from fitting.report.plot.measurement import panel
 from fitting.report.plot.simulate import (
     amplitude_spectrum,
     beating,
@@ -35,7 +36,6 @@ from fitting.report.plot.tones import (
     deviations_by_experiment,
     improvement,
     residuals,
-    spectrum,
 )
 
 __all__ = [
@@ -56,12 +56,12 @@ __all__ = [
     "output",
     "output_by_experiment",
     "output_path",
+    "panel",
     "parameter_path",
     "periods",
     "profile",
     "residuals",
     "response_residuals",
-    "spectrum",
     "swept_tone",
     "together",
 ]

@@ -96,16 +96,18 @@ def plain_ticks(axes: Axes, *, x: int = 5, y: int = 5) -> None:
         axis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
 
 
-def log_axis(axes: Axes) -> None:
-    """A logarithmic y axis whose ticks are written as numbers, not as bare powers.
+def log_axis(axes: Axes, which: str = "y") -> None:
+    """A logarithmic axis whose ticks are written as numbers, not as bare powers.
 
     Args:
         axes: axes to draw into.
+        which: "x" or "y".
     """
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0,), numticks=8))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    axis.set_major_locator(LogLocator(10.0, subs=(1.0,), numticks=8))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def say_empty(axes: Axes, words: str = "the model has no value here") -> None:
@@ -145,7 +147,7 @@ def label_experiments(axes: Axes, labels: Sequence[str]) -> None:
         axes: axes to draw into.
         labels: of the experiments.
     """
-    width = _width_inches(axes)
+    width = width_inches(axes)
     step = math.ceil(0.17 * len(labels) / (width - 0.9))  # turned labels need that many inches
     shown = range(0, len(labels), max(1, step))
     axes.set_xticks(shown, [short(labels[i], LONGEST_NAME) for i in shown])
@@ -158,8 +160,12 @@ def label_experiments(axes: Axes, labels: Sequence[str]) -> None:
             text.set_rotation_mode("anchor")
 
 
-def _width_inches(axes: Axes) -> float:
-    """Width of the column of panels that axes stand in, labels included."""
+def width_inches(axes: Axes) -> float:
+    """Width of the column of panels that axes stand in, labels included.
+
+    Args:
+        axes: axes to draw into.
+    """
     whole = float(axes.figure.get_figure(root=True).get_size_inches()[0])
     spec = axes.get_subplotspec()
     if spec is None:

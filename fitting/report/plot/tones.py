@@ -1,4 +1,4 @@
-"""Plots of two-tone experiments: spectra, and how far simulated and measured peaks are apart."""
+"""Plots of two-tone experiments: how far simulated and measured peaks are apart."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ from fitting.report.plot.axes import (
     AFTER,
     BAND,
     GREY,
-    MEASURED,
     PALE,
-    SIMULATED,
     axes_of,
     ink,
     label_experiments,
@@ -22,11 +20,9 @@ from fitting.report.plot.axes import (
     marker_of,
     plain_ticks,
     say_empty,
-    short,
 )
-from fitting.report.shown import ShownTones
 from fitting.result.result import Peak, Result
-from fitting.text.notation import Scaling, mathtext, number, percent, prefixed, scaling_for
+from fitting.text.notation import mathtext, number, scaling_for
 
 #: Means this far apart are drawn on a logarithmic axis, or the lesser could not be seen.
 FAR_APART = 30.0
@@ -37,115 +33,6 @@ MOST_NOTES = 10
 ASIDE = 0.09
 #: Ratios of deviations are drawn on a logarithmic axis from this one on, in percent.
 FAR_WORSE = 300.0
-
-
-def spectrum(
-    experiment: ShownTones,
-    peaks: Sequence[Peak] = (),
-    *,
-    when: str = "after",
-    marker: str = "o",
-    scales: tuple[Scaling, Scaling] | None = None,
-    ax: Axes | None = None,
-) -> Axes:
-    """Draw a measured spectrum, and the amplitudes simulated at its tones as dashed stems.
-
-    Black bars join measured and simulated peak; the title holds the differences relative to the
-    measured peaks. Grey vertical lines are the frequencies that were read.
-
-    Args:
-        experiment: what was measured; without a trace only its peaks are drawn.
-        peaks: measured and simulated amplitudes, of `Result.peaks` those of this experiment.
-        when: "before" draws the simulation with the start parameters, "after" with the fitted ones.
-        marker: shape of the simulated peaks.
-        scales: how frequencies (Hz) and amplitudes (V peak, or the experiment's unit) are written;
-            chosen from the data if not given. Panels side by side should share them.
-        ax: where to draw; pyplot's current axes if not given.
-    """
-    axes = axes_of(ax)
-    along, up = scales or spectrum_scales([experiment], peaks)
-    for tone in experiment.read_hz:
-        axes.axvline(along(tone), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
-    if experiment.trace is not None:
-        axes.plot(
-            (experiment.trace.frequency_hz - along.offset) / along.factor,
-            experiment.trace.amplitude / up.factor,
-            color=MEASURED,
-            linewidth=1.4,
-            label="measured spectrum",
-        )
-    raw = [p.initial_v if when == "before" else p.final_v for p in peaks]
-    _draw_peaks(axes, peaks, raw, (along, up), marker)
-    words = [percent((s - p.measured_v) / p.measured_v) for s, p in zip(raw, peaks, strict=True)]
-    rows = [", ".join(words[k : k + 2]) for k in range(0, len(words), 2)]
-    axes.set_title("\n".join([short(experiment.label, 22), *rows]), fontsize="small")
-    low, high = min(experiment.read_hz), max(experiment.read_hz)
-    margin = max(0.2 * (high - low), 1e-9 * high)
-    axes.set_xlim(along(low - margin), along(high + margin))
-    axes.set_ylim(0.0, up(1.12 * _highest([experiment], peaks)))
-    axes.set_xlabel(along.label("f"))
-    axes.set_ylabel(up.label("amplitude"))
-    plain_ticks(axes, x=4)
-    return axes
-
-
-def spectrum_scales(
-    experiments: Sequence[ShownTones], peaks: Sequence[Peak] = ()
-) -> tuple[Scaling, Scaling]:
-    """Scales of frequency and amplitude that suit several spectra.
-
-    Args:
-        experiments: as they are shown.
-        peaks: measured and simulated peaks.
-    """
-    along = scaling_for([tone for e in experiments for tone in e.read_hz], "Hz")
-    factor, unit = prefixed(_highest(experiments, peaks), experiments[0].unit)
-    return along, Scaling(offset=0.0, factor=factor, unit=unit)
-
-
-def _highest(experiments: Sequence[ShownTones], peaks: Sequence[Peak]) -> float:
-    heights = [v for p in peaks for v in (p.measured_v, p.initial_v, p.final_v)]
-    heights += [v for e in experiments for v in e.peaks]
-    heights += [float(e.trace.amplitude.max()) for e in experiments if e.trace is not None]
-    return max(h for h in heights if math.isfinite(h))
-
-
-def _draw_peaks(
-    axes: Axes,
-    peaks: Sequence[Peak],
-    raw: Sequence[float],
-    scales: tuple[Scaling, Scaling],
-    marker: str,
-) -> None:
-    """Simulated stems, measured peaks with their errors, the difference of both as a bar."""
-    along, up = scales
-    x = [along(p.frequency_hz) for p in peaks]
-    measured = [up(p.measured_v) for p in peaks]
-    sigma = [up(p.sigma_v) if math.isfinite(p.sigma_v) else 0.0 for p in peaks]
-    simulated = [up(value) for value in raw]
-    dashes = (0, (4, 2))
-    axes.vlines(x, 0.0, simulated, color=SIMULATED, linestyle=dashes, linewidth=1.3)
-    axes.vlines(x, measured, simulated, color=ink(), linewidth=1.8, zorder=7, label="difference")
-    axes.errorbar(
-        x,
-        measured,
-        yerr=sigma,
-        fmt="_",
-        color=ink(),
-        markersize=9,
-        elinewidth=0.9,
-        capsize=2.5,
-        zorder=5,
-        label="measured peak ± σ, floor removed",
-    )
-    look: dict[str, Any] = {
-        "marker": marker,
-        "markersize": 5.0,
-        "markerfacecolor": axes.get_facecolor(),
-        "markeredgecolor": SIMULATED,
-    }
-    axes.plot(x, simulated, linestyle="none", zorder=6, **look)
-    axes.plot([], [], linestyle=dashes, color=SIMULATED, label="simulated × χ", **look)
 
 
 def deviations(

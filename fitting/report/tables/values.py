@@ -135,6 +135,23 @@ def values_table(result: Valued, title: str) -> Table:
     return tabulate(title, VALUES, values_of(result))
 
 
+INTERVALS = (
+    *VALUES[:4],
+    Column[Value]("95 % interval", lambda v: Cell("–") if v.open else interval(v.found.ci95)),
+    *VALUES[4:],
+)
+
+
+def interval_table(result: Valued, title: str) -> Table:
+    """As `values_table`, with the 95 % intervals of what the data do not leave open.
+
+    Args:
+        result: of a reconstruction, or what was inferred of a fit.
+        title: over the table.
+    """
+    return tabulate(title, INTERVALS, values_of(result))
+
+
 PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("parameter", lambda row: symbol(row[0]), role="name"),
     Column("value", lambda row: row[1].value),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.design.result import Design
-from fitting.text.notation import number, plain, prefixed, span
+from fitting.text.notation import hertz, number, plain, prefixed, span
 
 
 def promise_sentence(design: Design) -> str:
@@ -47,3 +47,42 @@ def equal_fits_sentences(design: Design) -> tuple[str, ...]:
             f"Over them {plain(design.target)} goes from {span(low / size, high / size, shown)}."
         )
     return tuple(said)
+
+
+def design_lines(design: Design) -> list[str]:
+    """The design as lines of text.
+
+    Args:
+        design: the proposed next measurement.
+    """
+    marked = design.synthetic and "synthetic" not in design.title.lower()
+    factor, unit = prefixed(design.before.mean, design.unit)
+
+    def shown(value: float) -> str:
+        return "-" if math.isnan(value) else number(value / factor, 3)
+
+    lines = [design.title + (" [synthetic]" if marked else ""), ""]
+    lines.append(
+        f"expected standard deviation of {design.target} ({unit}): at the point given, on "
+        "(geometric) average and at worst over points that fit as well"
+    )
+    lines.append(f"{'':52} {'here':>8} {'mean':>8} {'worst':>8}")
+    before = design.before
+    lines.append(
+        f"{'so far':52} {shown(before.at):>8} {shown(before.mean):>8} {shown(before.worst):>8}"
+    )
+    for p in design.proposals:
+        tones = ", ".join(f"{f - p.centre_hz:+.4g}" for f in p.tones_hz)
+        level = f" x{p.level:g}" if p.level != 1.0 else ""
+        more = "".join(f" {name}={value}" for name, value in p.settings.items())
+        what = f"{p.rank} {p.output} at {hertz(p.centre_hz, digits=6)} ({tones} Hz){level}{more}"
+        what += f" avg {p.repeats}" if p.repeats > 1 else ""
+        e = p.expected
+        lines.append(f"{what:52} {shown(e.at):>8} {shown(e.mean):>8} {shown(e.worst):>8}")
+    lines += [
+        "",
+        f"{design.improvement:.3g} times better on that average; {design.candidates} "
+        f"candidates, criterion {design.criterion}",
+    ]
+    lines += [f"note: {text}" for text in design.sentences]
+    return lines

@@ -6,11 +6,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#ifndef _WIN32
+#include <signal.h>
+#include <unistd.h>
+#endif
 
 enum { MASS, DAMPING, STIFFNESS, FORCE, DISPLACEMENT, EIGENFREQUENCY, LINE_WIDTH, N_REALS };
 enum { MISBEHAVE = 100, STEPS = 101, INVERTED = 200, LABEL = 300 };
 enum { GOOD, HANGS, CRASHES, NAN_OUTPUT, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, IS_PENDING,
-       WARNS, HANGS_AT_START, PRINTS_AND_ABORTS };
+       WARNS, HANGS_AT_START, PRINTS_AND_ABORTS, IS_KILLED, IS_KILLED_ONCE, FORKS,
+       PRINTS_MUCH_AND_ABORTS, WRITES_FILE };
 enum { RESET_WORKS, RESET_DOES_NOTHING, RESET_KEEPS_DERIVED, RESET_CRASHES, RESET_FAILS, RESET_HANGS,
        RESET_FREEZES_OUTPUT, RESET_KEEPS_PARAMETERS };
 #ifndef RESET
@@ -21,7 +26,7 @@ typedef struct {
     double reals[N_REALS];
     int misbehave, steps, inverted, derived, frozen;
     double x, v, time;
-    char label[100];
+    char label[400];
     void *logger, *environment;
 } Model;
 
@@ -86,6 +91,46 @@ static void model_hang(void) {
 static void model_crash(void) {
     *(volatile int *)8 = 1;
 }
+
+#ifndef _WIN32
+/* a child that never ends and keeps open whatever is open here; its number goes to a file */
+static void model_fork(const char *path) {
+    FILE *file;
+    pid_t child;
+    if (!access(path, F_OK)) return;
+    child = fork();
+    if (!child)
+        for (;;) pause();
+    file = fopen(path, "w"), fprintf(file, "%d\n", (int)child), fclose(file);
+}
+
+/* what befalls the process as a whole; `label` is a path where one is wanted */
+static void model_befall(const Model *m) {
+    FILE *file;
+#ifdef HANGS_WHERE_VARIED /* and tells so in a file of that name */
+    if (m->reals[STIFFNESS] != 4e3)
+        file = fopen(HANGS_WHERE_VARIED, "a"), fputs("hangs\n", file), fclose(file), model_hang();
+#endif
+#ifdef FORKS_ONCE
+    model_fork(FORKS_ONCE);
+#endif
+    switch (m->misbehave) {
+    case IS_KILLED: raise(SIGKILL); break;
+    case IS_KILLED_ONCE:
+        if (access(m->label, F_OK)) fclose(fopen(m->label, "w")), raise(SIGKILL);
+        break;
+    case FORKS: model_fork(m->label); break;
+    case PRINTS_MUCH_AND_ABORTS:
+        for (int i = 0; i < 300000; i++) printf("line %d of very many\n", i);
+        fflush(stdout);
+        fprintf(stderr, "the very last line\n");
+        abort();
+    case WRITES_FILE: file = fopen("trace.txt", "w"), fputs("a trace\n", file), fclose(file); break;
+    }
+}
+#else
+static void model_befall(const Model *m) {}
+#endif
 
 /* OK (0) or error (3), as FMI has it */
 static int model_reset(Model *m) {

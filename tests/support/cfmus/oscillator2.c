@@ -58,6 +58,7 @@ fmi2Status fmi2Reset(fmi2Component c) { return model_reset(c); }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean no_set) {
     Model *m = c;
+    model_befall(m);
     switch (m->misbehave) {
     case HANGS: model_hang(); break;
     case CRASHES: say(m, fmi2Warning, "about to crash at %g s", at), model_crash(); break;

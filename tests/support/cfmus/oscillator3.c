@@ -43,6 +43,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 at, fmi3Float64 step, fmi3Bool
                       fmi3Boolean *events, fmi3Boolean *terminate, fmi3Boolean *early,
                       fmi3Float64 *reached) {
     Model *m = c;
+    model_befall(m);
     *events = *terminate = *early = 0;
     if (m->misbehave == ENDS_EARLY) {
         model_step(m, step / 2);

@@ -18,9 +18,9 @@ from scipy.special import gammaincc
 
 from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
-from fitting.inference.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.inference.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 
@@ -105,6 +105,19 @@ def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) ->
     return Expansion(samples[0], matrix, around.quotients([sample.outputs for sample in samples]))
 
 
+@dataclass(frozen=True)
+class Descent:
+    """Where a descent ended, and whether that is a minimum as far as it can tell."""
+
+    end: Expansion
+    reached: bool
+
+    @property
+    def chi_square(self) -> float:
+        """Sum of squares of the rows at the end."""
+        return self.end.chi_square
+
+
 def descend(
     likelihood: Likelihood,
     here: Expansion,
@@ -124,6 +137,26 @@ def descend(
         promise: decrease of chi square that is no longer worth a step.
         enough: chi square that is low enough.
     """
+    found = yield from lower(likelihood, here, constraint, promise, enough)
+    return found.end if found.reached else None
+
+
+def lower(
+    likelihood: Likelihood,
+    here: Expansion,
+    constraint: Constraint = UNCONSTRAINED,
+    promise: float = PROMISE,
+    enough: float = -np.inf,
+) -> Task[Descent]:
+    """The same as `descend`, with the lowest point that was come by where no minimum was reached.
+
+    Args:
+        likelihood: whose chi square is lowered.
+        here: where it begins.
+        constraint: that the minimum keeps to.
+        promise: decrease of chi square that is no longer worth a step.
+        enough: chi square that is low enough.
+    """
     damping, hope = LEAST_DAMPING, np.inf
     moved = constraint.index < 0  # a held parameter must first be brought to its value
     for _ in range(ITERATIONS):
@@ -131,7 +164,7 @@ def descend(
         hope = min(hope, promised) if damping > LEAST_DAMPING else promised
         if moved and (promised < promise or _merit(here, constraint) <= enough):
             # a step that is damped promises little anywhere: what did the free one promise?
-            return here if hope < STALLED or _merit(here, constraint) <= enough else None
+            return Descent(here, hope < STALLED or _merit(here, constraint) <= enough)
         trial = yield from expansion_at(likelihood, here.x + step, constraint.output >= 0)
         merit = _merit(trial, constraint)
         gain = _merit(here, constraint) - merit
@@ -140,17 +173,17 @@ def descend(
                 damping *= 1e3  # the free step threw the rest out of the valley
                 continue
             if not np.isfinite(merit):
-                return None
+                return Descent(here, reached=False)
             here, moved, damping = trial, True, LEAST_DAMPING
         elif gain > 0.0:
             here, damping = trial, max(0.1 * damping, LEAST_DAMPING)
             if gain < promise and promised < 10.0 * promise and damping == LEAST_DAMPING:
-                return here
+                return Descent(here, reached=True)
         else:
             damping *= 30.0
             if damping > MOST_DAMPING:
-                return here if hope < STALLED else None
-    return None
+                return Descent(here, hope < STALLED)
+    return Descent(here, reached=False)
 
 
 def _merit(expansion: Expansion, constraint: Constraint) -> float:

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import output_means
-from fitting.inference.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure
+from fitting.text.errors import FmuFailure, NoAnswer
 
 #: Points at which a model may fail before the failure is passed on.
 MOST_FAILURES = 12
@@ -162,6 +162,8 @@ class LikelihoodEvaluator:
         self.evaluations += len(xs)
         try:
             points = evaluate_many(self.likelihood.objective, xs)
+        except NoAnswer:
+            raise
         except FmuFailure:
             if len(xs) == 1 and self.failures >= MOST_FAILURES:
                 raise

@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 
 from fitting.campaign.file import WrittenCampaign
-from fitting.campaign.schema import SCHEMA_FILE, campaign_schema
+from fitting.measurements.schema import SCHEMA_FILE, campaign_schema
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
@@ -28,9 +28,9 @@ def schema() -> dict[str, Any]:
 
 
 def test_what_is_shipped_is_what_is_checked() -> None:
-    """After a change of a key: python -m fitting.campaign.schema > its file."""
+    """After a change of a key: python -m fitting.measurements.schema > its file."""
     assert SCHEMA_FILE.read_text(encoding="utf-8") == campaign_schema()
-    words = [sys.executable, "-m", "fitting.campaign.schema"]
+    words = [sys.executable, "-m", "fitting.measurements.schema"]
     root = Path(__file__).parents[2]
     told = subprocess.run(words, capture_output=True, cwd=root, check=True)
     assert told.stdout.decode() == campaign_schema()

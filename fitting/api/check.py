@@ -1,0 +1,35 @@
+"""A doctor for FMUs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fitting.api.fmu import Fmu, held_fmu
+from fitting.campaign import Campaign
+from fitting.campaign.check import Check, check_fmu
+from fitting.measurements.kinds import read_campaign
+from fitting.text.errors import BadInput
+
+
+def check(
+    fmu: Fmu | str | Path, campaign: str | Path | Campaign | None = None, *, step_s: float = 1e-3
+) -> Check:
+    """Look at an FMU as a doctor does: what is wrong is told, not raised.
+
+    Args:
+        fmu: The FMU, its path, or the name of a model of this project.
+        campaign: A campaign that it may suit; its start values hold for the trial run.
+        step_s: Length of the trial step, s, above zero.
+
+    Returns:
+        ``sound`` sums it up; ``problems``, ``failure`` and ``unsuited`` say what is wrong.
+
+    Raises:
+        BadInput: no FMU that this machine can run, a campaign that cannot be read, no time.
+    """
+    if not step_s > 0.0:
+        raise BadInput(f"step_s: found {step_s!r}, wanted a positive time")
+    held = held_fmu(fmu)
+    if campaign is not None and not isinstance(campaign, Campaign):
+        campaign = read_campaign(campaign)
+    return check_fmu(held.workers, campaign, step_s)

@@ -1,0 +1,10 @@
+"""The virtual laboratory: campaigns with known truth, made without any FMU."""
+
+from __future__ import annotations
+
+from fitting.lab.benches import BUILT_IN as SERIES
+from fitting.lab.instruments.lock_in import LockIns
+from fitting.lab.synthesis import Synthetic, synthesize
+from fitting.lab.truth import TRUTH_NAME
+
+__all__ = ["SERIES", "TRUTH_NAME", "LockIns", "Synthetic", "synthesize"]

@@ -1,0 +1,93 @@
+"""What a doctor finds of an FMU: does it load, validate, run, survive a reset, suit a campaign."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting.campaign.binding import BoundCampaign, bind
+from fitting.campaign.data import Campaign
+from fitting.fmu import FmuDescription, FmuWorkers, validation_problems
+from fitting.fmu.trial import Resets, Trial, take_trial, try_resets
+from fitting.text.errors import BadInput, FmuFailure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suits:
+    """What a campaign would do with an FMU that it suits: how much there is to fit, from what."""
+
+    campaign: Path
+    parameters: int
+    experiments: int
+    output: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """What was found of an FMU; ``sound`` sums it up.
+
+    ``problems`` are the rules of FMI that it breaks; ``trial`` and ``resets`` are what came of a
+    trial run and of resets, None where the FMU failed, of which ``failure`` tells; ``suits`` says
+    that it suits the campaign, ``unsuited`` why it does not; ``warnings`` are what the FMU logged.
+    """
+
+    description: FmuDescription
+    problems: tuple[str, ...]
+    trial: Trial | None
+    resets: Resets | None
+    failure: FmuFailure | None
+    suits: Suits | None
+    unsuited: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing is wrong with it."""
+        return not (self.problems or self.unsuited) and self.failure is None
+
+
+def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> Check:
+    """Look at an FMU: what is wrong with it is told, not raised.
+
+    Args:
+        workers: processes that run the FMU.
+        campaign: a campaign that it may suit; its start values hold for the trial run.
+        step_s: length of the trial step, s.
+
+    Raises:
+        BadInput: it has no output that is a number.
+    """
+    description = workers.description
+    bound: BoundCampaign | None = None
+    unsuited: tuple[str, ...] = ()
+    if campaign is not None:
+        try:
+            bound = bind(campaign, description.variables)
+        except BadInput as error:
+            unsuited = tuple(map(str, error.args))
+    trial, resets, failure = None, None, None
+    values = bound.setup.start_values if bound else {}
+    try:
+        trial = take_trial(workers, step_s, values)
+        resets = try_resets(workers, step_s, values)
+    except FmuFailure as error:
+        failure = error
+    return Check(
+        description=description,
+        problems=tuple(" ".join(p.split()) for p in validation_problems(description.path)),
+        trial=trial,
+        resets=resets,
+        failure=failure,
+        suits=None if bound is None else _suits(bound),
+        unsuited=unsuited,
+        warnings=workers.warnings,
+    )
+
+
+def _suits(bound: BoundCampaign) -> Suits:
+    return Suits(
+        campaign=bound.path,
+        parameters=len(bound.parameters),
+        experiments=len(bound.experiments),
+        output=bound.setup.output,
+    )

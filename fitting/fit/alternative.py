@@ -1,0 +1,186 @@
+"""One discrete alternative: Algorithm 2 from the campaign's start, and a search of the whole box.
+
+At large nu the Tikhonov term pulls all starts to one place, so that further starts of Algorithm 2
+explore nothing. The box is searched for minima of chi square instead, and the lowest of them are
+lowered at the last nu; the least J is reported, wherever it was found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.noise import noise_of
+from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.search.box import Box
+from fitting.fit.search.minima import SAME, Minimum, Search, search_box
+from fitting.fit.search.twins import Twin, find_twins
+from fitting.fit.solver.continuation import (
+    Chain,
+    Course,
+    is_lower,
+    lowered,
+    met,
+    next_level,
+    own_start,
+)
+from fitting.fit.solver.evaluator import Counts, Evaluator
+from fitting.text.arrays import FloatArray
+
+#: Evaluations of a search, in those of Algorithm 2, after which no further screen is begun.
+BUDGET_SHARE = 3.0
+#: J of a minimum, in units of the least, from which lowering it at the last nu is in vain; and the
+#: share of the noise that a descent may leave.
+HOPELESS, LEFT = 2.0, 0.1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All chains of one alternative; `interrupted` where the user stopped it.
+
+    The first chain is Algorithm 2 from the campaign's start. `search` is what was looked for in the
+    box besides, None where nothing was; `twins` are the exact symmetries of the model, `further`
+    the evaluations that no chain counts; `reported` a chain that is preferred to others of equal J.
+    """
+
+    chains: tuple[Chain, ...]
+    interrupted: bool = False
+    search: Search | None = None
+    twins: tuple[Twin, ...] = ()
+    further: Counts = field(default_factory=Counts)
+    reported: Chain | None = None
+
+    @property
+    def best(self) -> Chain | None:
+        """The chain of the least J at the last nu; None before the first level is done.
+
+        Of chains of one J but for rounding the first: the campaign's own start, if it is among
+        them.
+        """
+        if self.reported is not None:
+            return self.reported
+        done = [chain for chain in self.chains if chain.steps and chain.joined is None]
+        furthest = min((chain.nu for chain in done), default=math.inf)
+        done = [chain for chain in done if chain.nu == furthest]
+        least = min((chain.steps[-1].j for chain in done), default=0.0)
+        return next((chain for chain in done if not is_lower(least, chain.steps[-1].j)), None)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """An alternative that is done: its objective and its outcome."""
+
+    objective: Objective
+    outcome: Outcome
+
+
+def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
+    """Algorithm 2 for one discrete alternative, then the lowest minima of its box.
+
+    A KeyboardInterrupt ends it with what is finished and `interrupted` set.
+
+    Args:
+        course: objective, schedule, settings and journal.
+        solved: alternatives that are done. Of one that mirrors this one exactly the minima are
+            known, and the box is not searched again.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+
+    Source: the paper's Algorithm 2.
+    """
+    parameters, schedule = course.objective.parameters, course.schedule
+    outcome = Outcome((Chain(0, tuple(map(float, own_start(parameters)))),))
+    try:
+        while not outcome.chains[0].ended:
+            outcome = replace(outcome, chains=(next_level(course, outcome.chains[0]),))
+        outcome = _with_twins(course, outcome)
+        if schedule.starts > 1:
+            outcome = _searched(course, outcome, solved)
+            for x, begun in _promising(course, outcome):
+                chains = outcome.chains
+                found = lowered(course, len(chains), chains[0].nu, begun, x)
+                images = _images(course.objective, outcome, np.array(found.steps[-1].x))
+                found = met(parameters, found, chains, images)
+                outcome = replace(outcome, chains=(*chains, found))
+    except KeyboardInterrupt:
+        return replace(outcome, interrupted=True)
+    return outcome
+
+
+def _with_twins(course: Course, outcome: Outcome) -> Outcome:
+    evaluator = Evaluator(course.objective)
+    twins = find_twins(evaluator, course.schedule.seed)
+    return replace(outcome, twins=tuple(twins), further=outcome.further + evaluator.counts)
+
+
+def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Outcome:
+    """The outcome with a search of the box, or with that of an alternative which mirrors it."""
+    for other in solved:
+        if other.outcome.search is None:
+            continue
+        evaluator = Evaluator(other.objective)
+        mirrors = find_twins(evaluator, course.schedule.seed, course.objective)
+        outcome = replace(outcome, further=outcome.further + evaluator.counts)
+        if mirrors:
+            return replace(outcome, search=_mirrored(course, other.outcome.search, mirrors[0]))
+    own = outcome.chains[0]
+    end = np.array(own.steps[-1].x)
+    [point] = evaluate_many(course.objective, [end])
+    noise = noise_of(course.objective, point)
+    likelihood = likelihood_of(course.objective, noise.sigma, noise.common)
+    spent = sum(step.evaluations for step in own.steps)
+    search = search_box(
+        LikelihoodEvaluator(likelihood), [end], course.schedule.seed, int(BUDGET_SHARE * spent)
+    )
+    counts = Counts(evaluations=1 + search.evaluations, runs=point.runs + search.runs)
+    return replace(outcome, search=search, further=outcome.further + counts)
+
+
+def _mirrored(course: Course, search: Search, mirror: Twin) -> Search:
+    """The search of an alternative as that of the one which mirrors it; it cost nothing."""
+    parameters = course.objective.parameters
+    minima = [
+        replace(minimum, x=x, begun=minimum.begun if begun is None else begun)
+        for minimum in search.minima
+        if (x := mirror.of(parameters, minimum.x)) is not None
+        for begun in [mirror.of(parameters, minimum.begun)]
+    ]
+    return replace(search, minima=tuple(minima), evaluations=0, runs=0, mirrored=True)
+
+
+def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, FloatArray]]:
+    """Minima that may have a lower J than Algorithm 2, and where they were come to from.
+
+    None where it stands itself, and one of those that are twins of each other.
+    """
+    objective, own = course.objective, np.array(outcome.chains[0].steps[-1].x)
+    box, search = Box(objective.parameters), outcome.search
+    kept: list[Minimum] = []
+    places = [own]
+    for minimum in () if search is None else search.minima:
+        if len(kept) == course.schedule.starts - 1:
+            break
+        images = [minimum.x, *_images(objective, outcome, minimum.x)]
+        if any(box.apart(x, place) <= SAME for x in images for place in places):
+            continue
+        places.append(minimum.x)
+        kept.append(minimum)
+    points = evaluate_many(objective, [minimum.x for minimum in kept])
+    least = min([outcome.chains[0].steps[-1].j_fit, *(point.j_fit for point in points)])
+    enough = HOPELESS * least + LEFT * float(np.sum(objective.data.sigma))
+    return [
+        (minimum.x, minimum.begun)
+        for minimum, point in zip(kept, points, strict=True)
+        if point.j_fit <= enough
+    ]
+
+
+def _images(objective: Objective, outcome: Outcome, x: FloatArray) -> list[FloatArray]:
+    """The twins of a search vector in the box."""
+    images = (twin.of(objective.parameters, x) for twin in outcome.twins)
+    return [image for image in images if image is not None]

@@ -1,0 +1,1 @@
+"""Chi square of an objective at any parameters, and searches that lower it side by side."""

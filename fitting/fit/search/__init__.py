@@ -1,0 +1,1 @@
+"""Where in the box the lowest minima are: points spread over it, descents from the best of them."""

@@ -1,0 +1,100 @@
+"""The box of a problem as a unit cube: points that fill it evenly, and how far apart they are.
+
+A positive parameter that may be ten times larger or smaller is spread in its logarithm, a periodic
+one over one period. What has a prior of its own is no unknown of the search: it stays at its start.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats.qmc import Sobol
+
+from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
+from fitting.text.arrays import BoolArray, FloatArray
+
+#: Ratio of the bounds of a positive parameter from which it is spread in its logarithm.
+DECADE = 10.0
+
+
+class Box:
+    """Box of the parameters that are looked for, seen as a cube of unit edges."""
+
+    def __init__(self, parameters: Sequence[Parameter]) -> None:
+        self.parameters = parameters
+        self.free = np.array([p.prior_sigma is None for p in parameters])
+        self.lower, self.upper = search_bounds(parameters)
+        self._ends = np.array([_ends(p) for p in parameters]).reshape(-1, 2)
+        self._log: BoolArray = np.array(
+            [p.lower > 0.0 and p.upper >= DECADE * p.lower for p in parameters], dtype=bool
+        )
+        self._round: BoolArray = np.array([_goes_round(p) for p in parameters], dtype=bool)
+
+    def spread(self, number: int, seed: int, skip: int = 0) -> list[FloatArray]:
+        """Search vectors that fill the box evenly; a longer list goes on where a shorter ended.
+
+        Args:
+            number: of points, a power of two.
+            seed: of the scrambling.
+            skip: points of the same sequence that were used before.
+
+        Source: I. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86; A. Owen's scrambling.
+        """
+        own = to_search(self.parameters, starts(self.parameters))
+        count = int(np.count_nonzero(self.free))
+        if not count:
+            return []
+        sequence = Sobol(count, scramble=True, seed=np.random.default_rng(seed))
+        if skip:
+            sequence.fast_forward(skip)
+        found = []
+        for u in sequence.random(number):
+            x = np.array(own)
+            x[self.free] = self._from_cube(u)[self.free]
+            found.append(np.clip(x, self.lower, self.upper))
+        return found
+
+    def to_cube(self, x: FloatArray) -> FloatArray:
+        """Where a search vector stands in the cube, (n,); beyond it where a period was added.
+
+        Args:
+            x: search vector, shape (n,).
+        """
+        p = to_model(self.parameters, x)
+        low, high = self._ends.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithmic = np.log(np.maximum(p, low) / low) / np.log(high / low)
+        return np.asarray(np.where(self._log, logarithmic, (p - low) / (high - low)))
+
+    def apart(self, x: FloatArray, y: FloatArray) -> float:
+        """Largest distance of two search vectors along an edge of the cube, periods taken off.
+
+        Args:
+            x: search vector, shape (n,).
+            y: another, shape (n,).
+        """
+        gap = np.abs(self.to_cube(x) - self.to_cube(y))
+        turned = np.mod(gap, 1.0)
+        gap = np.where(self._round, np.minimum(turned, 1.0 - turned), gap)
+        return float(np.max(gap[self.free], initial=0.0))
+
+    def _from_cube(self, u: FloatArray) -> FloatArray:
+        low, high = self._ends[self.free].T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithmic = low * (high / low) ** u
+        p = starts(self.parameters)
+        p[self.free] = np.where(self._log[self.free], logarithmic, low + u * (high - low))
+        return to_search(self.parameters, p)
+
+
+def _goes_round(parameter: Parameter) -> bool:
+    period = parameter.period
+    return period is not None and parameter.upper - parameter.lower >= period * (1.0 - 1e-9)
+
+
+def _ends(parameter: Parameter) -> tuple[float, float]:
+    if _goes_round(parameter):
+        return parameter.lower, parameter.lower + (parameter.period or math.inf)
+    return parameter.lower, parameter.upper

@@ -1,0 +1,188 @@
+"""Minima of chi square over the whole box: points screened in one batch, the best let down.
+
+Of points that fill the box evenly those are let down that lie lowest and apart from lower ones
+(multi-level single linkage), all side by side. While noise does not explain the least chi square,
+further points of the same sequence are screened, as far as the budget goes.
+
+Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
+methods", Mathematical Programming 39 (1987) 57.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.campaign.parameters import UNIFORM_WIDTH
+from fitting.fit.likelihood.descent import Descent, Expansion, expansion_at, inflation_of, lower
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
+from fitting.fit.linearisation import Linearisation
+from fitting.fit.search.box import Box
+from fitting.text.arrays import FloatArray
+
+#: Points of a screen, a power of two, and descents from the best of them.
+SCREENED, DESCENTS = 64, 8
+#: Screens at most; beyond the second only as long as the last one found something lower.
+SCREENS = 5
+#: Decrease of chi square that counts as something lower, and as a share of it.
+WORTH, WORTH_SHARE = 1.0, 1e-2
+#: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
+SAME = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Minimum:
+    """Where descents ended: search vector and chi square, where the first of them had begun.
+
+    `reached` where no step promises a decrease; `descents` ended here.
+    """
+
+    x: FloatArray
+    begun: FloatArray
+    chi_square: float
+    reached: bool
+    descents: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """What a search of the box found: `minima` apart from each other, the lowest first.
+
+    `screened` points in `screens` rounds, `descents` from the best of them; `explained` whether
+    noise explains the least chi square; `mirrored` where all of it was taken over from an
+    alternative that this one mirrors.
+    """
+
+    minima: tuple[Minimum, ...]
+    screened: int
+    screens: int
+    descents: int
+    explained: bool
+    evaluations: int
+    runs: int
+    mirrored: bool = False
+
+    def apart_by_height(self) -> tuple[list[Minimum], list[Minimum]]:
+        """Minima as low as the lowest, and the higher ones."""
+        if not self.minima:
+            return [], []
+        least = self.minima[0].chi_square
+        low = [m for m in self.minima if not m.chi_square > least + worth(least)]
+        return low, list(self.minima[len(low) :])
+
+
+def worth(chi_square: float) -> float:
+    """Difference of chi square that counts, about such a value.
+
+    Args:
+        chi_square: of the lower of two points.
+    """
+    return max(WORTH, WORTH_SHARE * chi_square)
+
+
+def search_box(
+    evaluator: LikelihoodEvaluator, begins: Sequence[FloatArray], seed: int, budget: int
+) -> Search:
+    """Look for the lowest minima of chi square in the box.
+
+    Args:
+        evaluator: of the likelihood, without inflation.
+        begins: search vectors that are let down besides, (n,) each.
+        seed: of the points that are screened.
+        budget: evaluations after which no further screen is begun.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    box = Box(evaluator.likelihood.parameters)
+    ended = _let_down(evaluator, begins)
+    screens, explained = 0, False
+    while screens < SCREENS and np.any(box.free):
+        before = min((end.chi_square for _, end in ended), default=math.inf)
+        points = box.spread(SCREENED, seed, skip=SCREENED * screens)
+        ended += _let_down(evaluator, _lowest_apart(evaluator, box, points))
+        screens += 1
+        least = min((d for _, d in ended), key=lambda each: each.chi_square, default=None)
+        explained = least is not None and _explained(evaluator.likelihood, least.end)
+        gain = before - (math.inf if least is None else least.chi_square)
+        fruitless = screens > 1 and not gain > worth(before)
+        if explained or fruitless or evaluator.evaluations >= budget:
+            break
+    return Search(
+        minima=_apart(box, evaluator.likelihood, ended),
+        screened=SCREENED * screens,
+        screens=screens,
+        descents=len(ended),
+        explained=explained,
+        evaluations=evaluator.evaluations,
+        runs=evaluator.runs,
+    )
+
+
+def _let_down(
+    evaluator: LikelihoodEvaluator, begins: Sequence[FloatArray]
+) -> list[tuple[FloatArray, Descent]]:
+    """Descents side by side: where each began and ended; without those where the model failed."""
+
+    def descent(x: FloatArray) -> Task[Descent]:
+        here = yield from expansion_at(evaluator.likelihood, x, outputs=False)
+        if not math.isfinite(here.chi_square):
+            return Descent(here, reached=False)
+        return (yield from lower(evaluator.likelihood, here))
+
+    ends = run_in_lockstep([descent(x) for x in begins], evaluator)
+    return [
+        (x, end)
+        for x, end in zip(begins, ends, strict=True)
+        if end is not None and math.isfinite(end.chi_square)
+    ]
+
+
+def _lowest_apart(
+    evaluator: LikelihoodEvaluator, box: Box, points: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """The points with the best rows that have no better one near them, at most DESCENTS.
+
+    Ranked by sum ln(1 + row^2): a point where half of the rows fit is worth more than one where
+    none is far off.
+    """
+    samples = evaluator([Request(tuple(points), outputs=False)])[0]
+    merits = np.array([float(np.sum(np.log1p(s.rows**2))) for s in samples])
+    order = [k for k in np.argsort(merits, kind="stable") if math.isfinite(merits[k])]
+    near = 0.5 * len(points) ** (-1.0 / max(1, int(np.count_nonzero(box.free))))
+    alone = [
+        k
+        for place, k in enumerate(order)
+        if all(box.apart(points[k], points[j]) > near for j in order[:place])
+    ]
+    rest = [k for k in order if k not in alone]
+    return [points[k] for k in (alone + rest)[:DESCENTS]]
+
+
+def _explained(likelihood: Likelihood, end: Expansion) -> bool:
+    m = likelihood.whitening.shape[0]
+    rows = end.sample.rows[:m]
+    prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
+    free = Linearisation(rows=rows, matrix=end.matrix[:m], prior=prior).degrees_of_freedom
+    return inflation_of(float(rows @ rows), free) == 1.0
+
+
+def _apart(
+    box: Box, likelihood: Likelihood, ended: Sequence[tuple[FloatArray, Descent]]
+) -> tuple[Minimum, ...]:
+    """Ends of descents as minima, those that are one counted together."""
+    kept: list[Minimum] = []
+    for begun, descent in sorted(ended, key=lambda each: each[1].chi_square):
+        x, square = likelihood.folded(descent.end.x), descent.chi_square
+        for k, other in enumerate(kept):
+            level = square - other.chi_square <= worth(other.chi_square)
+            if level and box.apart(x, other.x) <= SAME:
+                kept[k] = replace(other, descents=other.descents + 1)
+                break
+        else:
+            kept.append(Minimum(x=x, begun=begun, chi_square=square, reached=descent.reached))
+    return tuple(kept)

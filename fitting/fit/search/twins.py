@@ -1,0 +1,173 @@
+"""Exact symmetries of a problem: other parameters of the box at which every prediction is the same.
+
+    p'_i = s_i p_order(i) + t_i
+
+Tried are fractions of a period with either sign, reversed signs in boxes that are symmetric about
+zero, and exchanges of parameters of one unit whose boxes overlap, and products of these. What
+leaves the rows unchanged to rounding at points drawn from the box is a symmetry of the model, found
+without knowing the model. The data tell no point from its twins, whatever they are.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
+from fitting.fit.objective import Objective
+from fitting.fit.search.box import Box
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.errors import FmuFailure, NoAnswer
+
+#: Points of the box that are drawn, and at how many of them with an image in the box a symmetry has
+#: to hold; the first sifts the candidates.
+DRAWN, POINTS = 32, 4
+#: Rows that differ by no more than this (of one and their own size) are the same but for rounding.
+ROUNDING = 1e-9
+#: Candidates at most: what would need more is not looked for.
+MOST = 128
+#: Fractions of a period.
+FRACTIONS = (0.0, 0.25, 0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A change of parameters that no prediction sees; arrays (n,), in the parameters' units."""
+
+    order: IntArray
+    signs: FloatArray
+    shifts: FloatArray
+
+    def of(self, parameters: Sequence[Parameter], x: FloatArray) -> FloatArray | None:
+        """The twin of a search vector in the box, the image nearest to it; None outside.
+
+        Args:
+            parameters: the fitted parameters.
+            x: search vector, shape (n,).
+        """
+        p = to_model(parameters, x)
+        image = self.signs * p[self.order] + self.shifts
+        lower, upper = bounds(parameters)
+        for i, parameter in enumerate(parameters):
+            if parameter.period is not None:
+                image[i] -= parameter.period * np.round((image[i] - p[i]) / parameter.period)
+                for side, past in ((1.0, image[i] < lower[i]), (-1.0, image[i] > upper[i])):
+                    image[i] += side * parameter.period if past else 0.0
+        margin = 1e-9 * (upper - lower)
+        if np.any(image < lower - margin) or np.any(image > upper + margin):
+            return None
+        return to_search(parameters, np.clip(image, lower, upper))
+
+
+def find_twins(evaluator: Evaluator, seed: int, other: Objective | None = None) -> list[Twin]:
+    """The symmetries of an objective, or those that lead from it to another, each tried anew.
+
+    An empty list where the model fails at a point of the box.
+
+    Args:
+        evaluator: of the objective; counts what is evaluated of both.
+        seed: of the points that are tried.
+        other: of the same parameters and data, e.g. of another alternative.
+    """
+    parameters = evaluator.objective.parameters
+    target = Evaluator(evaluator.objective if other is None else other)
+    candidates = [t for t in _candidates(parameters) if other is not None or not _is_identity(t)]
+    points = Box(parameters).spread(DRAWN, seed)
+    try:
+        left = _unchanged(evaluator, target, candidates, points, slice(1))
+        found = _unchanged(evaluator, target, left, points, slice(1, POINTS))
+    except NoAnswer:
+        raise
+    except FmuFailure:
+        found = []
+    evaluator.counts += target.counts
+    return found
+
+
+def _unchanged(
+    evaluator: Evaluator,
+    target: Evaluator,
+    candidates: Sequence[Twin],
+    points: Sequence[FloatArray],
+    which: slice,
+) -> list[Twin]:
+    """Those candidates that change no row at some of the points that they keep in the box."""
+    parameters = evaluator.objective.parameters
+    asked: list[tuple[Twin, int, FloatArray]] = []
+    for candidate in candidates:
+        images = [(k, candidate.of(parameters, x)) for k, x in enumerate(points)]
+        inside = [(candidate, k, image) for k, image in images if image is not None]
+        asked += inside[which]
+    places = sorted({k for _, k, _ in asked})
+    here = dict(zip(places, evaluator.points([points[k] for k in places]), strict=True))
+    there = target.points([image for _, _, image in asked])
+    same = {id(candidate): False for candidate in candidates}
+    same |= {id(candidate): True for candidate, _, _ in asked}
+    for (candidate, k, _), point in zip(asked, there, strict=True):
+        rows = here[k].residuals
+        unmoved = np.abs(rows - point.residuals) <= ROUNDING * (1.0 + np.abs(rows))
+        same[id(candidate)] &= bool(np.all(unmoved))
+    return [candidate for candidate in candidates if same[id(candidate)]]
+
+
+def _is_identity(twin: Twin) -> bool:
+    kept = np.array_equal(twin.order, np.arange(twin.order.size))
+    return kept and bool(np.all(twin.signs == 1.0) and np.all(twin.shifts == 0.0))
+
+
+def _candidates(parameters: Sequence[Parameter]) -> list[Twin]:
+    """Products of exchanges, turns and reversed signs; none where there are too many."""
+    orders = list(itertools.islice(_orders(parameters), MOST + 1))
+    turns = list(itertools.islice(itertools.product(*map(_turns, parameters)), MOST + 1))
+    if len(orders) * len(turns) > MOST:
+        return []
+    return [
+        Twin(
+            np.array(order, dtype=np.intp),
+            np.array([sign for sign, _ in turn]),
+            np.array([shift for _, shift in turn]),
+        )
+        for order in orders
+        for turn in turns
+    ]
+
+
+def _turns(parameter: Parameter) -> list[tuple[float, float]]:
+    """Signs and shifts of one parameter."""
+    if parameter.prior_sigma is not None or parameter.role != "model" or parameter.experiments:
+        return [(1.0, 0.0)]
+    if parameter.period is not None:
+        return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
+    if parameter.lower == -parameter.upper:
+        return [(1.0, 0.0), (-1.0, 0.0)]
+    return [(1.0, 0.0)]
+
+
+def _orders(parameters: Sequence[Parameter]) -> Iterator[tuple[int, ...]]:
+    """Exchanges within the groups of like parameters, those of several groups combined."""
+    groups: list[list[int]] = []
+    for i, p in enumerate(parameters):
+        if p.prior_sigma is None and p.role == "model" and p.period is None and not p.experiments:
+            mine = next((g for g in groups if all(_alike(p, parameters[j]) for j in g)), None)
+            if mine is None:
+                groups.append([i])
+            else:
+                mine.append(i)
+    several = [group for group in groups if len(group) > 1]
+    for choice in itertools.product(*(itertools.permutations(group) for group in several)):
+        order = list(range(len(parameters)))
+        for group, chosen in zip(several, choice, strict=True):
+            for place, taken in zip(group, chosen, strict=True):
+                order[place] = taken
+        yield tuple(order)
+
+
+def _alike(one: Parameter, other: Parameter) -> bool:
+    """Whether two parameters could stand for each other over half of the narrower box."""
+    common = min(one.upper, other.upper) - max(one.lower, other.lower)
+    narrower = min(one.upper - one.lower, other.upper - other.lower)
+    return one.unit == other.unit and common >= 0.5 * narrower

@@ -1,0 +1,150 @@
+"""Mistakes of a laboratory that the data themselves show: each named, none modelled.
+
+A sweep that is no line, peaks that changed places, a tone that nobody declared, peaks and a sweep
+on two scales. What is said is what the data show; what made it is asked.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.campaign import Experiment
+from fitting.fit.noise import noise_of
+from fitting.fit.problem import Problem
+from fitting.fit.solution import Solution
+from fitting.inference.sweep_agreement import SweepAgreement, sweep_agreement
+from fitting.signal.combinations import mixed_hz
+from fitting.signal.peaks import unknown_line
+from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
+from fitting.text.notation import hertz, with_error
+
+#: Factors between the amplitudes of a sweep and of peaks, and what makes them.
+FACTORS = {
+    math.sqrt(2.0): "one of them is rms, the other peak",
+    math.sqrt(0.5): "one of them is rms, the other peak",
+    2.0: "peak to peak, or twice the drive level, in one of them",
+    0.5: "peak to peak, or twice the drive level, in one of them",
+}
+#: Chi square of two peaks from which they may have changed places, and what is left if they did.
+SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
+#: Highest order of mixtures of tones that explain a line of a spectrum.
+MIXED_ORDER = 5
+
+
+def fault_sentences(problem: Problem) -> list[str]:
+    """What makes the sweeps of a problem no damped lines: each by its campaign's name.
+
+    Args:
+        problem: whose sweeps are looked at.
+    """
+    said = []
+    for name, bound in problem.campaigns.items():
+        if bound.sweep is None or bound.sweep.background != "none":
+            continue
+        faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
+        said += [f"{name}: {_fault(f)}" if name else _fault(f) for f in faults]
+    return said
+
+
+def _fault(found: SweepFault) -> str:
+    size = with_error(100.0 * found.size, 100.0 * found.std, "%")
+    plain, taken = (hertz(width, digits=4) for width in found.width_hz)
+    widths = f" Its width, with this taken into account, is {taken}; without, {plain}."
+    if found.fault is Fault.SATURATION:  # its law is not known: two laws may fit alike
+        widths = f" Its width is less than the {plain} that a line without this has."
+    at = "" if math.isnan(found.frequency_hz) else hertz(found.frequency_hz)
+    sentences = {
+        Fault.POWER: "The points of the sweep follow a line raised to the power "
+        f"{with_error(found.size, found.std)}, not a line: are their decibels, or squares, "
+        "read in the right way?",
+        Fault.SATURATION: "The top of the sweep is flatter than that of a line: a detector that "
+        "saturates, or a nonlinear resonator.",
+        Fault.CLIPPING: f"The largest points of the sweep, about {at}, are equal: it is clipped, "
+        f"{size} of its top are missing.",
+        Fault.OUTLIER: f"One point of the sweep, at {at}, stands off its line by {size} of the top "
+        f"(scatter of the others {100.0 * found.std:.2g} %).",
+        Fault.BACKGROUND: f"The sweep stands on a background of {size} of its top.",
+    }
+    return sentences[found.fault] + widths
+
+
+def agreement_sentences(solution: Solution) -> list[str]:
+    """Series whose peaks contradict their sweep, and what would explain it.
+
+    Args:
+        solution: end of the fit.
+    """
+    return [_contradiction(found) for found in sweep_agreement(solution) if found.contradicts]
+
+
+def _contradiction(found: SweepAgreement) -> str:
+    whose = f"{found.series}: t" if found.series else "T"
+    said = (
+        f"{whose}he peaks and the sweep contradict each other by {found.sigmas:.2g} standard "
+        "deviations: fitted each by itself they tell different lines."
+    )
+    if math.isnan(found.factor):
+        return f"{said} No factor between their amplitudes explains it."
+    factor = with_error(found.factor, found.factor_std)
+    said += f" If the sweep's amplitudes were {factor} times as large they would agree"
+    known = [words for value, words in FACTORS.items() if _is(found, value)]
+    return f"{said}: {known[0]}." if known else f"{said}: is it the same gain and drive level?"
+
+
+def _is(found: SweepAgreement, value: float) -> bool:
+    return abs(found.factor / value - 1.0) < max(0.02, 3.0 * found.factor_std / value)
+
+
+def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
+    """Experiments whose peaks fit far better with the places of two of them exchanged.
+
+    Args:
+        problem: its experiments name the peaks.
+        solution: end of the fit.
+    """
+    data, point = problem.data, solution.final
+    sigmas = data.peaks([noise_of(solution.objective, point).sigma[k] for k in data.slices])
+    scaled = iter(zip(data.peaks(point.scaled), sigmas, strict=True))
+    said = []
+    for e in problem.experiments:
+        mine = np.array([next(scaled) for _ in e.read_hz])
+        for i, k in itertools.combinations(range(len(e.read_hz)), 2):
+            model, sigma = mine[[i, k], 0], mine[[i, k], 1]
+            as_is, swapped = (
+                float(np.sum(((model - peaks) / (peaks * sigma)) ** 2))
+                for peaks in (e.peaks_v[[i, k]], e.peaks_v[[k, i]])
+            )
+            if as_is > SWAPPED_BEYOND and swapped < SWAPPED_SHARE * as_is:
+                said.append(
+                    f"{e.label}: its peaks at {hertz(e.read_hz[i])} and {hertz(e.read_hz[k])} fit "
+                    "if they have changed places: were their labels exchanged?"
+                )
+    return said
+
+
+def line_sentences_of(experiments: Sequence[Experiment]) -> list[str]:
+    """A line that stands in the spectra at no tone of the drive, nor at a mixture of tones.
+
+    Args:
+        experiments: with their spectra.
+    """
+    found = []
+    for e in experiments:
+        if e.spectrum is not None:
+            known = (*e.tones_hz, *e.read_hz, *mixed_hz(e.tones_hz, MIXED_ORDER))
+            line = unknown_line(e.spectrum.frequency_hz, e.spectrum.amplitude_v, known)
+            if line is not None:
+                found.append((e.label, *line))
+    if not found:
+        return []
+    label, place, height = max(found, key=lambda each: each[2])
+    many = f"{len(found)} of the spectra hold" if len(found) > 1 else "One spectrum holds"
+    unit = next(e.spectrum.unit for e in experiments if e.spectrum is not None)
+    return [
+        f"{many} a line at none of the declared tones, the largest {height:.3g} {unit} at "
+        f"{hertz(place)} in {label}: an undeclared drive, or interference?"
+    ]

@@ -1,0 +1,140 @@
+"""What a measurement looks like beside its model, as data: panels of points, curves and stems.
+
+A kind of measurement answers with such a description (`Measurement.figures`);
+`fitting.report.plot.panel` draws any of them. Nothing here knows of colours or of a drawing
+library: a layer says which part it plays, not how that looks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from fitting.text.arrays import FloatArray
+
+
+class Role(Enum):
+    """The part that a layer plays."""
+
+    MEASURED = "measured"
+    #: The model of this panel, at the fitted parameters unless the panel says otherwise.
+    SIMULATED = "simulated"
+    #: The model at the start parameters, beside the fitted one: the axes do not stretch for it.
+    START = "start"
+    #: Another description of the same data, as a line that is fitted without the FMU.
+    OTHER = "other"
+
+
+class Form(Enum):
+    """How a layer's values hang together."""
+
+    POINTS = "points"
+    CURVE = "curve"
+    #: Values that stand on zero, one by one, as lines of a spectrum.
+    STEMS = "stems"
+    #: Values with their standard deviations, as short horizontal bars.
+    LEVELS = "levels"
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Values ``y`` (n,) at ``x`` (n,), in the units of the panel's axes; ``label`` for the legend.
+
+    ``sigma`` (n,) are standard deviations of y; empty or NaN: not known.
+
+    Raises:
+        ValueError: arrays of different shapes.
+    """
+
+    role: Role
+    form: Form
+    x: FloatArray
+    y: FloatArray
+    _: KW_ONLY
+    label: str = ""
+    sigma: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "sigma"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        if self.x.ndim != 1 or self.x.shape != self.y.shape:
+            raise ValueError(f"{self.label}: x {self.x.shape} and y {self.y.shape} differ")
+        if self.sigma.size and self.sigma.shape != self.y.shape:
+            raise ValueError(f"{self.label}: {self.y.size} values, but {self.sigma.size} sigmas")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What stands on an axis: ``label`` and ``unit``, which may get a prefix; linear, or ``log``.
+
+    It goes from ``low`` to ``high``, in its unit; None: as the layers need. Panels of one figure
+    whose axes are equal share them.
+    """
+
+    label: str
+    unit: str = ""
+    _: KW_ONLY
+    log: bool = False
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """One pair of axes with its layers.
+
+    ``title`` stands above it, ``when`` before the label of y, ``notes`` are lines of text within.
+    ``marked`` are places along x with a vertical line each; ``level`` is a horizontal line (NaN:
+    none). ``joined``: the difference of measured and simulated values is drawn as a bar between
+    both. ``shape`` numbers the marker of simulated points: one for each experiment. ``height`` is
+    relative to that of a full panel.
+    """
+
+    x: Axis
+    y: Axis
+    layers: tuple[Layer, ...]
+    title: str = ""
+    when: str = ""
+    notes: tuple[str, ...] = ()
+    marked: tuple[float, ...] = ()
+    level: float = float("nan")
+    joined: bool = False
+    shape: int = 0
+    height: float = 1.0
+
+    def of(self, role: Role) -> tuple[Layer, ...]:
+        """Its layers that play a role.
+
+        Args:
+            role: which one.
+        """
+        return tuple(layer for layer in self.layers if layer.role is role)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """What one measurement shows: rows of panels, and what is said about them.
+
+    ``name`` is short, for files, a number before it says where it stands among the others;
+    ``caption`` stands below it, ``alt`` is for those who do not see it; ``series`` is the
+    measurement's, empty where there is one only.
+    """
+
+    name: str
+    title: str
+    caption: str
+    alt: str
+    rows: tuple[tuple[Panel, ...], ...]
+    series: str = ""
+
+    @property
+    def stem(self) -> str:
+        """Name of its file, without an ending."""
+        return f"{self.name}_{self.series}" if self.series else self.name
+
+    @property
+    def panels(self) -> tuple[Panel, ...]:
+        """All panels, row by row."""
+        return tuple(panel for row in self.rows for panel in row)

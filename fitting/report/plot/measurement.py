@@ -1,0 +1,236 @@
+"""Plots of what measurements show beside their model: any `fitting.measurements.figure.Panel`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
+from fitting.report.plot.axes import (
+    GREY,
+    MEASURED,
+    SIMULATED,
+    axes_of,
+    ink,
+    log_axis,
+    marker_of,
+    plain_ticks,
+    short,
+    width_inches,
+)
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import Scaling, prefixed, scaling_for
+
+DASHES = (0, (4, 2))
+LONG_DASHES = (0, (5, 2))
+#: Room above the highest value, as a share of it.
+ABOVE = 0.08
+#: Panels that are narrower have room for few ticks.
+NARROW_INCHES = 3.5
+#: Letters of a title in an inch.
+LETTERS_PER_INCH = 10.8
+
+
+@dataclass(frozen=True)
+class Scales:
+    """How the values of both axes of a panel are written."""
+
+    x: Scaling
+    y: Scaling
+
+
+def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) -> Axes:
+    """Draw one panel of a measurement: what was measured beside what the model says.
+
+    Args:
+        shown: the panel, as a kind of measurement describes it.
+        among: panels beside it; those with an equal axis choose its prefix together.
+        ax: where to draw; pyplot's current axes if not given.
+    """
+    axes = axes_of(ax)
+    panels = among or (shown,)
+    scales = Scales(
+        _scaling(shown.x, _along_x(shown.x, panels)), _scaling(shown.y, _along_y(shown.y, panels))
+    )
+    for place in shown.marked:
+        axes.axvline(scales.x(place), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
+    if np.isfinite(shown.level):
+        axes.axhline(scales.y(shown.level), color=GREY, linewidth=0.8, zorder=1)
+    for layer in shown.layers:
+        _LOOKS[layer.form](axes, layer, scales, shown.shape)
+    if shown.joined:
+        _join(axes, shown, scales)
+    if shown.notes:
+        _note(axes, shown.notes)
+    if shown.title:
+        longest = int(LETTERS_PER_INCH * width_inches(axes))
+        lines = (short(line, longest) for line in shown.title.splitlines())
+        axes.set_title("\n".join(lines), fontsize="small")
+    _label(axes, shown, scales)
+    _limit(axes, shown, panels, scales)
+    return axes
+
+
+def _scaling(axis: Axis, values: FloatArray) -> Scaling:
+    """A prefix; where values lie close together, from a round number near by."""
+    if axis.log or axis.low == 0.0:
+        size = max(np.abs(values), default=0.0)
+        if axis.log and np.any(values > 0.0):  # its middle, or all but the end would be powers
+            size = float(np.exp(np.mean(np.log([size, np.min(values[values > 0.0])]))))
+        factor, unit = prefixed(size, axis.unit)
+        return Scaling(offset=0.0, factor=factor, unit=unit)
+    return scaling_for(values, axis.unit)
+
+
+def _along_x(axis: Axis, panels: Sequence[Panel]) -> FloatArray:
+    """Finite values along x of panels that have this axis; its ends, where both are given."""
+    if axis.low is not None and axis.high is not None:
+        return np.array([axis.low, axis.high])
+    mine = [p for p in panels if p.x == axis]
+    return _finite([p.marked for p in mine] + [y.x for p in mine for y in p.layers])
+
+
+def _along_y(axis: Axis, panels: Sequence[Panel]) -> FloatArray:
+    """The same along y, without what the axes do not stretch for."""
+    if axis.low is not None and axis.high is not None:
+        return np.array([axis.low, axis.high])
+    layers = [layer for p in panels if p.y == axis for layer in p.layers]
+    kept = [layer.y for layer in layers if layer.role is not Role.START]
+    return _finite(kept or [layer.y for layer in layers])
+
+
+def _finite(parts: Sequence[Any]) -> FloatArray:
+    values = np.concatenate([np.empty(0), *(np.asarray(part, dtype=float) for part in parts)])
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _scaled(layer: Layer, scales: Scales) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """x, y and standard deviations (zero: not known) of a layer, as they are drawn."""
+    sigma = layer.sigma if layer.sigma.size else np.zeros(layer.y.size)
+    x = (layer.x - scales.x.offset) / scales.x.factor
+    y = (layer.y - scales.y.offset) / scales.y.factor
+    return x, y, np.nan_to_num(sigma, nan=0.0) / scales.y.factor
+
+
+def _colour(layer: Layer) -> str:
+    return {
+        Role.MEASURED: MEASURED,
+        Role.SIMULATED: SIMULATED,
+        Role.START: GREY,
+        Role.OTHER: ink(),
+    }[layer.role]
+
+
+def _points(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
+    """Small dots, with bars where standard deviations are known."""
+    x, y, sigma = _scaled(layer, scales)
+    look: dict[str, Any] = {"color": _colour(layer), "linestyle": "none", "marker": "o"}
+    size = 3.2 if layer.role is Role.MEASURED else 2.6
+    if np.any(sigma > 0.0):
+        axes.errorbar(x, y, yerr=sigma, fmt="none", ecolor=_colour(layer), elinewidth=0.8)
+    axes.plot(x, y, markersize=size, label=layer.label, **look)
+
+
+def _curve(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
+    """A line, told from the others by its dashes and its width as well."""
+    x, y, sigma = _scaled(layer, scales)
+    looks: dict[Role, dict[str, Any]] = {
+        Role.MEASURED: {"linewidth": 1.4},
+        Role.SIMULATED: {"linestyle": LONG_DASHES, "linewidth": 1.8},
+        Role.START: {"linestyle": ":", "linewidth": 1.5},
+        Role.OTHER: {"linewidth": 1.0},
+    }
+    if np.any(sigma > 0.0):
+        axes.fill_between(x, y - sigma, y + sigma, color=_colour(layer), alpha=0.2, linewidth=0.0)
+    axes.plot(x, y, color=_colour(layer), label=layer.label, **looks[layer.role])
+
+
+def _stems(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
+    """Dashed stems with an open marker, whose shape tells the experiment."""
+    x, y, _ = _scaled(layer, scales)
+    colour = _colour(layer)
+    axes.vlines(x, 0.0, y, color=colour, linestyle=DASHES, linewidth=1.3)
+    look: dict[str, Any] = {
+        "marker": marker_of(shape),
+        "markersize": 5.0,
+        "markerfacecolor": axes.get_facecolor(),
+        "markeredgecolor": colour,
+    }
+    axes.plot(x, y, linestyle="none", zorder=6, **look)
+    axes.plot([], [], linestyle=DASHES, color=colour, label=layer.label, **look)
+
+
+def _levels(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
+    """Short bars in ink with their errors: they stand out on whatever lies below."""
+    x, y, sigma = _scaled(layer, scales)
+    axes.errorbar(
+        x,
+        y,
+        yerr=sigma,
+        fmt="_",
+        color=ink(),
+        markersize=9,
+        elinewidth=0.9,
+        capsize=2.5,
+        zorder=5,
+        label=layer.label,
+    )
+
+
+_LOOKS = {Form.POINTS: _points, Form.CURVE: _curve, Form.STEMS: _stems, Form.LEVELS: _levels}
+
+
+def _join(axes: Axes, shown: Panel, scales: Scales) -> None:
+    """Bars from measured to simulated values that stand at the same places."""
+    simulated = shown.of(Role.SIMULATED)[-1]
+    pairs = [m for m in shown.of(Role.MEASURED) if np.array_equal(m.x, simulated.x)]
+    x, y, _ = _scaled(simulated, scales)
+    for layer in pairs:
+        measured = _scaled(layer, scales)[1]
+        axes.vlines(x, measured, y, color=ink(), linewidth=1.8, zorder=7, label="difference")
+
+
+def _note(axes: Axes, lines: Sequence[str]) -> None:
+    axes.text(
+        0.985,
+        0.96,
+        "\n".join(lines),
+        ha="right",
+        va="top",
+        transform=axes.transAxes,
+        fontsize="small",
+        linespacing=1.5,
+    )
+
+
+def _label(axes: Axes, shown: Panel, scales: Scales) -> None:
+    axes.set_xlabel(scales.x.label(shown.x.label))
+    label = scales.y.label(shown.y.label)
+    if shown.height < 1.0 and scales.y.unit:  # a low panel has no room for a long label
+        label = f"{shown.y.label}\n({scales.y.unit})"
+    axes.set_ylabel(f"{shown.when}: {label}" if shown.when else label)
+
+
+def _limit(axes: Axes, shown: Panel, panels: Sequence[Panel], scales: Scales) -> None:
+    """Ends and ticks of both axes."""
+    narrow = width_inches(axes) < NARROW_INCHES
+    plain_ticks(axes, x=4 if narrow else 8, y=5 if shown.height >= 1.0 else 4)
+    if shown.x.log:
+        log_axis(axes, "x")
+    if shown.y.log:
+        log_axis(axes)
+    if shown.x.low is not None:
+        axes.set_xlim(left=scales.x(shown.x.low))
+    if shown.x.high is not None:
+        axes.set_xlim(right=scales.x(shown.x.high))
+    if shown.y.low is not None:
+        top = max(_along_y(shown.y, panels), default=0.0)
+        if shown.y.high is None and top > shown.y.low:
+            axes.set_ylim(top=scales.y(top + ABOVE * (top - shown.y.low)))
+        axes.set_ylim(bottom=scales.y(shown.y.low))
+    if shown.y.high is not None:
+        axes.set_ylim(top=scales.y(shown.y.high))

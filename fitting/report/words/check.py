@@ -1,0 +1,84 @@
+"""What a doctor found of an FMU, in lines."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from fitting.campaign.check import Check
+from fitting.fmu import FmuDescription, FmuVariable
+from fitting.fmu.trial import Trial
+
+#: Those that the binary which pythonfmu packs into an FMU looks for on the machine.
+PYTHONS = "3.8 to 3.13"
+SHOWN = ("parameter", "input", "output", "calculatedParameter")
+
+
+def description_lines(description: FmuDescription) -> list[str]:
+    """What an FMU says of itself: where it runs, who made it, its variables.
+
+    Args:
+        description: of the FMU.
+    """
+    counts = Counter(v.causality for v in description.variables.values())
+    shown = [v for v in description.variables.values() if v.causality in SHOWN]
+    width = max((len(v.name) for v in shown), default=0)
+    return [
+        f"{description.path}: {description.model_name}, FMI {description.fmi_version}, "
+        f"{', '.join(description.platforms)}",
+        f"guid {description.guid}, sha256 {description.sha256}",
+        f"made by {description.generation_tool or 'a tool that does not tell'}",
+        *_needs(description),
+        ", ".join(f"{n} {causality}" for causality, n in sorted(counts.items())),
+        "",
+        *(_row(v, width) for v in shown),
+        "",
+    ]
+
+
+def check_lines(found: Check) -> list[str]:
+    """What a doctor found, but for what is wrong with the FMU in one sentence.
+
+    Args:
+        found: of the FMU.
+    """
+    lines = [f"problem: {problem}" for problem in found.problems]
+    if found.suits is not None:
+        suits = found.suits
+        lines.append(
+            f"{suits.campaign}: suits this FMU; {suits.parameters} parameters to fit, "
+            f"{suits.experiments} experiments, output {suits.output}"
+        )
+    if found.trial is not None:
+        lines.append(_trial(found.trial))
+    if found.resets is not None:
+        lines.append(f"reset: {found.resets.reuse}")
+        if found.resets.unvaried:
+            said = ", ".join(found.resets.unvaried)
+            lines.append(f"not varied, because the FMU refuses: {said}")
+    return [*lines, *(f"the FMU warns: {warning}" for warning in found.warnings)]
+
+
+def _trial(trial: Trial) -> str:
+    line = f"trial run: one step of {trial.step_s:g} s, {len(trial.numbers)} outputs are numbers"
+    return line + (f"; not a number: {', '.join(trial.blank)}" if trial.blank else "")
+
+
+def _needs(description: FmuDescription) -> list[str]:
+    """What the flags of the FMU ask of a host."""
+    lines = []
+    if description.needs_execution_tool:
+        python = "pythonfmu" in description.generation_tool.lower()
+        what = f", here a libpython of Python {PYTHONS}" if python else ""
+        lines.append(f"needsExecutionTool: needs further software on the machine{what}")
+    if description.one_instance_per_process:
+        lines.append("canBeInstantiatedOnlyOncePerProcess: one instance in a process")
+    return lines
+
+
+def _row(v: FmuVariable, width: int) -> str:
+    start = "" if v.start is None else f" = {v.start}"
+    limits = [] if v.min is None else [f"from {v.min:g}"]
+    limits += [] if v.max is None else [f"to {v.max:g}"]
+    unit = "" if v.unit is None else f" {v.unit}"
+    text = f"{v.name:{width}}  {v.causality}, {v.variability}, {v.kind}{start}{unit}"
+    return " ".join([text, *limits])

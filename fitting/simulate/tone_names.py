@@ -1,0 +1,46 @@
+"""Which parameters of an FMU hold tones beside those that are named."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fitting.fmu import FmuVariable
+from fitting.text.arrays import Scalar
+
+TONE_NAME = re.compile(r"(.*?)(\d+)")
+#: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
+AMPLITUDE_STEM = "A"
+
+
+@dataclass(frozen=True)
+class OtherTone:
+    """A tone that nobody named: the parameters of its frequency and of its amplitude."""
+
+    frequency: str
+    amplitude: str
+
+
+def other_tones(
+    names: Sequence[str], values: Mapping[str, Scalar], variables: Mapping[str, FmuVariable]
+) -> tuple[OtherTone, ...]:
+    """Parameters named like the tones, but for their number, with amplitudes that are not zero.
+
+    Args:
+        names: parameters that hold the tones.
+        values: start values, by name.
+        variables: of the FMU, by name.
+    """
+    stems = {match[1] for name in names if (match := TONE_NAME.fullmatch(name))}
+    found = []
+    for name, variable in variables.items():
+        match = TONE_NAME.fullmatch(name)
+        if match is None or match[1] not in stems or name in names:
+            continue
+        amplitude = variables.get(AMPLITUDE_STEM + match[2])
+        if amplitude is None or not variable.can_be_started:
+            continue
+        if values.get(amplitude.name, amplitude.start):
+            found.append(OtherTone(name, amplitude.name))
+    return tuple(found)

@@ -1,0 +1,88 @@
+"""Temporary folders that do not stay: what a killed process left is removed by the next one."""
+
+from __future__ import annotations
+
+import os
+import platform
+import secrets
+import shutil
+import tempfile
+import weakref
+from contextlib import suppress
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from fitting.text.errors import BadInput
+
+PREFIX = "fmu-fit-"
+#: In the folder: locked as long as its owner lives; tells on which machine that is.
+OWNER_NAME = "owner"
+
+
+class Scratch:
+    """A new temporary folder of this process.
+
+    Before it is made, those are removed whose owners are gone without having removed them, as after
+    ``kill -9``. The system frees their locks, so that no living process is taken for a dead one.
+
+    Args:
+        parent: where it is made; None: in the folder of temporary files (``TMPDIR``).
+
+    Raises:
+        BadInput: there is no room or no permission for one.
+    """
+
+    def __init__(self, parent: Path | None = None) -> None:
+        try:
+            place = Path(tempfile.gettempdir() if parent is None else parent)
+            _remove_abandoned(place)
+            self.path = place / f"{PREFIX}{secrets.token_hex(8)}"
+            # before there is one: what asks the process to end may come at any moment
+            self._remove = weakref.finalize(self, _remove, self.path, os.getpid())
+            self.path.mkdir(mode=0o700)
+            self._lock = _locked(self.path)
+        except OSError as error:
+            where = parent or error.filename or tempfile.gettempdir()
+            raise BadInput(
+                f"{where}: no folder for temporary files can be made: {error.strerror} (set TMPDIR)"
+            ) from error
+
+    def remove(self) -> None:
+        """Remove the folder with all that is in it; nothing if it is gone already."""
+        self._remove()
+        self._lock.release()
+
+    def __enter__(self) -> Path:
+        return self.path
+
+    def __exit__(self, *_: object) -> None:
+        self.remove()
+
+
+def _remove(folder: Path, owner: int) -> None:
+    if os.getpid() == owner:  # and not a fork of it
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _locked(folder: Path) -> FileLock:
+    """A lock in the folder that has its name only once it is held: nobody meets it unlocked."""
+    draft = folder / f"{OWNER_NAME}.draft"
+    draft.write_text(platform.node(), "utf-8")
+    lock = FileLock(draft, blocking=False, thread_local=False)  # a finaliser may free it
+    lock.acquire()
+    with suppress(PermissionError):  # Windows renames no open file: such a folder is never removed
+        draft.rename(folder / OWNER_NAME)
+    return lock
+
+
+def _remove_abandoned(place: Path) -> None:
+    """Remove what processes of this machine left that are gone."""
+    for owner in place.glob(f"{PREFIX}*/{OWNER_NAME}"):
+        with suppress(OSError, Timeout):
+            if owner.parent.is_symlink() or owner.read_text("utf-8") != platform.node():
+                continue  # a lock may say nothing to other machines that share the folder
+            if hasattr(os, "getuid") and owner.stat().st_uid != os.getuid():
+                continue
+            with FileLock(owner, blocking=False):
+                shutil.rmtree(owner.parent, ignore_errors=True)

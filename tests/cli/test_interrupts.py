@@ -1,0 +1,165 @@
+"""However a command is asked to end, nothing that was found is lost, and nothing stays behind.
+
+Real processes and real signals; what is waited for are files and processes, never a time.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from fitting.fit import checkpoint
+from fitting.result.result import read_result
+from tests.support.cfmu_build import build_c_fmu
+from tests.support.processes import Job, wait_until
+from tests.support.small_campaign import STRING, small_campaign
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+
+
+@pytest.fixture(scope="module")
+def campaign(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_campaign(tmp_path_factory.mktemp("small") / "campaign", oscillator_fmu)
+
+
+@contextmanager
+def reconstructing(campaign: Path, folder: Path, *words: str, ignored: int = 0) -> Iterator[Job]:
+    """``fmu-fit reconstruct`` with ``folder`` for its results and its temporary files."""
+    command = ["reconstruct", str(campaign), "--out", str(folder / "out"), "--no-report"]
+    with Job([*command, "--workers", "1", *words], folder / "tmp", ignored) as job:
+        yield job
+
+
+def test_an_end_during_the_fit_is_reported_and_gone_on_from(campaign: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "out" / checkpoint.NAME
+    with reconstructing(campaign, tmp_path, "--no-profiles") as job:
+        wait_until(kept.exists, "the first level")
+        job.send(signal.SIGTERM)
+        code, out, err = job.ended()
+    assert code == 1, err
+    assert read_result(tmp_path / "out" / "result.json").status == "interrupted"
+    assert "go on with: fmu-fit reconstruct" in out
+    assert "--resume" in out
+    assert job.left_behind() == []
+    with reconstructing(campaign, tmp_path, "--no-profiles", "--resume") as job:
+        code, out, err = job.ended()
+    assert code == 0, err
+    assert "finished levels found" in out
+    assert not kept.exists()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP])
+def test_ends_during_the_profiles_keep_the_fit(
+    campaign: Path, tmp_path: Path, how: signal.Signals
+) -> None:
+    """The fit is written before the profiles begin; two signals at once do not lose it."""
+    result = tmp_path / "out" / "result.json"
+    with reconstructing(campaign, tmp_path) as job:
+        wait_until(result.exists, "the result of the fit")
+        early = read_result(result)
+        job.send(how)
+        job.send(how)
+        code, out, err = job.ended()
+    assert code == 1, err
+    assert "Traceback" not in err
+    assert early.status == "converged"
+    assert any("ended before the profiles were done" in text for text in early.warnings)
+    late = read_result(result)
+    assert late.parameters == early.parameters
+    assert any("profiles were done" in text for text in late.warnings)
+    assert "go on with: " in out
+    assert (tmp_path / "out" / checkpoint.NAME).exists()
+    assert job.left_behind() == []
+
+
+def test_a_job_in_the_background_is_asked_to_end_by_int(campaign: Path, tmp_path: Path) -> None:
+    """A shell that starts a job with & lets it ignore Ctrl-C."""
+    kept = tmp_path / "out" / checkpoint.NAME
+    with reconstructing(campaign, tmp_path, "--no-profiles", ignored=signal.SIGINT) as job:
+        wait_until(kept.exists, "the first level")
+        job.send(signal.SIGINT)
+        code, _, err = job.ended()
+    assert code == 1, err
+    assert read_result(tmp_path / "out" / "result.json").status == "interrupted"
+
+
+def test_a_hangup_that_is_ignored_stays_ignored(campaign: Path, tmp_path: Path) -> None:
+    """As under nohup."""
+    kept = tmp_path / "out" / checkpoint.NAME
+    with reconstructing(campaign, tmp_path, "--no-profiles", ignored=signal.SIGHUP) as job:
+        wait_until(kept.exists, "the first level")
+        job.send(signal.SIGHUP)
+        code, _, err = job.ended()
+    assert code == 0, err
+
+
+def test_another_command_ends_with_130_and_leaves_nothing(tmp_path: Path) -> None:
+    """In the middle of an endless loop of the FMU."""
+    hung = tmp_path / "hung"
+    words = [
+        "check",
+        str(build_c_fmu(tmp_path, marks={"HANGS_WHERE_VARIED": hung})),
+        "--timeout",
+        "1 d",
+    ]
+    with Job(words, tmp_path / "tmp") as job:
+        wait_until(hung.exists, "the endless loop")
+        job.send(signal.SIGTERM)
+        code, _, err = job.ended()
+    assert (code, err) == (130, "fmu-fit: interrupted\n")
+    assert job.left_behind() == []
+
+
+def test_a_model_that_is_being_built_leaves_nothing(tmp_path: Path) -> None:
+    words = ["reconstruct", str(STRING / "campaign.toml"), "--out", str(tmp_path / "out")]
+    with Job(words, tmp_path / "tmp") as job:
+        wait_until(lambda: any(job.temporary.iterdir()), "the folder of the build")
+        job.send(signal.SIGTERM)
+        code, _, err = job.ended()
+    assert (code, err) == (130, "fmu-fit: interrupted\n")
+    assert job.left_behind() == []
+
+
+def test_a_worker_that_is_killed_again_and_again_names_the_way_on(
+    campaign: Path, tmp_path: Path
+) -> None:
+    """As the system does for want of memory: once is not noticed, twice is told."""
+    kept = tmp_path / "out" / checkpoint.NAME
+    with reconstructing(campaign, tmp_path, "--no-profiles") as job:
+        wait_until(kept.exists, "the first level")
+        while job.is_running:
+            job.kill_workers()
+        code, _, err = job.ended()
+    assert code == 3, err
+    assert "had its process killed (SIGKILL) twice" in err
+    assert "finished levels are kept, go on with: fmu-fit reconstruct" in err
+    assert err.count("\n") == 2
+    with reconstructing(campaign, tmp_path, "--no-profiles", "--resume") as job:
+        code, out, err = job.ended()
+    assert code == 0, err
+    assert "finished levels found" in out
+
+
+def test_what_is_printed_reaches_its_end_although_an_fmu_forks(tmp_path: Path) -> None:
+    """The FMU's child keeps open what it has; ``| tail`` must not wait for it."""
+    child = tmp_path / "child"
+    fmu = build_c_fmu(tmp_path, marks={"FORKS_ONCE": child})
+    ran = subprocess.run(
+        [sys.executable, "-m", "fitting", "check", str(fmu)],
+        stdin=subprocess.PIPE,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    )
+    assert child.exists()
+    assert ran.returncode == 0, ran.stderr
+    assert "trial run" in ran.stdout
+    assert list(tmp_path.glob("fmu-fit-*")) == []

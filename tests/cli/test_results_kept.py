@@ -1,0 +1,60 @@
+"""Every command keeps what it did not write, and says so before it begins to work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from fitting.cli.main import main
+from fitting.text.results_folder import results_folder
+
+Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
+COMMANDS = {
+    "reconstruct": ([str(Q1)], "result.json"),
+    "identify": ([str(Q1)], "identify.json"),
+    "design": ([str(Q1)], "campaign/experiments.csv"),
+    "simulate": (["no.fmu"], "peaks.csv"),
+    "sweep": (["no.fmu", "--from", "6 MHz", "--to", "7 MHz"], "sweep.csv"),
+    "synthesize": (["--series", "q1"], "spectra/pair3.csv"),
+    "tradeoff": ([], "tradeoff.csv"),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_file_of_the_laboratory_is_kept(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words, name = COMMANDS[command]
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("measured")
+    assert main([command, *words, "--out", str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == (
+        f"fmu-fit: {path}: is there already, and fmu-fit {command} did not write it, so it is "
+        "kept; wanted another folder (--out)\n"
+    )
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [path]
+    assert path.read_text() == "measured"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_while_another_command_writes_there_it_is_refused(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another process, or as here another thread of this one, has the folder open."""
+    codes: list[int] = []
+    words = [command, *COMMANDS[command][0], "--out", str(tmp_path)]
+    with results_folder(tmp_path, "sweep"):
+        other = Thread(target=lambda: codes.append(main(words)))
+        other.start()
+        other.join()
+    assert codes == [2]
+    assert capsys.readouterr().err == (
+        f"fmu-fit: {tmp_path}: another fmu-fit command is writing there; wanted another folder "
+        "(--out), or to wait until it has ended\n"
+    )
+    assert not list(tmp_path.iterdir())

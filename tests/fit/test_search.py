@@ -1,0 +1,182 @@
+"""The search of the box against other optimisers and against symmetries known in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import differential_evolution
+
+from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
+from fitting.fit.alternative import Solved, run_alternative
+from fitting.fit.choice import chosen
+from fitting.fit.objective import make_objective
+from fitting.fit.search.box import Box
+from fitting.fit.search.minima import search_box
+from fitting.fit.search.twins import find_twins
+from fitting.fit.solver.continuation import Course, Schedule, own_start
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.fit.solver.interior_point import SolveSettings
+from tests.support import closed_form
+from tests.support.crossing import Laboratory, laboratory
+from tests.support.datasets import answer, dataset
+
+
+def test_points_fill_the_box_by_decades_and_go_on_where_they_ended() -> None:
+    box = Box(laboratory(0).parameters)
+    points = [to_model(box.parameters, x) for x in box.spread(64, seed=3)]
+    decades = np.bincount([int(np.log10(p[1])) for p in points], minlength=3)
+    assert decades == pytest.approx([64 / 3] * 3, abs=2.0)  # 1 to 1000 Hz
+    quarters = np.bincount([int(4 * np.mod(p[0], np.pi) / np.pi) for p in points], minlength=4)
+    assert quarters == pytest.approx([16] * 4, abs=1)
+    longer = box.spread(128, seed=3)
+    assert np.array_equal(longer[:64], box.spread(64, seed=3))
+    assert np.array_equal(longer[64:], box.spread(64, seed=3, skip=64))
+
+
+def test_distances_in_the_box_take_periods_off() -> None:
+    lab = laboratory(0)
+    box, p = Box(lab.parameters), lab.truth
+    turned = p + np.array([np.pi, 0.0, 0.0, 0.0, 0.0])
+    doubled = p * np.array([1.0, 10.0, 1.0, 1.0, 1.0])
+    x, y, z = (to_search(lab.parameters, each) for each in (p, turned, doubled))
+    assert box.apart(x, y) == pytest.approx(0.0, abs=1e-12)
+    assert box.apart(x, z) == pytest.approx(1.0 / 3.0)  # a decade of three
+
+
+def least_by_evolution(lab: Laboratory) -> float:
+    """Chi square of scipy's differential evolution over the whole box, polished."""
+    low, high = bounds(lab.parameters)
+    low, high = low.copy(), high.copy()
+    low[0], high[0] = 0.0, np.pi
+    found = differential_evolution(
+        lab.chi_square, list(zip(low, high, strict=True)), rng=1, popsize=12, maxiter=120, tol=1e-6
+    )
+    return float(found.fun)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_search_finds_what_differential_evolution_finds(seed: int) -> None:
+    lab = laboratory(seed)
+    search = search_box(lab.evaluator(), [own_start(lab.parameters)], 1, 1000)
+    least = search.minima[0]
+    # a minimum is known to what a descent leaves
+    assert least.chi_square <= min(least_by_evolution(lab), lab.chi_square(lab.truth)) + 0.01
+    assert lab.chi_square(to_model(lab.parameters, least.x)) == pytest.approx(least.chi_square)
+    assert search.explained
+    heights = [minimum.chi_square for minimum in search.minima]
+    assert heights == sorted(heights)
+    assert sum(minimum.descents for minimum in search.minima) == search.descents
+
+
+def course(lab: Laboratory, starts: int = 3, *, reflection: bool = False) -> Course:
+    response = replace(lab.response, reflection=reflection)
+    return Course(
+        objective=replace(lab, response=response).objective(),
+        schedule=Schedule(starts=starts),
+        settings=SolveSettings(),
+    )
+
+
+def test_a_lower_minimum_than_that_of_algorithm_2_is_reported_and_both_are_kept() -> None:
+    """Started with both lines on one side, Algorithm 2 ends thousands of chi square too high."""
+    lab = laboratory(1, starts=(5.0, 5.0))
+    outcome = run_alternative(course(lab))
+    own, best = outcome.chains[0], outcome.best
+    assert best is not None
+    assert [step.level for step in own.steps] == list(range(9))
+    assert lab.chi_square(np.array(own.steps[-1].parameters)) > 1000.0
+    assert lab.chi_square(np.array(best.steps[-1].parameters)) < lab.chi_square(lab.truth) + 5.0
+    assert best.steps[-1].j < own.steps[-1].j
+    assert best.nu == own.nu
+    alone = run_alternative(course(lab, starts=1))
+    assert alone.search is None
+    assert alone.best == alone.chains[0]
+
+
+# --- symmetries -----------------------------------------------------------------------------------
+
+
+def test_the_quarter_turn_with_dampings_exchanged_is_found_and_nothing_else() -> None:
+    """T(theta + pi/2) diag(d2, d1) T^T is T(theta) diag(d1, d2) T^T, by matrices alone."""
+    lab = laboratory(3)
+    [twin] = find_twins(Evaluator(lab.objective()), seed=1)
+    image = twin.of(lab.parameters, to_search(lab.parameters, lab.truth))
+    assert image is not None
+    p = to_model(lab.parameters, image)
+    assert p[1:] == pytest.approx(lab.truth[[2, 1, 3, 4]], rel=1e-12)
+    assert np.mod(p[0] - lab.truth[0], np.pi) == pytest.approx(np.pi / 2)
+    one, other = (closed_form.damping(q[0], q[1], q[2], reflection=False) for q in (p, lab.truth))
+    assert one == pytest.approx(other, rel=1e-12)
+
+
+def test_an_exchange_needs_boxes_that_overlap_and_an_image_inside() -> None:
+    lab = laboratory(3)
+    theta, d1, d2, *rest = lab.parameters
+    apart = (theta, replace(d1, upper=100.0), replace(d2, lower=100.5, start=200.0), *rest)
+    assert find_twins(Evaluator(replace(lab, parameters=apart).objective()), seed=1) == []
+    narrow = (theta, d1, replace(d2, upper=600.0), *rest)
+    [twin] = find_twins(Evaluator(replace(lab, parameters=narrow).objective()), seed=1)
+    wide = np.array([1.0, 800.0, 50.0, *lab.truth[3:]])
+    assert twin.of(narrow, to_search(narrow, wide)) is None
+
+
+def test_a_reversed_sign_is_found_in_a_box_about_zero() -> None:
+    class Even:
+        def evaluate_many(self, ps, *, whole=False):  # type: ignore[no-untyped-def]
+            return [answer(np.array([p[0] ** 2, np.cosh(p[0]) + p[1]])) for p in ps]
+
+        def derived_many(self, ps):  # type: ignore[no-untyped-def]
+            return [{} for _ in ps]
+
+    def parameter(name: str, lower: float) -> Parameter:
+        return Parameter(
+            name=name, unit="1", lower=lower, upper=5.0, start=1.0, reference=0.0, scale=1.0
+        )
+
+    box = (parameter("a", -5.0), parameter("b", -4.0))
+    data = dataset(np.array([4.0, 5.0]), np.ones(2))
+    [twin] = find_twins(Evaluator(make_objective(Even(), box, data)), seed=1)
+    assert twin.of(box, np.array([2.0, 3.0])) == pytest.approx([-2.0, 3.0])
+
+
+def test_an_alternative_that_mirrors_another_is_not_searched_again() -> None:
+    """The reflection at -theta has the matrices of the rotation at theta."""
+    lab = laboratory(1, starts=(5.0, 5.0))
+    first = course(lab)
+    outcome = run_alternative(first)
+    second = course(lab, reflection=True)
+    mirrored = run_alternative(second, [Solved(first.objective, outcome)])
+    assert outcome.search is not None
+    assert mirrored.search is not None
+    assert mirrored.search.mirrored
+    assert mirrored.search.evaluations == 0
+    there = Laboratory(replace(lab.response, reflection=True), lab.parameters, lab.data, lab.truth)
+    for minimum in mirrored.search.minima:
+        p = to_model(lab.parameters, minimum.x)
+        assert there.chi_square(p) == pytest.approx(minimum.chi_square, rel=1e-6)
+    assert outcome.best is not None
+    assert mirrored.best is not None
+    assert mirrored.best.steps[-1].j == pytest.approx(outcome.best.steps[-1].j, rel=1e-3)
+
+
+def test_of_a_fit_and_its_twin_the_one_with_every_value_is_reported() -> None:
+    """lambda^2 = -sin(2 theta) (eta_-^2 - eta_+^2)/2 changes its sign with a quarter turn."""
+    lab = laboratory(0)
+    turned = lab.truth[[0, 2, 1, 3, 4]] - np.array([np.pi / 2, 0.0, 0.0, 0.0, 0.0])
+    moved = tuple(
+        replace(p, start=float(start)) for p, start in zip(lab.parameters, turned, strict=True)
+    )
+    there = replace(lab, parameters=moved)
+    outcome = run_alternative(replace(course(there), schedule=Schedule(nu_start=1e-8, levels=1)))
+    assert outcome.best is not None
+    assert np.mod(outcome.best.steps[-1].parameters[0], np.pi) < np.pi / 2  # where lambda is none
+    [found], _ = chosen([there.objective()], [outcome])
+    assert found.best is not None
+    end = np.array(found.best.steps[-1].parameters)
+    assert end[:3] == pytest.approx(lab.truth[:3], rel=0.05)
+    assert np.isfinite(lab.response.derived_many([end])[0]["lambda"][0])
+    assert lab.chi_square(end) == pytest.approx(
+        lab.chi_square(np.array(outcome.best.steps[-1].parameters)), rel=1e-6
+    )

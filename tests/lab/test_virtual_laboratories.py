@@ -1,0 +1,147 @@
+"""The laboratories of the benchmarks: their truth, their files, and that their judge is awake."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from tests.support import reference
+from tests.support.virtual.answers import ModesResponse
+from tests.support.virtual.findings import findings
+from tests.support.virtual.judge import Judged, Likelihood, Statement
+from tests.support.virtual.kinds import KINDS
+from tests.support.virtual.modes import derived, phasors, response
+
+
+@pytest.mark.parametrize("reflection", [False, True])
+def test_modes_agree_with_fifty_digits(reflection: bool) -> None:
+    values = {"theta": 2.1, "d1": 80.0, "d2": 130.0, "eta_plus": 6.9e6, "eta_minus": 6.9003e6}
+    values |= {"reflection": float(reflection), "g1": 1.0, "g2": 0.4}
+    p = SimpleNamespace(**{**values, "reflection": reflection})
+    for u in (6.8999e6, 6.90002e6, 6.9003e6):
+        for mine, outside in zip(phasors(values, u), reference.phasors(p, u), strict=True):
+            assert abs(complex(mine) / complex(outside) - 1.0) < 1e-9
+
+
+def test_physical_coordinates_are_turned_back_by_the_transposed_matrix() -> None:
+    c, s = math.cos(2.1), math.sin(2.1)
+    values = {"theta": 2.1, "d1": 80.0, "d2": 130.0, "eta_plus": 6.9e6, "eta_minus": 6.9003e6}
+    for sign, reflection in ((1.0, 0.0), (-1.0, 1.0)):
+        t = np.array([[sign * c, -sign * s * sign], [s, c]])
+        t[0, 1] = s if reflection else -s
+        values["reflection"] = reflection
+        hybrid = np.array([complex(x) for x in phasors(values, 6.9001e6)])
+        physical = [complex(response(values, 6.9001e6, name)) for name in ("q1", "q2")]
+        np.testing.assert_allclose(physical, t.T @ hybrid, rtol=1e-12)
+
+
+def test_paper_s_numbers_of_lambda() -> None:
+    values = {"theta": 1.9498, "d1": 1.0, "d2": 1.0, "eta_plus": 6.94026e6, "eta_minus": 7.02760e6}
+    assert float(derived(values)["lambda"]) == pytest.approx(0.6476e6, abs=60.0)
+
+
+@pytest.mark.parametrize("kind", ["pairs", "drift", "joint", "crossing", "one_pair", "readings"])
+def test_campaign_files_mean_what_the_laboratory_did(kind: str, tmp_path: Path) -> None:
+    """Through the files, the truth explains the data of an honest laboratory up to its noise."""
+    laboratory = next(lab for lab in map(KINDS[kind], range(3, 99)) if lab.honest)
+    record = ff.Problem.of(laboratory.write(tmp_path), ff.Fmu("CoupledOscillator")).record
+    problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
+    truth = laboratory.truth()
+    known = np.array([truth.get(name, 0.0) for name in problem.names])
+    if kind != "drift":  # there offsets are not among the truth
+        data = record.data
+        rows = problem.residuals(known) / data.sigma
+        scales = np.eye(len(data.series))[data.series_of_rows] * data.measured_rows[:, None]
+        white = scales / data.sigma[:, None]
+        left = rows - white @ np.linalg.lstsq(white, rows)[0]
+        assert np.sum(left**2) < 3.0 * rows.size
+    judge = Likelihood(laboratory)
+    assert judge.chi_square(judge.true) < 3.0 * judge.rows(judge.true).size
+
+
+def test_closed_form_answers_as_the_fmu_does(tmp_path: Path) -> None:
+    laboratory = KINDS["joint"](0)
+    with ff.Fmu("CoupledOscillator", workers=1) as fmu:
+        by_fmu = ff.Problem.of(laboratory.write(tmp_path), fmu)
+        record = by_fmu.record
+        closed = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
+        np.testing.assert_allclose(
+            closed.residuals(closed.start), by_fmu.residuals(closed.start), rtol=0.0, atol=2e-5
+        )
+
+
+def test_equal_fits_of_a_reflection_have_the_same_amplitudes() -> None:
+    laboratory = KINDS["joint"](1)
+    turned = laboratory.truth(reflection=True)
+    plain = laboratory.truth()
+    assert turned["lambda"] == pytest.approx(plain["lambda"], rel=1e-12)
+    assert turned["f1"] == pytest.approx(plain["f2"], rel=1e-12)
+    u = np.array([laboratory.values["eta_plus"]])
+    other = {
+        **laboratory.values,
+        **{n: turned[n] for n in ("theta", "d1", "d2")},
+        "reflection": 1.0,
+    }
+    for one, two in zip(phasors(laboratory.values, u), phasors(other, u), strict=True):
+        np.testing.assert_allclose(abs(one), abs(two), rtol=1e-9)
+
+
+def judged(**changed: object) -> Judged:
+    """A laboratory about which nothing false is said."""
+    said = Statement("width_plus", "determined", 95.0, 1.0, 93.0, 97.0, 95.5, 1.0)
+    other = Statement("Q_plus", "determined", 7e4, 700.0, 6.8e4, 7.2e4, 6.95e4, 700.0)
+    fair = Judged(
+        kind="pairs",
+        seed=1,
+        fault="",
+        honest=True,
+        notes={},
+        status="converged",
+        statements=[said.__dict__, other.__dict__],
+        wide={"width_plus": "determined", "Q_plus": "determined"},
+        warnings=["chi^2 = 12 on 12 degrees of freedom: the stated noise explains the residuals."],
+        chi2_truth=12.0,
+        chi2_end=11.0,
+        chi2_fit=11.0,
+        chi2_best=11.0,
+        chi2_profile=11.0,
+        chi2_rows=12,
+        seconds=1.0,
+    )
+    return replace(fair, **changed)  # type: ignore[arg-type]
+
+
+def said(**changed: object) -> list[dict[str, object]]:
+    """The fair statements, the first of them changed."""
+    first, second = judged().statements
+    return [{**first, **changed}, dict(second)]
+
+
+@pytest.mark.parametrize(
+    ("about", "changed"),
+    [
+        ("truth outside", {"statements": said(truth=97.5)}),
+        ("truth far outside", {"statements": said(truth=120.0)}),
+        ("outside its interval", {"statements": said(value=97.1)}),
+        ("twins", {"statements": said(verdict="partly determined", truth=95.0)}),
+        ("absent", {"statements": said(verdict="not determined", low=1.0, high=1000.0)}),
+        ("changed by the box", {"wide": {"width_plus": "not determined", "Q_plus": "determined"}}),
+        ("wrong minimum", {"chi2_fit": 23.0}),
+        ("wrong optimum", {"chi2_profile": 23.0}),
+        ("short of minimum", {"chi2_end": 23.0}),
+        ("short of optimum", {"chi2_best": 23.0}),
+        ("contradicts", {"warnings": ["q1 and q2 contradict each other: ..."]}),
+        ("false alarm", {"warnings": ["The sweep stands on a background of 12 % of its top."]}),
+        ("not named", {"fault": "rms", "honest": False}),
+        ("failed", {"error": "IndexError: ..."}),
+    ],
+)
+def test_judge_finds_what_is_false(about: str, changed: dict[str, object]) -> None:
+    assert not list(findings(judged()))
+    assert about in {found.about for found in findings(judged(**changed))}
