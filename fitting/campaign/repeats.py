@@ -146,6 +146,6 @@ def _numbers(e: Experiment) -> tuple[str, ...]:
 
 def _digits(peak: float) -> int:
     """Digits with which an amplitude was written at least: as peak, as rms, or in dBm at 50 ohm."""
-    ways = (peak, peak / math.sqrt(2.0), 10.0 * math.log10(peak**2 / 0.1))
+    ways = (peak, peak / math.sqrt(2.0), 20.0 * math.log10(peak) + 10.0)
     mantissas = (f"{value:.{COMPARED - 1}e}".partition("e")[0] for value in ways)
     return min(len(m.strip("-0.").replace(".", "")) for m in mantissas)

@@ -10,6 +10,7 @@ from fitting.campaign.parameters import canonical
 from fitting.fit.fit import Fit
 from fitting.fit.planned_fmu import PlannedFmu
 from fitting.fmu import FmuDescription, FmuWorkers
+from fitting.fmu.pool import DROPPED
 from fitting.inference.infer import Inference
 from fitting.inference.warnings import Kind, warned
 from fitting.measurements.fmu_response import FmuResponse
@@ -121,6 +122,7 @@ def _notes_of_other_parameters(
     if not rest:
         return ()
     more = f"; and {len(rest) - MOST_KINDS} more" if len(rest) > MOST_KINDS else ""
+    more += "; further ones were not kept" * (DROPPED in warnings)
     shown = "; ".join(_in_short(alike) for alike in rest[:MOST_KINDS])
     return (f"At other parameters than the reported ones the FMU warned: {shown}{more}",)
 
@@ -128,7 +130,7 @@ def _notes_of_other_parameters(
 def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
     """Warnings that differ in their numbers only, together."""
     kinds: dict[str, list[str]] = {}
-    for said in warnings:
+    for said in (text for text in warnings if text != DROPPED):
         kinds.setdefault(NUMBER.sub("#", said), []).append(said)
     return kinds
 

@@ -5,6 +5,7 @@ Nothing here is a claim about speed: the bound of a wait only stops a test that 
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -112,7 +113,8 @@ class Job:
         """Kill all child processes."""
         for pid in self.workers():
             self._workers.add(pid)
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):  # it may have ended since
+                os.kill(pid, signal.SIGKILL)
 
     def ended(self) -> tuple[int, str, str]:
         """Exit code, output and errors, once it has ended."""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from fitting.report.plot.axes import (
@@ -321,6 +322,9 @@ def _scale_deviations(axes: Axes, result: Result, *, with_errors: bool = False) 
     means = sorted((before.mean, after.mean))
     if positive and 0.0 < FAR_APART * means[0] < means[1]:
         log_axis(axes)
+        for line in axes.lines:  # zero lies a thousand decades below: a peak matched exactly
+            if not np.all(np.asarray(line.get_ydata()) > 0.0):
+                line.set_clip_on(True)
         return
     errors = max(map(_relative_sigma, result.peaks), default=0.0) if with_errors else 0.0
     axes.set_ylim(0.0, 1.1 * (max(positive, default=1.0) + errors))
