@@ -19,7 +19,6 @@ from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.fit.options import Options
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import Schedule
@@ -30,6 +29,7 @@ from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind
 from fitting.report.table import Table, html_table, terminal_text, text_lines
 from fitting.report.tables.values import interval_table
@@ -140,10 +140,11 @@ class Tikhonov:
 class Value:
     """One parameter or derived output: what the data say of it, all numbers in ``unit``.
 
-    ``value`` and ``std`` are nan where the data leave it open; ``verdict`` is "determined", "partly
-    determined" or "not determined", ``shrinkage`` the share of the variance that the data answer
-    for; ``range`` is what it could be without any data, ``stopped_at`` where the optimiser ended.
-    ``profile`` is its profile likelihood, None where none was walked.
+    ``value`` is the most likely one; it and ``std`` are nan where the data leave it open on a side.
+    ``verdict`` is one of `Verdict`, with a ``reason``; ``range`` is what it could be without any
+    data, ``stopped_at`` the most likely point all the same, ``algorithm2`` the end of Algorithm 2
+    (nan for values of single experiments). ``profile`` is its profile likelihood, None where none
+    was walked.
     """
 
     name: str
@@ -151,10 +152,11 @@ class Value:
     unit: str
     value: float
     std: float
-    verdict: str
-    shrinkage: float
+    verdict: Verdict
+    reason: str
     range: tuple[float, float]
     stopped_at: float
+    algorithm2: float
     reference: float
     interval95: tuple[float, float]
     profile: Profile | None = None
@@ -191,13 +193,14 @@ class Value:
             "range_low": self.range[0],
             "range_high": self.range[1],
             "reference": self.reference,
-            "shrinkage": self.shrinkage,
-            "verdict": self.verdict,
+            "algorithm2": self.algorithm2,
+            "verdict": str(self.verdict),
         }
 
     def __repr__(self) -> str:
         if math.isnan(self.value):
-            text = f"{self.name}: {self.verdict}, anything from {span(*self.range, self.unit)}"
+            open_ = self.interval95 if math.isfinite(self.interval95[0]) else self.range
+            text = f"{self.name}: {self.verdict}, {span(*open_, self.unit)}"
         else:
             text = f"{self.name} = {quantity(self.value, self.std, self.unit)}, {self.verdict}"
         return text.replace("\u00a0", " ")
@@ -271,13 +274,12 @@ class Valued(ABC):
         return interval_table(self.inferred, self.source.problem.record.title)
 
     def __repr__(self) -> str:
-        fit = self.source
         lines = [
             self.table.caption,
             "",
             *text_lines(self.table),
             "",
-            f"{fit.status}: {fit.message}",
+            f"{self.inferred.status.value}: {self.inferred.message}",
         ]
         return terminal_text("\n".join(lines))
 
@@ -325,13 +327,13 @@ class Fit(Valued):
 
     @property
     def status(self) -> str:
-        """How it ended: "converged", "not converged" or "interrupted"."""
-        return self.record.status.value
+        """How it ended: "converged", or another word of `fitting.fit.fit.Status`."""
+        return self.inferred.status.value
 
     @property
     def message(self) -> str:
         """How it ended, in a sentence."""
-        return self.record.message
+        return self.inferred.message
 
     @property
     def x(self) -> FloatArray:
@@ -482,6 +484,7 @@ def profile(
         Dchi^2(c) = min { chi^2(p) : g(p) = c } - min chi^2        <= 1 (68 %), <= 3.84 (95 %)
 
     A failure on the way costs the profiles, not the values: `Inference.warnings` then says so.
+    Where profiles come by a lower minimum than the fit's, `Inference.fit` is the one made from it.
 
     Args:
         fit: A solved problem.
@@ -510,13 +513,16 @@ def profile(
         units=fit.identity.units, budget=budget, bootstrap=bootstrap, only=asked
     )
     found = infer(fit.record, request)
+    if found.fit is not fit.record:  # profiles came by a lower minimum
+        again = Fit(fit.problem, found.fit, fit.seconds)
+        again.command, fit = fit.command, again
     return Inference(fit, found, time.perf_counter() - begun)
 
 
 def _value(
     name: str, kind: str, found: Found, box: tuple[float, float], profile: Profile | None
 ) -> Value:
-    is_open = found.identifiable == IDENTIFIABLE[2] and not isinstance(found, OffsetResult)
+    is_open = not found.identifiable.has_value and not isinstance(found, OffsetResult)
     return Value(
         name=name,
         kind=kind,
@@ -524,9 +530,10 @@ def _value(
         value=math.nan if is_open else found.value,
         std=math.nan if is_open else found.std,
         verdict=found.identifiable,
-        shrinkage=found.shrinkage,
+        reason="" if isinstance(found, OffsetResult) else found.reason,
         range=box,
         stopped_at=found.value,
+        algorithm2=math.nan if isinstance(found, OffsetResult) else found.algorithm2,
         reference=0.0 if isinstance(found, OffsetResult) else found.reference,
         interval95=found.ci95,
         profile=profile,

@@ -501,6 +501,8 @@ def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Param
             scale=numbers.get("scale", 0.5 * (numbers["upper"] - numbers["lower"])),
             period=numbers.get("period"),
             prior_sigma=numbers.get("prior"),
+            least=-math.inf if variable.min is None else variable.min,
+            most=math.inf if variable.max is None else variable.max,
         )
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from error

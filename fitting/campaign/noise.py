@@ -74,9 +74,9 @@ class Noise:
         """
         if not self.declared:
             return floor_v
-        known = np.nan_to_num(floor_v, nan=0.0)
-        own = (self.relative * amplitude_v) ** 2 + self.absolute_v**2
-        return np.asarray(np.sqrt(known**2 + own))
+        # np.hypot, unlike a sum of squares, keeps amplitudes beyond 1e154
+        own = np.hypot(self.relative * amplitude_v, self.absolute_v)
+        return np.asarray(np.hypot(np.nan_to_num(floor_v, nan=0.0), own))
 
 
 def bind_noise(choice: WrittenNoise, amplitude: Amplitude, unit: str) -> Noise:

@@ -28,7 +28,8 @@ class Parameter:
     FMU's ``variable`` (the name, where empty), or, with ``adds_to``, is added to those variables.
     ``prior_sigma`` is the standard deviation of a Gaussian prior about ``reference``; without it
     only box and Tikhonov term hold the value. ``role`` "scale" is no variable of the FMU but the
-    logarithm of a factor on the scale.
+    logarithm of a factor on the scale. ``least`` and ``most`` are what the model itself allows, as
+    it declares it: the box says where to look, these say what there is.
 
     Raises:
         BadInput: bounds reversed, start outside, a number not finite, scale, period or prior_sigma
@@ -49,6 +50,8 @@ class Parameter:
     variable: str = ""
     further: tuple[str, ...] = ()
     role: str = "model"
+    least: float = -math.inf
+    most: float = math.inf
 
     def __post_init__(self) -> None:
         who = f"parameter '{self.name}'"

@@ -10,7 +10,7 @@ from pathlib import Path
 import fitting as ff
 from fitting.api.design import CRITERIA, DESIGN_FILES
 from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import seed, whole_number, worker_count
+from fitting.cli.options import folder_name, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.design import design_lines
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _out(args: argparse.Namespace) -> Path:
-    return args.out or Path("out") / f"next_{args.campaign.resolve().parent.name}"
+    return args.out or Path("out") / f"next_{folder_name(args.campaign)}"
 
 
 @writes(NAME, *DESIGN_FILES, to=_out)

@@ -11,7 +11,7 @@ from pathlib import Path
 import fitting as ff
 from fitting.api.jobs import BUDGET
 from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import seed, whole_number, worker_count
+from fitting.cli.options import folder_name, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.identification import identification_lines
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _out(args: argparse.Namespace) -> Path:
-    return args.out or Path("out") / f"identify_{args.campaign.resolve().parent.name}"
+    return args.out or Path("out") / f"identify_{folder_name(args.campaign)}"
 
 
 @writes(NAME, JSON_NAME, "report.html", "figures/[0-9]*_*.*", to=_out)

@@ -45,12 +45,15 @@ COMMANDS = {
 BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
 #: Name of the file that keeps a traceback: what it begins and ends with.
 FAULT_FILE = ("fmu-fit-fault-", ".txt")
+#: Bytes of address space.
+LEAST_MEMORY = 250_000_000
 #: What the machine may refuse that is no fault of the program, with what is wanted.
 REFUSALS = {
     errno.EMFILE: ", wanted a higher limit (ulimit -n) or fewer --workers",
     errno.ENFILE: ", wanted fewer open files on this machine",
     errno.ENOSPC: ", wanted room",
     errno.EDQUOT: ", wanted room",
+    errno.EFBIG: ", wanted a higher limit (ulimit -f)",
     errno.ENOMEM: ", wanted more memory",
     errno.EAGAIN: ", wanted room for more processes (ulimit -u) or fewer --workers",
     errno.EROFS: ", wanted a folder that can be written",
@@ -92,6 +95,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str]) -> int:
     """Run a command; whatever happens is an exit code and a sentence."""
     try:
+        for word in given:
+            if word.startswith("--") and word.endswith("=--"):  # argparse makes an empty list of it
+                raise BadInput(f"{word.removesuffix('=--')}: found '--', wanted a value")
+        _require_memory()
         chosen = _parser(given).parse_args(given)
         code: int = chosen.run(chosen)
     except BadInput as error:
@@ -106,6 +113,20 @@ def _run(given: Sequence[str]) -> int:
             return _complain(surroundings, BAD_INPUT)
         return _complain(f"a fault of this program: {_kept(error, given)}", FAULT)
     return code
+
+
+def _require_memory() -> None:
+    """With less, the library of linear algebra ends the process while it is loaded."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+        raise BadInput(
+            f"memory is limited to {limit / 1e6:.0f} MB, wanted {LEAST_MEMORY / 1e6:.0f} MB at "
+            "least (ulimit -v)"
+        )
 
 
 def _surroundings(error: Exception) -> str:

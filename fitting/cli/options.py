@@ -7,6 +7,7 @@ import contextlib
 import math
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert, parse_quantity
@@ -14,6 +15,7 @@ from fitting.text.units import checked_accuracy, convert, parse_quantity
 #: Where nothing is said: a count beyond that would take years, or all memory.
 MOST = 10**6
 MOST_SEED = 2**63 - 1
+LARGEST = 1e60
 
 
 def seed() -> Callable[[str], int]:
@@ -47,6 +49,19 @@ def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
         return value
 
     return read
+
+
+def bounded_number(text: str) -> float:
+    """An argparse type: a number that can be squared and cubed."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= LARGEST:
+        raise argparse.ArgumentTypeError(
+            f"found {shown(text)}, wanted a number from {-LARGEST:g} to {LARGEST:g}"
+        )
+    return value
 
 
 def relative_accuracy(option: str) -> Callable[[str], float]:
@@ -106,6 +121,15 @@ def quantity(text: str, unit: str, *, where: str) -> float:
             raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
     number, written = parse_quantity(text, where=where)
     return number if written is None else convert(number, written, unit, where=where)
+
+
+def folder_name(path: Path) -> str:
+    """Name of the folder that a file is in, as the user sees it: links are not followed.
+
+    Args:
+        path: of the file, which need not be there.
+    """
+    return Path(os.path.abspath(path)).parent.name
 
 
 def default_workers() -> int:

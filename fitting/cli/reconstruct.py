@@ -22,19 +22,22 @@ from fitting.api.fitted import (
 from fitting.api.jobs import RESULT_FILES, draw_report
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.interrupts import to_the_end
-from fitting.cli.options import relative_accuracy, seed, whole_number, worker_count
+from fitting.cli.options import folder_name, relative_accuracy, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
+from fitting.text.errors import NoScale
 
 NAME = "reconstruct"
 #: Of a result that is written before the profiles are done, and stands where they never are.
 NO_PROFILES = (
-    "The command ended before the profiles were done: intervals and verdicts are those of the "
-    "linearised problem."
+    "The command ended before the profiles were done: errors are those of the linearised "
+    "problem, and no verdict is given."
 )
+#: Exit code by how the fit ended; any other ending is 1.
+EXIT_CODES = {"converged": 0, "does not describe the data": 4}
 EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
 
 
@@ -85,13 +88,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _out(args: argparse.Namespace) -> Path:
-    folders = [path.resolve().parent.name for path in args.campaign]
+    folders = [folder_name(path) for path in args.campaign]
     return args.out or Path("out") / "+".join(dict.fromkeys(folders))
 
 
 @writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_out)
 def run(args: argparse.Namespace) -> int:
-    """Reconstruct and write; returns 0 if converged, else 1.
+    """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
 
     Raises:
         BadInput: campaign, data or FMU are not what they should be.
@@ -110,6 +113,9 @@ def run(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             print(f"interrupted before there was a result{_way_on(args, memory)}")
             return 1
+        except NoScale as refused:
+            named = ", ".join(str(path) for path in args.campaign)
+            raise ff.BadInput(f"{named}: {refused}") from None
         except ff.FmuFailure as failure:
             if way_on := _way_on(args, memory):
                 failure.add_note(way_on.removeprefix("; "))
@@ -127,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.no_report:
         print(f"report: {draw_report(ended.found, result, out)}")
     memory.remove()  # when all is done that may be killed
-    return 0 if result.status == "converged" else 1
+    return EXIT_CODES.get(result.status, 1)
 
 
 def _units(problem: ff.Problem) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import fitting as ff
 from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns
-from fitting.cli.options import seed
+from fitting.cli.options import bounded_number, seed
 from fitting.cli.results import writes
 
 NAME = "synthesize"
@@ -76,13 +76,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--noise",
-        type=float,
+        type=bounded_number,
         metavar="X",
         help="with --cross-mode: relative noise of every amplitude (default 0.01)",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():
-        parser.add_argument(f"--{option}", type=float, metavar="X", help=text)
+        parser.add_argument(f"--{option}", type=bounded_number, metavar="X", help=text)
     parser.add_argument(
         "--reflection",
         action=argparse.BooleanOptionalAction,

@@ -102,14 +102,36 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
         if schedule.starts > 1:
             outcome = _searched(course, outcome, solved)
             for x, begun in _promising(course, outcome):
-                chains = outcome.chains
-                found = lowered(course, len(chains), chains[0].nu, begun, x)
-                images = _images(course.objective, outcome, np.array(found.steps[-1].x))
-                found = met(parameters, found, chains, images)
-                outcome = replace(outcome, chains=(*chains, found))
+                outcome = _with_start(course, outcome, x, begun)
     except KeyboardInterrupt:
         return replace(outcome, interrupted=True)
     return outcome
+
+
+def with_starts(course: Course, outcome: Outcome, begins: Sequence[FloatArray]) -> Outcome:
+    """An outcome with further starts, each lowered at the last nu.
+
+    Args:
+        course: objective, schedule, settings and journal.
+        outcome: that is done.
+        begins: search vectors in the box, (n,) each.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+    """
+    outcome = replace(outcome, reported=None)
+    for x in begins:
+        outcome = _with_start(course, outcome, x, x)
+    return outcome
+
+
+def _with_start(course: Course, outcome: Outcome, x: FloatArray, begun: FloatArray) -> Outcome:
+    """The outcome with one more chain, lowered from x, which was come to from `begun`."""
+    chains = outcome.chains
+    found = lowered(course, len(chains), chains[0].nu, begun, x)
+    images = _images(course.objective, outcome, np.array(found.steps[-1].x))
+    found = met(course.objective.parameters, found, chains, images)
+    return replace(outcome, chains=(*chains, found))
 
 
 def _with_twins(course: Course, outcome: Outcome) -> Outcome:

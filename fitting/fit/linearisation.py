@@ -21,10 +21,8 @@ import numpy as np
 
 from fitting.text.arrays import BoolArray, FloatArray
 
-#: Words for how far data determine a value.
-IDENTIFIABLE = ("determined", "partly determined", "not determined")
-#: Shares of the variance from which a value counts as determined, and as partly determined.
-DETERMINED, PARTLY = 0.9, 0.1
+#: Share of the variance from which a linearised value counts as one of the data.
+DETERMINED = 0.9
 #: Rows count as known no better than this: finite differences and the model's numerics.
 SMALLEST_SIGMA = 1e-6
 
@@ -263,14 +261,3 @@ def row_sigmas(sigmas: FloatArray, residuals: FloatArray) -> FloatArray:
     if np.any(unknown):
         filled[unknown] = float(np.sqrt(np.mean(residuals[unknown] ** 2)))
     return np.asarray(np.maximum(filled, SMALLEST_SIGMA))
-
-
-def in_words(shrinkage: float) -> str:
-    """The word for a shrinkage: determined (from 0.9), partly (from 0.1), not determined.
-
-    Args:
-        shrinkage: share of the variance that the data answer for, 0 to 1.
-    """
-    if shrinkage >= DETERMINED:
-        return IDENTIFIABLE[0]
-    return IDENTIFIABLE[1] if shrinkage >= PARTLY else IDENTIFIABLE[2]

@@ -21,11 +21,15 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.fit.differences import Stencil, central
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.measurement import Evaluation, Response
+from fitting.measurements.measurement import Evaluation, Measurement, Response
 from fitting.text.arrays import FloatArray
+from fitting.text.errors import NoScale
 
 #: A weight for all variables, or one for each, (n,).
 Nu = float | FloatArray
+
+#: A relative residual beyond which its square is near the end of the range of numbers.
+LARGEST = 1e150
 
 #: Relative noise of a row, for the weight of a prior, where nobody knows it.
 ASSUMED_NOISE = 0.01
@@ -125,7 +129,7 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
     scales = data.scales(evaluation.predictions, free)
     chi = {name: scale.value for name, scale in zip(data.series, scales, strict=True)}
     answers = list(zip(data.measurements, evaluation.predictions, strict=True))
-    rows = np.concatenate([m.residuals(q, chi[m.series]) for m, q in answers])
+    rows = np.concatenate([_comparable(m, m.residuals(q, chi[m.series])) for m, q in answers])
     squares, row_weights = data.squares(rows)
     return Point(
         x=x.copy(),
@@ -138,6 +142,18 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         squares=squares,
         row_weights=row_weights,
     )
+
+
+def _comparable(measurement: Measurement, rows: FloatArray) -> FloatArray:
+    """The rows (m,) of a measurement, whose squares are numbers."""
+    largest = float(np.max(np.abs(rows), initial=0.0))
+    if largest > LARGEST:
+        series = f"{measurement.series}: " if measurement.series else ""
+        raise NoScale(
+            f"{series}the model is {largest:.3g} times the data away from them, "
+            f"wanted {LARGEST:g} at most (is a level or a unit wrong?)"
+        )
+    return rows
 
 
 def evaluate_many(

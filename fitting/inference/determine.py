@@ -6,16 +6,27 @@ the data do not see, verdicts. Generic: it knows rows, parameters and outputs, n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.fit.likelihood.descent import Optimum, most_likely
+from fitting.campaign.parameters import canonical, to_model
+from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.lockstep import Exhausted
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.search.minima import DESCENTS, screened
+from fitting.fit.search.twins import Twin
+from fitting.inference.adequacy import (
+    adequacy_of,
+    adequacy_sentences,
+    is_redundant,
+    outside_sentences,
+)
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
@@ -27,18 +38,22 @@ from fitting.inference.likelihood.exploration import (
 from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
+from fitting.inference.likelihood.twins import with_values_nearby
+from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
 
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
-#: Evaluations at most, by default.
-BUDGET = 12000
+#: Simulation runs at most, by default; runs that points of a batch share count once.
+BUDGET = 500_000
+#: Share of them for other minima and for the ends of ranges.
+FOR_MINIMA = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
 class InferenceOptions:
-    """What is asked of the inference: units of outputs, seed, evaluations at most, bootstrap.
+    """What is asked of the inference: units of outputs, seed, simulation runs at most, bootstrap.
 
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
     as well. Without `data` the measurements are taken to be what the model says at the solution.
@@ -52,6 +67,8 @@ class InferenceOptions:
     seed: int = 1
     budget: int = BUDGET
     others: Sequence[FloatArray] = ()
+    minima: Sequence[FloatArray] = ()
+    twins: Sequence[Twin] = ()
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
     bootstrap: int = 0
@@ -81,17 +98,27 @@ def determine(
     """
     options = options or InferenceOptions()
     parameters = objective.parameters
-    ranges = output_ranges(objective.response, parameters, options.seed, [solution])
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(ranges))
+    boxes = output_ranges(objective.response, parameters, options.seed, [solution])
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes))
     if not options.data:
         [point] = evaluate_many(objective, [solution])
         likelihood = replace(likelihood, shift=point.residuals)
     evaluator = LikelihoodEvaluator(likelihood, options.budget)
-    optimum = most_likely(evaluator, [solution, *options.others])
-    found = _explored(evaluator, optimum, ranges, options)
+    optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
+    found = _explored(evaluator, optimum, boxes, options)
     optimum = found.optimum
-    equivalents = (*identifiability.equivalents(found), *options.alternatives)
-    profiles = profiles_of(found, equivalents, options.units)
+    separate = identifiability.equivalents(found)
+    separate = with_values_nearby(evaluator, found, options.twins, separate)
+    equivalents = (*separate, *options.alternatives)
+    adequacy = adequacy_of(optimum)
+    basis = Basis(
+        equivalents=equivalents,
+        units=options.units,
+        boxes={name: (range_.low, range_.high) for name, range_ in boxes.items()},
+        describes=adequacy.describes,
+        redundant=is_redundant(optimum),
+    )
+    profiles = profiles_of(found, basis)
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
@@ -107,37 +134,94 @@ def determine(
         data=options.data,
         chi_square=optimum.chi_square,
         freedom=optimum.degrees_of_freedom,
+        adequacy=adequacy,
+        most_likely=_most_likely_values(optimum),
         inflation=optimum.likelihood.inflation,
         parameters={name: p for name, p in profiles.items() if name in named},
         derived={name: p for name, p in profiles.items() if name not in named},
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
-        sentences=identifiability.sentences(
-            optimum, profiles, directions, idle, equivalents, options.widening
+        sentences=(
+            *adequacy_sentences(adequacy, optimum, options.widening),
+            *outside_sentences(optimum),
+            *identifiability.sentences(profiles, directions, idle, equivalents),
         ),
         effort=spent,
         bootstrap=resampled,
     )
 
 
+def _most_likely_values(optimum: Optimum) -> dict[str, float]:
+    """All parameters at the most likely point, periodic ones in their first period."""
+    parameters = optimum.likelihood.parameters
+    shown = canonical(parameters, to_model(parameters, optimum.expansion.x))
+    return {p.name: float(value) for p, value in zip(parameters, shown, strict=True)}
+
+
 def _explored(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
-    ranges: Mapping[str, OutputRange],
+    boxes: Mapping[str, OutputRange],
     options: InferenceOptions,
 ) -> Exploration:
     """Other minima, then profiles around the best; once more, should they come by a better one."""
-    minima = other_minima(evaluator, optimum, options.seed, options.starts)
+    with evaluator.within(FOR_MINIMA):
+        minima = other_minima(evaluator, optimum, _beginnings(evaluator, optimum, options))
     begin = _better(optimum, minima)
     if begin is not None:
         optimum, minima = _moved(evaluator, optimum, begin, minima)
-    found = explore(evaluator, optimum, ranges, minima, options.only)
+    found = explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
     begin = _better(optimum, found.points)
     if begin is None:
         return found
     optimum, minima = _moved(evaluator, optimum, begin, minima)
-    return explore(evaluator, optimum, ranges, minima, options.only)
+    return explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
+
+
+def _beginnings(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, options: InferenceOptions
+) -> list[FloatArray]:
+    """Where other minima are looked for: twins of the optimum, and what a search found or finds."""
+    parameters, x = optimum.likelihood.parameters, optimum.expansion.x
+    begins = [image for twin in options.twins if (image := twin.of(parameters, x)) is not None]
+    if options.minima:
+        return [*begins, *options.minima]
+    try:
+        for screens in range(math.ceil(options.starts / DESCENTS)):
+            begins += screened(evaluator, options.seed, screens)
+    except Exhausted:
+        return begins
+    return begins[: len(options.twins) + options.starts]
+
+
+def _ranges(
+    optimum: Optimum, boxes: Mapping[str, OutputRange], options: InferenceOptions
+) -> dict[str, OutputRange]:
+    """Ranges of the outputs over the room that profiles have; extremes of the box count in it."""
+    likelihood, x = optimum.likelihood, optimum.expansion.x
+    goes_round = np.isfinite(likelihood.periods)
+    half = np.where(goes_round, 0.5 * likelihood.periods, 0.0)
+    room = (
+        np.where(goes_round, x - half, likelihood.lower),
+        np.where(goes_round, x + half, likelihood.upper),
+    )
+    extremes = [
+        np.where(box.depends, at, x) for box in boxes.values() for at in (box.x_low, box.x_high)
+    ]
+    inside = [
+        at
+        for at in extremes
+        if np.all(np.isfinite(at))
+        and np.all(goes_round | ((at >= likelihood.lower) & (at <= likelihood.upper)))
+    ]
+    return output_ranges(
+        likelihood.objective.response,
+        likelihood.parameters,
+        options.seed,
+        [x, *inside],
+        room,
+    )
 
 
 def _better(optimum: Optimum, points: Sequence[ProfilePoint]) -> ProfilePoint | None:
@@ -164,12 +248,14 @@ def _moved(
     minima: Sequence[ProfilePoint],
 ) -> tuple[Optimum, tuple[ProfilePoint, ...]]:
     """The optimum at a better point, and the other minima, their chi square counted from there."""
-    again = most_likely(evaluator, [begin.x])
+    again = let_out(evaluator, most_likely(evaluator, [begin.x]))
     gain = optimum.least - again.least
     moved = replace(
         again,
         chi_square=optimum.chi_square - gain * optimum.likelihood.inflation**2,
         degrees_of_freedom=optimum.degrees_of_freedom,
     )
-    fitting = [replace(point, delta=point.delta + gain) for point in minima]
+    here = optimum.expansion
+    left = ProfilePoint(value=math.nan, delta=0.0, x=here.x, outputs=here.sample.outputs)
+    fitting = [replace(point, delta=point.delta + gain) for point in (*minima, left)]
     return moved, tuple(point for point in fitting if point.delta <= ROOT_95**2)

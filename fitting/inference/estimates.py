@@ -1,4 +1,4 @@
-"""Values and errors of the problem linearised at its solution: before any profile is walked."""
+"""Most likely values with the errors of the problem linearised at its solution: no profiles."""
 
 from __future__ import annotations
 
@@ -8,68 +8,75 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, search_bounds, to_model
 from fitting.fit.differences import central
-from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.ranges import output_ranges
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the box.
 OUTPUT_STEP = 1e-4
+#: Share of the variance that the data answer for from which a linearised error is one of the data.
+SEEN = 0.1
+LINEARISED = "no profile was walked"
 
 
-def parameter_results(solution: Solution) -> dict[str, ParameterResult]:
+def parameter_results(solution: Solution, best: FloatArray) -> dict[str, ParameterResult]:
     """Value, error and provenance of every parameter of the whole campaign, by name.
 
     Args:
         solution: end of the fit.
+        best: most likely parameters, shape (n,), each in its unit.
     """
     results = {}
-    shown = canonical(solution.parameters, solution.final.parameters)
+    shown = canonical(solution.parameters, best)
+    paper = canonical(solution.parameters, solution.final.parameters)
     for i, parameter in enumerate(solution.parameters):
         if parameter.experiments:
             continue
         gradient = np.zeros(len(solution.parameters))
         gradient[i] = parameter.scale
         std, shrinkage = solution.errors.of(gradient)
-        raw = float(solution.final.parameters[i])
         results[parameter.name] = ParameterResult(
             value=float(shown[i]),
             unit=parameter.unit,
-            std=std if _is_determined(shrinkage) else float("nan"),
-            ci95=_interval(parameter, raw, float(shown[i]), std),
+            std=std if shrinkage >= SEEN else float("nan"),
+            ci95=_interval(parameter, float(best[i]), float(shown[i]), std),
             reference=parameter.reference,
             start=parameter.start,
             lower=parameter.lower,
             upper=parameter.upper,
             shrinkage=shrinkage,
-            identifiable=in_words(shrinkage),
+            identifiable=_word(shrinkage),
+            algorithm2=float(paper[i]),
+            reason=LINEARISED,
         )
     return results
 
 
-def _is_determined(shrinkage: float) -> bool:
-    """Whether the data say anything: else a linearised error would be one of the box's width."""
-    return in_words(shrinkage) != IDENTIFIABLE[2]
+def _word(shrinkage: float) -> Verdict:
+    """What a linearisation can say: never that the data determine a value."""
+    return Verdict.LINEARISED if shrinkage >= SEEN else Verdict.UNKNOWN
 
 
 def _interval(parameter: Parameter, raw: float, shown: float, std: float) -> tuple[float, float]:
     """95 % interval within the box, shifted with the value into its canonical period."""
-    low = max(raw - 1.96 * std, parameter.lower)
-    high = min(raw + 1.96 * std, parameter.upper)
+    low = min(max(raw - 1.96 * std, parameter.lower), raw)
+    high = max(min(raw + 1.96 * std, parameter.upper), raw)
     if parameter.period is not None and high - low >= parameter.period:
         return 0.0, parameter.period
     return low + (shown - raw), high + (shown - raw)
 
 
 def derived_results(
-    solution: Solution, units: Mapping[str, str], seed: int
+    solution: Solution, best: FloatArray, units: Mapping[str, str], seed: int
 ) -> dict[str, DerivedResult]:
-    """Derived outputs at the solution, with errors from their gradient and range over the box.
+    """Derived outputs at the best, with errors from their gradient and range over the box.
 
     Args:
-        solution: end of the fit.
+        solution: end of the fit, where they are linearised.
+        best: most likely parameters, shape (n,), each in its unit.
         units: of the outputs, by name.
         seed: of the random numbers.
     """
@@ -82,8 +89,9 @@ def derived_results(
     everything = [x, np.clip(np.zeros(x.size), lower, upper), *around.nodes]
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     ranges = output_ranges(response, parameters, seed, everything)
+    [here] = response.derived_many([best])
     results = {}
-    for name, values in answers[0].items():
+    for name, values in here.items():
         means = np.array([mean(answer[name]) for answer in answers])
         gradient = around.quotients(list(means[2:]))
         box = (ranges[name].low, ranges[name].high)
@@ -99,10 +107,10 @@ def _derived(
     unit: str,
     box: tuple[float, float],
 ) -> DerivedResult:
-    known = bool(np.all(np.isfinite(gradient)) and np.isfinite(means[0]))
+    value = mean(values)
+    known = bool(np.all(np.isfinite(gradient)) and np.isfinite(value))
     std, shrinkage = solution.errors.of(gradient) if known else (float("nan"), 0.0)
-    std = std if _is_determined(shrinkage) else float("nan")
-    value = float(means[0])
+    std = std if shrinkage >= SEEN else float("nan")
     return DerivedResult(
         value=value,
         unit=unit,
@@ -113,8 +121,10 @@ def _derived(
         ci95=_within(box, value, std),
         reference=float(means[1]),
         shrinkage=shrinkage,
-        identifiable=in_words(shrinkage) if known else IDENTIFIABLE[2],
+        identifiable=_word(shrinkage),
         box=box,
+        algorithm2=float(means[0]),
+        reason=LINEARISED,
     )
 
 
@@ -124,19 +134,20 @@ def _within(box: tuple[float, float], value: float, std: float) -> tuple[float, 
         return float("nan"), float("nan")
     if np.isnan(std):
         return box
-    return max(value - 1.96 * std, box[0]), min(value + 1.96 * std, box[1])
+    low, high = max(value - 1.96 * std, box[0]), min(value + 1.96 * std, box[1])
+    return min(low, value), max(high, value)
 
 
-def offset_results(solution: Solution) -> tuple[OffsetResult, ...]:
+def offset_results(solution: Solution, best: FloatArray) -> tuple[OffsetResult, ...]:
     """One record per parameter of an experiment: what it adds up to there, with its error.
 
     Steps of a random walk are reported as the offset that they have led to.
 
     Args:
-        solution: end of the fit.
+        solution: end of the fit, where they are linearised.
+        best: most likely parameters, shape (n,), each in its unit.
     """
-    parameters = solution.parameters
-    values = solution.final.parameters
+    parameters, values = solution.parameters, best
     own = [p for p in parameters if p.experiments]
     found = []
     for i, p in enumerate(parameters):
@@ -161,7 +172,7 @@ def offset_results(solution: Solution) -> tuple[OffsetResult, ...]:
                 ci95=(value - 1.96 * std, value + 1.96 * std),
                 prior=p.prior_sigma or float("nan"),
                 shrinkage=shrinkage,
-                identifiable=in_words(shrinkage),
+                identifiable=_word(shrinkage),
                 fitted=float(values[i]),
             )
         )

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.campaign.parameters import references, search_bounds, starts, to_model, to_search
+from fitting.campaign.parameters import references, search_bounds, starts, to_search
 from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
-from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.knowledge import Equivalent, Knowledge
-from fitting.inference.likelihood.profiles import ROOT_95
+from fitting.inference.alternatives import equal_fit
+from fitting.inference.determine import BUDGET, InferenceOptions, determine
+from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Response
 from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray, Scalar
@@ -37,7 +36,7 @@ class IdentificationOptions:
     expected: bool = False
     bootstrap: int = 0
     seed: int = 1
-    budget: int = 12000
+    budget: int = BUDGET
 
 
 def identify(
@@ -73,9 +72,9 @@ def identify(
         ()
         if request.expected
         else tuple(
-            equal_fit
+            equal
             for a in others
-            if (equal_fit := _equal_fit(objective_of(a), objective, a, begins, noise))
+            if (equal := equal_fit((objective_of(a), begins), (objective, begins), a, noise))
         )
     )
     options = InferenceOptions(
@@ -136,36 +135,3 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     sigma = noise.sigma.copy()
     sigma[curves] *= found.widening
     return RowNoise(sigma, noise.common)
-
-
-def _equal_fit(
-    other: Objective,
-    objective: Objective,
-    settings: Mapping[str, Scalar],
-    begins: list[FloatArray],
-    noise: RowNoise,
-) -> Equivalent | None:
-    """Another alternative at its most likely point, if it fits as well as this one."""
-    both = [
-        most_likely(LikelihoodEvaluator(likelihood_of(each, noise.sigma, noise.common)), begins)
-        for each in (objective, other)
-    ]
-    here, there = both
-    wide = max(here.likelihood.inflation, there.likelihood.inflation)
-    delta = (there.chi_square - here.chi_square) / wide**2
-    if delta > ROOT_95**2:
-        return None
-    parameters = other.parameters
-    x = there.likelihood.folded(there.expansion.x)
-    p = to_model(parameters, x)
-    outputs = output_means(other.response, parameters, [x])
-    values = {q.name: float(v) for q, v in zip(parameters, p, strict=True)}
-    words = ", ".join(f"{name} = {value}" for name, value in settings.items())
-    return Equivalent(
-        parameters=values,
-        derived={name: float(v[0]) for name, v in outputs.items()},
-        delta=float(delta),
-        origin="alternative",
-        sentence=f"{words} fits as well",
-        where=words,
-    )

@@ -7,26 +7,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from fitting.fit.fit import Fit, Status
-from fitting.fit.likelihood.likelihood import likelihood_of
-from fitting.fit.linearisation import IDENTIFIABLE
+import numpy as np
+
+from fitting.campaign.parameters import search_bounds, to_model, to_search
+from fitting.fit.fit import Fit, Status, fit_from
+from fitting.fit.likelihood.descent import let_out, most_likely
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of
+from fitting.fit.objective import evaluate_many
+from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution
+from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
+from fitting.inference.adequacy import adequacy_of, misfit_sentence
+from fitting.inference.alternatives import equal_fit
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import BUDGET, InferenceOptions, determine
 from fitting.inference.equivalent_fits import (
-    exchange_reasons,
     is_reason,
     reason_sentences,
-    with_lower_verdicts,
 )
 from fitting.inference.estimates import derived_results, offset_results, parameter_results
 from fitting.inference.joint_result import JointResult
-from fitting.inference.likelihood.knowledge import Equivalent, Knowledge, Profile
+from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.nu_choice import choose_nu
-from fitting.inference.likelihood.profiles import ROOT_95
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind, Warned, fit_warnings, verdict_sentences, warned
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
 Valued = TypeVar("Valued", ParameterResult, DerivedResult)
@@ -38,14 +45,20 @@ class Inference:
 
     `parameters` and `derived` hold every value with its interval and verdict, `offsets` what
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
-    `joint` whether campaigns that were fitted together agree; `warnings` what a reader must know.
+    `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
+    the fit's own unless the model does not describe the data; `warnings` what a reader must know.
+    `fit` is the one that all of it is about: not the one that was given, where a lower J was found
+    on the way.
     """
 
+    fit: Fit
     parameters: Mapping[str, ParameterResult]
     derived: Mapping[str, DerivedResult]
     offsets: tuple[OffsetResult, ...]
     knowledge: Knowledge | None
     joint: JointResult | None
+    status: Status
+    message: str
     warnings: tuple[Warned, ...]
 
 
@@ -55,7 +68,7 @@ class InferenceRequest:
 
     `units` are those of the derived outputs; without `profiles` intervals are those of the
     linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
-    is of evaluations; `bootstrap` synthetic data sets are fitted anew.
+    is of simulation runs; `bootstrap` synthetic data sets are fitted anew.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -79,54 +92,91 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         FmuFailure: the model failed at the solution.
     """
     request = request or InferenceRequest()
+    knowledge, missing = _knowledge(fit, request)
+    lower = _lowered(fit, knowledge)
+    if lower is not fit:
+        fit = lower
+        knowledge, missing = _knowledge(fit, request)
     solution, problem = fit.solution, fit.problem
-    parameters = parameter_results(solution)
-    derived = derived_results(solution, request.units, fit.options.schedule.seed)
-    offsets = offset_results(solution)
+    best, adequacy, inflation = _best(fit, knowledge)
+    parameters = parameter_results(solution, best)
+    derived = derived_results(solution, best, request.units, fit.options.schedule.seed)
+    offsets = offset_results(solution, best)
     joint = consistency(problem, solution) if problem.is_joint else None
-    only = request.only or (*parameters, *derived)  # what one experiment holds has a table
-    knowledge, missing = _knowledge(fit, request, only)
     profiles = knowledge.profiles if knowledge is not None else {}
-    parameters = {name: _of_profile(v, profiles.get(name)) for name, v in parameters.items()}
-    derived = {name: _of_profile(v, profiles.get(name)) for name, v in derived.items()}
+    describes = adequacy is None or adequacy.describes
+    parameters = {n: _judged(v, profiles.get(n), describes) for n, v in parameters.items()}
+    derived = {n: _judged(v, profiles.get(n), describes) for n, v in derived.items()}
+    if not describes:
+        offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
-    missed = exchange_reasons({**parameters, **derived}, problem.parameters, fit.alternatives)
-    parameters, derived = with_lower_verdicts(parameters, derived, missed)
+    status, message = _status(fit, adequacy)
     return Inference(
+        fit=fit,
         parameters=parameters,
         derived=derived,
         offsets=offsets,
         knowledge=knowledge,
         joint=joint,
+        status=status,
+        message=message,
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
-            *warned(Kind.EXCHANGE, reason_sentences({**reasons, **missed})),
-            *warned(Kind.AGREEMENT, warnings_of(joint) if joint is not None else []),
-            *fit_warnings(fit, offsets),
+            *warned(Kind.EXCHANGE, reason_sentences(reasons)),
+            *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
+            *fit_warnings(fit, offsets, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
     )
 
 
-def _knowledge(
-    fit: Fit, request: InferenceRequest, only: tuple[str, ...]
-) -> tuple[Knowledge | None, list[str]]:
+def _minima(fit: Fit) -> tuple[Minimum, ...]:
+    """What the search of the reported alternative's box found."""
+    search = fit.outcome.search
+    return () if search is None else search.minima
+
+
+def _lowered(fit: Fit, knowledge: Knowledge | None) -> Fit:
+    """The fit, gone on with from the most likely point where J is lower than its own.
+
+    Profiles come by other minima, too; a fit that did not have them is made anew, once.
+    """
+    solution = fit.solution
+    if knowledge is None:
+        return fit
+    values = np.array([knowledge.most_likely[p.name] for p in solution.parameters])
+    lower, upper = search_bounds(solution.parameters)
+    x = np.clip(to_search(solution.parameters, values), lower, upper)
+    try:
+        [point] = evaluate_many(solution.objective, [x])
+        if point.j_fit > (1.0 - SAME_SHARE) * fit.fun - SAME_AMOUNT:
+            return fit
+        return fit_from(fit, [x])
+    except FmuFailure:
+        return fit
+
+
+def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, list[str]]:
     """The profiles of some values; or none, and why."""
     if not request.profiles or fit.status is Status.INTERRUPTED:
         return None, []
     solution = fit.solution
     noise = noise_at(solution)
-    options = InferenceOptions(
-        units=request.units,
-        seed=fit.options.schedule.seed,
-        budget=request.budget,
-        alternatives=_alternatives(fit),
-        bootstrap=request.bootstrap,
-        widening=1.0 if solution.structure is None else solution.structure.widening,
-        only=only,
-    )
+    # what one experiment holds has a table of its own
+    everything = (*(p.name for p in solution.parameters if not p.experiments), *fit.problem.outputs)
     try:
+        options = InferenceOptions(
+            units=request.units,
+            seed=fit.options.schedule.seed,
+            budget=request.budget,
+            alternatives=_alternatives(fit, noise),
+            bootstrap=request.bootstrap,
+            widening=1.0 if solution.structure is None else solution.structure.widening,
+            only=request.only or everything,
+            minima=[minimum.x for minimum in _minima(fit)],
+            twins=fit.outcome.twins,
+        )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_of(solution.objective, noise.sigma, noise.common)
         return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), []
@@ -134,7 +184,48 @@ def _knowledge(
         why = "Interrupted before the profiles were done"
     except FmuFailure as failure:
         why = f"The FMU failed while profiles were walked ({failure})"
-    return None, [f"{why}: intervals and verdicts are those of the linearised problem."]
+    return None, [f"{why}: errors are those of the linearised problem, and no verdict is given."]
+
+
+def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | None) -> list[str]:
+    """Campaigns that contradict each other, said only where a better joint fit was looked for."""
+    said = warnings_of(joint) if joint is not None else []
+    if said and knowledge is None and fit.outcome.search is None:
+        return [
+            "The campaigns disagree at this fit, but the box was not searched for one at which "
+            "they agree: wanted more than one start."
+        ]
+    return said
+
+
+def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy | None, float]:
+    """The most likely parameters (n,), in their units, whether the model will do, the inflation.
+
+    Where no profiles were walked it is looked for from the end of Algorithm 2; an interrupted fit
+    is reported where it stood.
+    """
+    solution = fit.solution
+    if knowledge is not None:
+        found = [knowledge.most_likely[p.name] for p in solution.parameters]
+        return np.array(found), knowledge.adequacy, knowledge.inflation
+    if fit.status is Status.INTERRUPTED:
+        return solution.final.parameters, None, 1.0
+    noise = noise_at(solution)
+    likelihood = likelihood_of(solution.objective, noise.sigma, noise.common)
+    evaluator = LikelihoodEvaluator(likelihood)
+    try:
+        optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
+    except (FmuFailure, KeyboardInterrupt):
+        return solution.final.parameters, None, 1.0
+    p = to_model(solution.parameters, optimum.expansion.x)
+    return p, adequacy_of(optimum), optimum.likelihood.inflation
+
+
+def _status(fit: Fit, adequacy: Adequacy | None) -> tuple[Status, str]:
+    """How it ended: a fit that converged may still not describe the data."""
+    if adequacy is None or adequacy.describes or fit.status is not Status.CONVERGED:
+        return fit.status, fit.message
+    return Status.MISFIT, f"{misfit_sentence(adequacy)} {fit.message}"
 
 
 def noise_at(solution: Solution) -> RowNoise:
@@ -149,38 +240,39 @@ def noise_at(solution: Solution) -> RowNoise:
     return noise.widened(solution.objective.data.curve_rows, solution.structure.widening)
 
 
-def _alternatives(fit: Fit) -> tuple[Equivalent, ...]:
-    """Alternatives of the model that reach the same J."""
+def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:
+    """Alternatives of the model that fit as well at their most likely points."""
+    here = fit.solution.objective, [fit.solution.final.x]
     found = []
-    for other in fit.alternatives:
-        if other.reported or not other.equal_to_best:
+    for k, (objective, outcome) in enumerate(zip(fit.objectives, fit.outcomes, strict=True)):
+        if k == fit.reported or outcome.best is None:
             continue
-        settings = ", ".join(f"{name} = {value}" for name, value in other.settings.items())
-        values = ", ".join(f"{name} = {value:.5g}" for name, value in other.parameters.items())
-        found.append(
-            Equivalent(
-                parameters=other.parameters,
-                derived=other.derived,
-                delta=float("nan"),
-                origin="alternative",
-                sentence=f"{settings} with {values} reaches the same J",
-                where=settings,
-            )
-        )
-    return tuple(found)
+        there = objective, [np.array(outcome.best.steps[-1].x)]
+        found.append(equal_fit(there, here, fit.problem.alternatives[k], noise))
+    return tuple(equal for equal in found if equal is not None)
 
 
-def _of_profile(value: Valued, profile: Profile | None) -> Valued:
-    """A value with the verdict, shrinkage and interval of its profile."""
+def _judged(value: Valued, profile: Profile | None, describes: bool) -> Valued:
+    """A value with the verdict, error and interval of its profile, where one was walked."""
+    nowhere = (math.nan, math.nan)
     if profile is None:
-        return value
-    low, high = profile.interval95
-    open_ = profile.verdict == IDENTIFIABLE[2]
-    std = value.std if math.isfinite(value.std) else (high - low) / (2.0 * ROOT_95)
+        if describes:
+            return value
+        return replace(
+            value,
+            std=math.nan,
+            ci95=nowhere,
+            identifiable=Verdict.WITHDRAWN,
+            reason="the model does not describe the data",
+        )
+    low, high = profile.interval68
+    std = 0.5 * (high - low) if profile.verdict.has_value else math.nan
     return replace(
         value,
-        std=math.nan if open_ else std,
-        ci95=(low, high),
+        std=std,
+        ci95=profile.interval95,
         shrinkage=profile.shrinkage,
         identifiable=profile.verdict,
+        precision=profile.precision,
+        reason=profile.reason,
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from fitting.fit.linearisation import IDENTIFIABLE
+from fitting.inference.verdict import Verdict
 
 Floats = tuple[float, ...]
 
@@ -13,10 +14,12 @@ Floats = tuple[float, ...]
 class ParameterResult:
     """One fitted parameter.
 
-    `value` is canonical (periodic ones in [0, period)); `std` (NaN where "not determined") from the
-    linearised covariance with box and Tikhonov term as prior, `ci95` likewise and within the box,
-    or from the profile likelihood where there is `Knowledge`; `shrinkage` the share of its
-    variance that comes from the data, not from the prior; `identifiable` in words.
+    `value` is the most likely one (canonical: periodic ones in [0, period)), `algorithm2` the
+    paper's, the end of Algorithm 2. `std` is half the 68 % interval of the profile likelihood,
+    `ci95` its 95 % interval, `identifiable` the verdict with its `reason` and `precision` (see
+    `Profile`). Without profiles ("linearised only") `std`, `ci95` and `shrinkage`, the share of the
+    variance that comes from the data, are those of the problem linearised at the end of
+    Algorithm 2. `std` is NaN where the verdict leaves no value.
     """
 
     value: float
@@ -28,7 +31,10 @@ class ParameterResult:
     lower: float
     upper: float
     shrinkage: float
-    identifiable: str
+    identifiable: Verdict
+    algorithm2: float
+    precision: float = math.nan
+    reason: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,9 +42,8 @@ class DerivedResult:
     """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
 
     `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
-    mean over the box of the parameters: what it could be without any data. `ci95` is cut to it.
-    Where it is "not determined", `std` is NaN, `ci95` is the range, that range is the answer and
-    `value` is only where the optimiser stopped.
+    mean over the box of the parameters: what it could be without any data. The rest is as for a
+    `ParameterResult`. Where the data leave it open, `value` is only where the search stopped.
     """
 
     value: float
@@ -50,16 +55,19 @@ class DerivedResult:
     ci95: tuple[float, float]
     reference: float
     shrinkage: float
-    identifiable: str
+    identifiable: Verdict
     box: tuple[float, float]
+    algorithm2: float
+    precision: float = math.nan
+    reason: str = ""
 
     def text(self) -> str:
         """Value for people; never a value with a small error where the data do not give one."""
-        if self.identifiable == IDENTIFIABLE[2]:
-            low, high = self.box
-            if low != low:
+        if not self.identifiable.has_value:
+            low, high = self.box if math.isnan(self.ci95[0]) else self.ci95
+            if math.isnan(low):
                 return "has no value at any parameters tried"
-            return f"not determined by these data (anything from {low:.6g} to {high:.6g})"
+            return f"{self.identifiable} by these data ({low:.6g} to {high:.6g})"
         return f"{self.value:.9g} ± {self.std:.2g}"
 
 
@@ -69,7 +77,8 @@ class OffsetResult:
 
     It belongs to `experiments` (those of one time share it) and is added to `variables`; `prior` is
     the standard deviation it was given (NaN: none). `fitted` is the value of `parameter` itself:
-    of a random walk it is the last step, while `value` is all steps together.
+    of a random walk it is the last step, while `value` is all steps together. Both are at the most
+    likely point where there is one; `std` and `ci95` are linearised.
     """
 
     parameter: str
@@ -81,5 +90,5 @@ class OffsetResult:
     ci95: tuple[float, float]
     prior: float
     shrinkage: float
-    identifiable: str
+    identifiable: Verdict
     fitted: float

@@ -1,62 +1,118 @@
-"""From profiles to verdicts: interval, shrinkage and word for parameters and derived outputs."""
+"""From profiles to verdicts: interval, precision and word for parameters and derived outputs.
+
+What the data say follows from where they end an interval, and from nothing else: not from the box,
+in which a fit is only looked for, nor from how much was spent on it. A walk that was cut or lost is
+said to be so.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.likelihood.descent import Optimum
-from fitting.fit.linearisation import IDENTIFIABLE, in_words
 from fitting.inference.equivalent_fits import contradicts, exchange_words
-from fitting.inference.likelihood.exploration import Exploration
+from fitting.inference.likelihood.exploration import Branches, Exploration
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
 from fitting.inference.likelihood.profiles import (
     ROOT_68,
     ROOT_95,
-    ProfileBranch,
     ProfilePoint,
     Quantity,
     interval,
 )
+from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.notation import number
 
-#: Where an end of the range fits, a value whose interval is narrower than this is still determined.
-ONE_SIDED = 0.1
+#: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
+#: (half the width is then half the value), and share of its period for one that goes round.
+NARROW, NARROW_ROUND = 3.0, 0.25
+#: Share of the width of its prior from which an interval is that of the prior alone, and up to
+#: which the prior has no part in it: the data answer for a tenth and for nine of the variance.
+PRIOR_ALONE, PRIOR_IDLE = math.sqrt(0.9), math.sqrt(0.1)
 ENDS_IN_WORDS = {
     "crossed": "the data end it",
-    "bound": "it ends at the bound of the box",
+    "bound": "the end of its range fits",
     "round": "it goes round",
-    "lost": "no point was found beyond",
-    "cost": "the walk was cut for its cost",
+    "lost": "the search lost its way",
+    "cost": "the search was cut for its cost",
 }
+#: Ends of branches that say nothing of what lies beyond.
+CUT = ("lost", "cost")
 
 
-def profiles(
-    explored: Exploration, equivalents: Sequence[Equivalent], units: Mapping[str, str]
-) -> dict[str, Profile]:
+@dataclass(frozen=True, kw_only=True)
+class Basis:
+    """What verdicts are decided on, beside the profiles themselves.
+
+    `equivalents` fit as well elsewhere, `boxes` are the ranges of the outputs over the campaign's
+    box, `units` those of outputs; `describes`: whether the model describes the data; `redundant`:
+    whether there are more data than unknowns.
+    """
+
+    equivalents: Sequence[Equivalent] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    boxes: Mapping[str, Interval] = field(default_factory=dict)
+    describes: bool = True
+    redundant: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Subject:
+    """One quantity in its own unit: `scale` and `shift` lead from x, `box` is the campaign's."""
+
+    quantity: Quantity
+    parameter: Parameter | None
+    unit: str
+    scale: float
+    shift: float
+    box: Interval
+
+    def shown(self, value: float) -> float:
+        """A value in its unit, brought into its first period with the optimum."""
+        return self.shift + self.scale * value
+
+    @property
+    def period(self) -> float | None:
+        return self.parameter.period if self.parameter is not None else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """What was found of a quantity: its interval, how it ends, and what speaks against it.
+
+    `others` are values of separate minima outside the interval around the optimum, `exchange` says
+    what another alternative has; `held` names parameters at a limit of their room.
+    """
+
+    interval: Interval
+    ends: tuple[str, str]
+    others: Sequence[float]
+    exchange: str
+    held: Sequence[str]
+
+
+def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
     """A `Profile` for every quantity, in its own unit, parameters first.
-
-    An equivalent minimum at which every output exists and that lies outside an interval widens it:
-    nothing in the data is against it. Where an output has no value the point says nothing of it.
 
     Args:
         explored: branches and range ends of all quantities.
-        equivalents: other points that fit as well.
-        units: of the outputs, by name.
+        basis: what else the verdicts rest on.
     """
     parameters = {p.name: p for p in explored.optimum.likelihood.parameters}
     turn = _turn(explored.optimum)
     made = {}
     for quantity in explored.quantities:
-        parameter = parameters.get(quantity.name)
-        unit = parameter.unit if parameter is not None else units.get(quantity.name, "")
-        made[quantity.name] = _profile(explored, quantity, parameter, unit, equivalents, turn)
+        subject = _subject(quantity, parameters.get(quantity.name), basis, turn)
+        made[quantity.name] = _profile(explored, subject, basis, turn)
     for name in explored.optimum.likelihood.names:
         if name not in made:
-            made[name] = _without_value(explored, name, units.get(name, ""))
+            made[name] = _without_value(explored, name, basis)
     return made
 
 
@@ -67,59 +123,82 @@ def _turn(optimum: Optimum) -> FloatArray:
     return np.asarray(canonical(parameters, p) - p)
 
 
-def _profile(
-    explored: Exploration,
-    quantity: Quantity,
-    parameter: Parameter | None,
-    unit: str,
-    equivalents: Sequence[Equivalent],
-    turn: FloatArray,
-) -> Profile:
-    branches, range_ends = explored.branches[quantity.name], explored.range_ends[quantity.name]
+def _subject(
+    quantity: Quantity, parameter: Parameter | None, basis: Basis, turn: FloatArray
+) -> _Subject:
+    if parameter is None:
+        return _Subject(
+            quantity=quantity,
+            parameter=None,
+            unit=basis.units.get(quantity.name, ""),
+            scale=1.0,
+            shift=0.0,
+            box=basis.boxes.get(quantity.name, (quantity.low, quantity.high)),
+        )
+    shift = parameter.reference + float(turn[quantity.index])
+    box = (parameter.lower, parameter.upper)
+    if quantity.round:
+        box = (shift + parameter.scale * quantity.low, shift + parameter.scale * quantity.high)
+    return _Subject(
+        quantity=quantity,
+        parameter=parameter,
+        unit=parameter.unit,
+        scale=parameter.scale,
+        shift=shift,
+        box=box,
+    )
+
+
+def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: FloatArray) -> Profile:
+    quantity = subject.quantity
+    branches = explored.branches[quantity.name]
+    range_ends = explored.range_ends[quantity.name]
     goes_round = quantity.round and all(branch.end == "bound" for branch in branches)
     fits, ends = _ends_of(branches, range_ends, goes_round)
+    if quantity.round and "bound" in ends:  # half a period up and down is one and the same system
+        ends = (
+            "bound" if ends[0] == "lost" else ends[0],
+            "bound" if ends[1] == "lost" else ends[1],
+        )
+    wide = _interval(subject, branches, fits, ends)
     tight = tuple(point is not None and point.delta <= ROOT_68**2 for point in range_ends)
-    wide = interval(quantity, branches, fits)
     narrow = interval(quantity, branches, (tight[0], tight[1]), "68")
-    scale, shift = 1.0, 0.0
-    prior = quantity.width
-    if parameter is not None:
-        scale = parameter.scale
-        shift = parameter.reference + float(turn[quantity.index])
-        sigma = parameter.prior_sigma
-        if sigma is not None:
-            prior = min(prior, 2.0 * ROOT_95 * sigma / scale)
-    low, high = (shift + scale * value for value in wide)
-    outside = [] if goes_round else _outside(quantity, parameter, (low, high), equivalents)
-    if outside and not quantity.round:
-        low, high = min(low, *outside), max(high, *outside)
-    share = min(1.0, (high - low) / (scale * prior))
-    verdict, reason = _verdict(share, ends, quantity, bool(outside))
-    best = shift + scale * quantity.best
-    exchange = _exchange(best, parameter, (low, high), equivalents, unit, quantity.name)
-    if exchange and verdict == IDENTIFIABLE[0]:
-        verdict, reason = IDENTIFIABLE[1], exchange
+    others = [] if goes_round else _elsewhere(explored, subject, basis.equivalents)
+    found = _Found(
+        interval=wide,
+        ends=ends,
+        others=others,
+        exchange=_exchange(subject, wide, basis.equivalents),
+        held=[explored.optimum.likelihood.parameters[i].name for b in branches for i in b.held],
+    )
+    verdict, reason = _verdict(subject, found, basis)
+    shrinkage = 1.0 - min(1.0, (wide[1] - wide[0]) / (subject.box[1] - subject.box[0])) ** 2
+    inside = (subject.shown(narrow[0]), subject.shown(narrow[1]))
+    if not basis.describes:  # an interval of such a model is one of nothing
+        inside = wide = (math.nan, math.nan)
+        shrinkage = math.nan
     points = _in_order(explored, quantity)
     return Profile(
-        kind="parameter" if parameter is not None else "derived",
-        unit=unit,
-        best=best,
-        sigma=scale * quantity.sigma,
-        interval68=(shift + scale * narrow[0], shift + scale * narrow[1]),
-        interval95=(low, high),
-        box=(shift + scale * quantity.low, shift + scale * quantity.high),
+        kind="parameter" if subject.parameter is not None else "derived",
+        unit=subject.unit,
+        best=subject.shown(quantity.best),
+        sigma=subject.scale * quantity.sigma,
+        interval68=inside,
+        interval95=wide,
+        box=subject.box,
         ends=(ends[0], ends[1]),
-        shrinkage=1.0 - share**2,
+        shrinkage=shrinkage,
         verdict=verdict,
+        precision=_precision(subject, found) if basis.describes else math.nan,
         reason=reason,
-        values=tuple(shift + scale * point.value for point in points),
+        values=tuple(subject.shown(point.value) for point in points),
         delta=tuple(max(0.0, point.delta) for point in points),
         path=_path(explored, points, turn),
     )
 
 
 def _ends_of(
-    branches: tuple[ProfileBranch, ProfileBranch],
+    branches: Branches,
     range_ends: tuple[ProfilePoint | None, ProfilePoint | None],
     goes_round: bool,
 ) -> tuple[tuple[bool, bool], tuple[str, str]]:
@@ -138,35 +217,52 @@ def _ends_of(
     return (inside[0], inside[1]), (words[0], words[1])
 
 
-def _outside(
-    quantity: Quantity,
-    parameter: Parameter | None,
-    bounds: Interval,
-    equivalents: Sequence[Equivalent],
+def _interval(
+    subject: _Subject, branches: Branches, fits: tuple[bool, bool], ends: tuple[str, str]
+) -> Interval:
+    """The 95 % interval: what the data cut, else the end of the box, as far as the walk came."""
+    reached = [subject.shown(v) for v in interval(subject.quantity, branches, fits)]
+    best = subject.shown(subject.quantity.best)
+    low, high = reached
+    if ends[0] != "crossed":
+        low = min(best, subject.box[0] if ends[0] in CUT else max(low, subject.box[0]))
+    if ends[1] != "crossed":
+        high = max(best, subject.box[1] if ends[1] in CUT else min(high, subject.box[1]))
+    return low, high
+
+
+def _elsewhere(
+    explored: Exploration, subject: _Subject, equivalents: Sequence[Equivalent]
 ) -> list[float]:
-    """Values at equivalent minima of this model that the interval does not hold."""
-    margin = 1e-6 * quantity.width * (parameter.scale if parameter is not None else 1.0)
+    """Values at separate minima of this model that the interval around the optimum does not hold.
+
+    Where an output has no value the point says nothing of it; nor does one whose whole valley is
+    without a value of some output.
+    """
+    quantity = subject.quantity
+    down, up = explored.around[quantity.name]
+    low = subject.shown(down.at_95) if math.isfinite(down.at_95) else -math.inf
+    high = subject.shown(up.at_95) if math.isfinite(up.at_95) else math.inf
+    margin = 1e-6 * quantity.width * subject.scale
     values = []
     for other in equivalents:
-        if other.origin != "start" or not all(map(math.isfinite, other.derived.values())):
+        named = other.parameters if subject.parameter is not None else other.derived
+        value = named.get(quantity.name, math.nan)
+        if other.origin != "start" or not other.possible or not math.isfinite(value):
             continue
-        value = (other.parameters if parameter is not None else other.derived)[quantity.name]
         inside = any(
-            bounds[0] - margin <= value + turns <= bounds[1] + margin for turns in _turns(parameter)
+            low - margin <= value + turns <= high + margin for turns in _turns(subject.period)
         )
         if not inside:
             values.append(value)
     return values
 
 
-def _exchange(
-    best: float,
-    parameter: Parameter | None,
-    bounds: Interval,
-    equivalents: Sequence[Equivalent],
-    unit: str,
-    name: str,
-) -> str:
+def _turns(period: float | None) -> tuple[float, ...]:
+    return (0.0,) if period is None else (-period, 0.0, period)
+
+
+def _exchange(subject: _Subject, bounds: Interval, equivalents: Sequence[Equivalent]) -> str:
     """What another alternative that fits as well has against an interval, in words.
 
     Where there is such an alternative, points without a value of some output count, too: they may
@@ -174,44 +270,105 @@ def _exchange(
     """
     if not any(other.origin == "alternative" for other in equivalents):
         return ""
-    period = parameter.period if parameter is not None else None
+    name, best = subject.quantity.name, subject.shown(subject.quantity.best)
     for other in sorted(equivalents, key=lambda each: each.origin != "alternative"):
-        there = (other.parameters if parameter is not None else other.derived).get(name, math.nan)
-        if contradicts(there, bounds, period):
-            where = other.where or "another minimum"
-            return exchange_words(best, there, where, unit)
+        values = other.parameters if subject.parameter is not None else other.derived
+        there = values.get(name, math.nan)
+        if contradicts(there, bounds, subject.period):
+            return exchange_words(best, there, other.where or "another minimum", subject.unit)
     return ""
 
 
-def _turns(parameter: Parameter | None) -> tuple[float, ...]:
-    if parameter is None or parameter.period is None:
-        return (0.0,)
-    return (-parameter.period, 0.0, parameter.period)
+def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, str]:
+    """The word and why."""
+    if not basis.describes:
+        return Verdict.WITHDRAWN, "the model does not describe the data"
+    if found.ends == ("round", "round"):
+        return Verdict.OPEN, "every value around its period fits"
+    said = [_end_words(end, found.held) for end in found.ends]
+    if any(end in CUT for end in found.ends):
+        return Verdict.UNKNOWN, _both(said)
+    cut = [end == "crossed" for end in found.ends]
+    if not any(cut):
+        both_fit = found.ends == ("bound", "bound")
+        return Verdict.OPEN, "both ends of its range fit" if both_fit else _both(said)
+    share = _share_of_prior(subject, found)
+    if share > PRIOR_ALONE:
+        return Verdict.OPEN, "its interval is that of its prior"
+    if not basis.redundant:
+        return Verdict.UNKNOWN, "there are no more data than unknowns: nothing tests the model"
+    if not all(cut):
+        return (
+            (Verdict.BELOW, f"above it {said[1]}")
+            if cut[0]
+            else (
+                Verdict.ABOVE,
+                f"below it {said[0]}",
+            )
+        )
+    if found.exchange:
+        return Verdict.SEVERAL, found.exchange
+    if found.others:
+        return Verdict.SEVERAL, _others_words(subject, found.others)
+    if share > PRIOR_IDLE:
+        return Verdict.BOUNDED, "its prior has a part in its interval"
+    return _by_width(subject, found)
 
 
-def _verdict(
-    share: float, ends: Sequence[str], quantity: Quantity, outside: bool
-) -> tuple[str, str]:
-    """The word and why, from the width of the interval over the width without data."""
-    percent = f"{100.0 * share:.2g} %"
-    if quantity.round and ends[0] == "round":
-        return IDENTIFIABLE[2], "every value around its period fits"
-    open_ = [end for end in ends if end != "crossed"]
-    if len(open_) == 2:
-        if open_ == ["bound", "bound"]:
-            return IDENTIFIABLE[2], "both ends of its range fit"
-        said = " and ".join(dict.fromkeys(ENDS_IN_WORDS[end] for end in open_))
-        return IDENTIFIABLE[2], f"the data end it on neither side: {said}"
-    word = in_words(1.0 - share**2)
-    reason = f"the 95 % interval is {percent} of the range without data"
-    if open_:
-        reason += f"; on one side {ENDS_IN_WORDS[open_[0]]}"
-        if word == IDENTIFIABLE[0] and share > ONE_SIDED:
-            word = IDENTIFIABLE[1]
-    if outside:
-        reason += "; another minimum fits as well"
-        word = IDENTIFIABLE[1] if word == IDENTIFIABLE[0] else word
-    return word, reason
+def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:
+    """Determined, or only bounded, where the data cut both ends."""
+    low, high = found.interval
+    if subject.period is not None:
+        if high - low <= NARROW_ROUND * subject.period:
+            share = _percent(_precision(subject, found))
+            return Verdict.DETERMINED, f"to {share} of its period"
+        return Verdict.BOUNDED, "its interval is more than a quarter of its period"
+    if low * high <= 0.0:
+        return Verdict.BOUNDED, "zero lies inside"
+    if max(abs(low), abs(high)) <= NARROW * min(abs(low), abs(high)):
+        return Verdict.DETERMINED, f"to {_percent(_precision(subject, found))}"
+    ratio = max(low / high, high / low)
+    return Verdict.BOUNDED, f"the ends of its interval are a factor {number(ratio, 2)} apart"
+
+
+def _percent(share: float) -> str:
+    return f"{number(100.0 * share, 2)} %"
+
+
+def _end_words(end: str, held: Sequence[str]) -> str:
+    if end == "held":
+        return f"{', '.join(dict.fromkeys(held))} goes as far as it may"
+    return ENDS_IN_WORDS[end]
+
+
+def _both(said: Sequence[str]) -> str:
+    low, high = said
+    return f"on both sides {low}" if low == high else f"below it {low}, above it {high}"
+
+
+def _others_words(subject: _Subject, others: Sequence[float]) -> str:
+    values = [subject.shown(subject.quantity.best), *others]
+    shown = " or ".join(number(value, 5) for value in values)
+    return f"{shown} {subject.unit}".rstrip() + ": another minimum fits as well"
+
+
+def _share_of_prior(subject: _Subject, found: _Found) -> float:
+    """Width of an interval over that of the Gaussian prior; zero without one."""
+    if subject.parameter is None or subject.parameter.prior_sigma is None:
+        return 0.0
+    low, high = found.interval
+    return (high - low) / (2.0 * ROOT_95 * subject.parameter.prior_sigma)
+
+
+def _precision(subject: _Subject, found: _Found) -> float:
+    """Half the width over the value, or over the period of a periodic one; NaN if not cut."""
+    if found.ends != ("crossed", "crossed"):
+        return math.nan
+    half = 0.5 * (found.interval[1] - found.interval[0])
+    if subject.period is not None:
+        return half / subject.period
+    best = abs(subject.shown(subject.quantity.best))
+    return half / best if best > 0.0 else math.inf
 
 
 def _in_order(explored: Exploration, quantity: Quantity) -> list[ProfilePoint]:
@@ -242,12 +399,13 @@ def _path(
     return path
 
 
-def _without_value(explored: Exploration, name: str, unit: str) -> Profile:
+def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
     """An output that has no value where the data lead, or that nothing moves."""
     k = explored.optimum.likelihood.names.index(name)
     best = float(explored.optimum.expansion.sample.outputs[k])
     nan = math.nan
-    box = (explored.ranges[name].low, explored.ranges[name].high)
+    unit = basis.units.get(name, "")
+    box = basis.boxes.get(name, (nan, nan))
     if math.isfinite(best) and not box[1] > box[0]:  # it does not depend on what is fitted
         return Profile(
             kind="derived",
@@ -259,8 +417,9 @@ def _without_value(explored: Exploration, name: str, unit: str) -> Profile:
             box=(best, best),
             ends=("crossed", "crossed"),
             shrinkage=1.0,
-            verdict=IDENTIFIABLE[0],
-            reason="it does not depend on the parameters",
+            verdict=Verdict.DETERMINED,
+            precision=0.0,
+            reason="exactly: it does not depend on the parameters",
             values=(best,),
             delta=(0.0,),
             path={},
@@ -276,7 +435,8 @@ def _without_value(explored: Exploration, name: str, unit: str) -> Profile:
         box=box,
         ends=("lost", "lost"),
         shrinkage=0.0,
-        verdict=IDENTIFIABLE[2],
+        verdict=Verdict.UNKNOWN,
+        precision=nan,
         reason=f"it has no {where} at the most likely point",
         values=(),
         delta=(),

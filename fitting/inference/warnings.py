@@ -13,7 +13,7 @@ from fitting.campaign import BoundCampaign, Experiment
 from fitting.campaign.parameters import prior_sigmas
 from fitting.fit.alternative import Outcome
 from fitting.fit.fit import Fit
-from fitting.fit.linearisation import IDENTIFIABLE, Linearisation
+from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
@@ -27,6 +27,7 @@ from fitting.inference.mistakes import (
 )
 from fitting.inference.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.errors import BadInput
@@ -86,12 +87,13 @@ def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
     return [Warned(kind, sentence) for sentence in sentences]
 
 
-def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
+def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult], inflation: float = 1.0) -> list[Warned]:
     """Everything that a fit itself warns of, whatever is inferred from it.
 
     Args:
         fit: the finished fit.
         offsets: values of single experiments.
+        inflation: by how much residuals beyond the noise widen the errors.
     """
     problem, solution = fit.problem, fit.solution
     line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
@@ -102,7 +104,7 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
         *warned(Kind.BOUND, _on_bounds(solution)),
-        *warned(Kind.INFLATION, _inflation(solution)),
+        *warned(Kind.INFLATION, _inflation(inflation)),
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
         *warned(Kind.DRIFT, _drift(problem, offsets)),
@@ -117,20 +119,38 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult]) -> list[Warned]:
     ]
 
 
+#: What is said of values that are not determined, by verdict.
+SAID = {
+    Verdict.BOUNDED: "Bounded on both sides by these data, but not determined: {}.",
+    Verdict.ABOVE: "Bounded above only by these data: {}.",
+    Verdict.BELOW: "Bounded below only by these data: {}.",
+    Verdict.SEVERAL: "One of several values that fit as well: {}.",
+    Verdict.OPEN: (
+        "Not determined by these data: {}. Prior and start decide where these values are reported."
+    ),
+    Verdict.LINEARISED: (
+        "Linearised only: {}. Their errors hold where the model is straight within them; profiles "
+        "would say whether the data determine them."
+    ),
+}
+
+
 def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> list[str]:
-    """Which values the data do not determine, or only partly.
+    """Which values the data do not determine, or not wholly, or of which nothing is known.
 
     Args:
         values: with their verdicts, by name.
     """
     said = []
-    for verdict in IDENTIFIABLE[1:]:
-        names = [name for name, value in values.items() if value.identifiable == verdict]
+    for verdict, words in SAID.items():
+        names = [name for name, value in values.items() if value.identifiable is verdict]
         if names:
-            said.append(
-                f"{verdict.capitalize()} by these data: {', '.join(names)}. Prior and start decide "
-                "where these values are reported."
-            )
+            said.append(words.format(", ".join(names)))
+    unknown: dict[str, list[str]] = {}
+    for name, value in values.items():
+        if value.identifiable is Verdict.UNKNOWN:
+            unknown.setdefault(value.reason, []).append(name)
+    said += [f"Not known: {', '.join(names)} ({why})." for why, names in unknown.items()]
     return said
 
 
@@ -143,12 +163,12 @@ def _on_bounds(solution: Solution) -> list[str]:
     return said
 
 
-def _inflation(solution: Solution) -> list[str]:
+def _inflation(inflation: float) -> list[str]:
     said = []
-    if solution.errors.inflation > 1.5:
+    if inflation > 1.5:
         said.append(
-            f"The residuals are {solution.errors.inflation:.3g} times what the noise explains: the "
-            "model, or the interpolated drift, does not describe these data; errors are widened."
+            f"The residuals are {inflation:.3g} times what the noise explains: it was stated too "
+            "small, or the model, or the drift, is not quite right; errors are widened."
         )
     return said
 

@@ -64,8 +64,10 @@ class Bench:
     def __post_init__(self) -> None:
         if self.observed not in (0, 1):
             raise ValueError(f"observed mode {self.observed}, wanted 0 or 1")
-        if self.noise_scale < 0.0 or self.crest_v <= 0.0:
-            raise ValueError("noise_scale must not be negative and crest_v must be positive")
+        if self.noise_scale < 0.0:
+            raise ValueError(f"noise_scale = {self.noise_scale} must not be negative")
+        if self.crest_v <= 0.0:
+            raise ValueError(f"crest_v = {self.crest_v} V must be positive")
         if not self.pairs_hz:
             raise ValueError("a series wants at least one drive pair")
         if self.levels and len(self.levels) != len(self.pairs_hz):

@@ -15,11 +15,13 @@ from fitting.lab.duffing import CubicModes
 from fitting.lab.truth import TRUTH_NAME, truth_toml
 from fitting.signal.peaks import fit_resonance
 from fitting.text.arrays import FloatArray
-from fitting.text.toml import Tables, put, rewritten
+from fitting.text.toml import Tables, inline, put, rewritten
 
 CAMPAIGN_NAME = "campaign.toml"
 EXPERIMENTS_NAME = "experiments.csv"
 SWEEP_NAME = "sweep.csv"
+#: What an eigenfrequency may depart from its interpolated drift by, one standard deviation.
+BENT = "30 Hz"
 
 
 def campaign_files(series: Series, command: str) -> dict[str, str]:
@@ -122,6 +124,10 @@ def _linear(tables: Tables, series: Series) -> None:
         tables["drift"][name]["before"] = written_mhz(before)
         tables["drift"][name]["after"] = written_mhz(after)
         tables["sweep"]["set"][name] = written_mhz(before)
+    if bench.curvature_hz:  # whoever has seen it bend does not interpolate
+        between = {name: inline(tables["drift"][name]) for name in DRIFTING}
+        drift = {"model": "offsets", "prior": BENT, **between}
+        put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
     fit = fit_resonance(series.sweep.frequency_hz, series.sweep.amplitude_v)
     damping = tables["parameters"][1 + bench.observed]
     width = round(fit.width_hz, 3)

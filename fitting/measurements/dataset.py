@@ -144,7 +144,8 @@ class Dataset:
         sigma = self.sigma
         if not (self.weigh and np.all(sigma > 0.0)):
             return float(np.dot(residuals, residuals)), np.ones(residuals.size)
-        weights = sigma**-2 / np.mean(sigma**-2)
+        weights = (np.min(sigma) / sigma) ** 2  # at most one, however small the sigmas
+        weights /= np.mean(weights)
         if self.outliers != "huber":
             return float(np.sum(weights * residuals**2)), weights
         far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)

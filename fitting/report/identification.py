@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.likelihood.knowledge import Identification
+from fitting.inference.verdict import Verdict
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.style import save, style
 from fitting.report.page import Page, Section, Status, write_page
@@ -36,7 +36,8 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         knowledge_section(found.knowledge, figures),
         Section("provenance", "Provenance", tables=(origin,)),
     )
-    open_ = any(p.verdict != IDENTIFIABLE[0] for p in found.knowledge.profiles.values())
+    profiles = found.knowledge.profiles.values()
+    open_ = any(p.verdict is not Verdict.DETERMINED for p in profiles)
     page = Page(
         title=found.title,
         kind="what the data determine",

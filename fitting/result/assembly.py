@@ -50,8 +50,8 @@ def result_of(
     return Result(
         title=problem.title,
         synthetic=problem.synthetic,
-        status=fit.status.value,
-        message=fit.message,
+        status=inference.status.value,
+        message=inference.message,
         parameters=inference.parameters,
         derived=inference.derived,
         alternative=dict(fit.alternative),

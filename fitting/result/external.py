@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.joint_result import ExternalTest
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.result.result import Result
@@ -73,7 +72,7 @@ def _test(result: Result, text: str) -> ExternalTest:
     numbers = [_in(part, found.unit, name) for part in _parts(written)]
     value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
     outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
-    if found.identifiable == IDENTIFIABLE[2] or not math.isfinite(found.std):
+    if not found.identifiable.has_value or not math.isfinite(found.std):
         low, high = _allowed(found)
         where = "lies within" if low <= value <= high else "lies outside"
         return ExternalTest(
@@ -84,8 +83,8 @@ def _test(result: Result, text: str) -> ExternalTest:
             found=found.value,
             found_std=math.nan,
             sigmas=math.nan,
-            sentence=f"{name} = {outside} cannot be tested: {name} is not determined by these "
-            f"data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
+            sentence=f"{name} = {outside} cannot be tested: {name} is {found.identifiable} by "
+            f"these data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
         )
     own = _towards(found, value)
     sigmas = (found.value - value) / math.hypot(own, std)

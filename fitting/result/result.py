@@ -22,7 +22,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.files import write_whole
 from fitting.text.records import read_json, write_json
 
-STATUSES = ("converged", "not converged", "interrupted")
+STATUSES = ("converged", "not converged", "interrupted", "does not describe the data")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,22 +29,23 @@ def read_whole(path: Path, wanted: str = "a file") -> bytes:
         NoFile: there is none of that name.
         BadInput: a folder, a pipe or a device (which may never end), too large, or not readable.
     """
+    name = str(path) if str(path).strip() else repr(str(path))
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
-            raise BadInput(f"{path}: is {_kind(found.st_mode)}, wanted {wanted}")
+            raise BadInput(f"{name}: is {_kind(found.st_mode)}, wanted {wanted}")
         if found.st_size > MOST_BYTES:
             raise BadInput(
-                f"{path}: has {found.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
+                f"{name}: has {found.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
                 f"{MOST_BYTES / 1e6:.6g} MB"
             )
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise NoFile(f"{path}: no such file, wanted {wanted}") from error
+        raise NoFile(f"{name}: no such file, wanted {wanted}") from error
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}; wanted {wanted}") from error
+        raise BadInput(f"{name}: cannot be read: {error.strerror}; wanted {wanted}") from error
     except ValueError as error:  # a NUL character
-        raise BadInput(f"{path}: no file can have this name; wanted {wanted}") from error
+        raise BadInput(f"{name}: no file can have this name; wanted {wanted}") from error
 
 
 def _kind(mode: int) -> str:

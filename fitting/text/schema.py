@@ -41,6 +41,8 @@ from fitting.text.written import Written
 
 Record = TypeVar("Record")
 Place = tuple[str | int, ...]
+#: Unknown keys for which a likely one is looked up, which takes a while.
+MOST_HINTS = 50
 
 
 #: One reader per kind of record: to make it takes milliseconds.
@@ -126,14 +128,18 @@ def _complaints(
 ) -> Sequence[str]:
     """A line for every error; a key that is missing because it is misspelt is one, not two."""
     errors = error.errors(include_url=False)
-    unknown = [e["loc"] for e in errors if e["type"] == "unexpected_keyword_argument"]
-    said = []
+    found = (e["loc"] for e in errors if e["type"] == "unexpected_keyword_argument")
+    unknown = list(itertools.islice(found, MOST_HINTS))
+    said: list[str] = []
     for e in errors:
         loc, value = e["loc"], e["input"]
         place = (*names, *loc)
         match e["type"]:
             case "unexpected_keyword_argument":
-                hint = did_you_mean(str(loc[-1]), sorted(_fields(_record_at(kind, loc[:-1]))))
+                known = (
+                    sorted(_fields(_record_at(kind, loc[:-1]))) if len(said) < MOST_HINTS else []
+                )
+                hint = did_you_mean(str(loc[-1]), known)
                 where = source.where(place[:-1], table=True)
                 said.append(f"{where}: unknown key '{loc[-1]}'{hint}")
             case "missing":

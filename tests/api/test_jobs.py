@@ -42,8 +42,9 @@ def test_what_was_not_profiled_keeps_its_linearised_verdict(fit: ff.Fit) -> None
     for name in ("width_plus", "Q_plus", "lambda"):
         before, after = fit[name], found[name]
         assert after.verdict == before.verdict
-        assert (after.std, after.value) == pytest.approx((before.std, before.value), nan_ok=True)
-    assert found["width_plus"].verdict == "determined"
+        assert after.std == pytest.approx(before.std, nan_ok=True)
+        assert after.value == pytest.approx(before.value, nan_ok=True, rel=1e-3)
+    assert found["width_plus"].verdict == "linearised only"
 
 
 def test_plots_take_fits_and_draw_where_they_are_told(fit: ff.Fit) -> None:

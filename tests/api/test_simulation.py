@@ -105,7 +105,7 @@ def test_a_sound_fmu_that_suits(fmu: ff.Fmu) -> None:
     assert found.sound
     assert found.trial is not None
     assert found.suits is not None
-    assert (found.suits.parameters, found.suits.experiments) == (3, 5)
+    assert (found.suits.parameters, found.suits.experiments) == (3 + 5, 5)  # offsets
     assert {"q1_hybrid", "lambda"} <= set(found.trial.numbers)
     assert found.resets is not None
     assert "same bit for bit" in found.resets.reuse

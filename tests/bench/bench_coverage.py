@@ -89,13 +89,9 @@ def coupling_of(series: Series) -> float:
     return float(np.mean(found))
 
 
-def bound_of(series: Series, variables: Variables, folder: Path, drift: str = "") -> BoundCampaign:
-    """The campaign of a series, written, read and bound; `drift` lines go into [drift]."""
-    files = campaign_files(series, "bench_coverage")
-    files["campaign.toml"] = files["campaign.toml"].replace(
-        "eta_plus = { before", drift + "eta_plus = { before", 1
-    )
-    write_all(folder, files)
+def bound_of(series: Series, variables: Variables, folder: Path) -> BoundCampaign:
+    """The campaign of a series, written, read and bound; with offsets if the drift bends."""
+    write_all(folder, campaign_files(series, "bench_coverage"))
     bound = bind(read_campaign(folder / "campaign.toml"), variables)
     return replace(bound, alternatives=bound.alternatives[:1])
 
@@ -126,7 +122,7 @@ def offsets(seed: int, variables: Variables, folder: Path) -> Laboratory:
     """A drift that bends by 30 Hz (one sigma), with one fitted offset per experiment."""
     bend = CURVED_HZ * float(np.random.default_rng([seed, 2]).standard_normal())
     series = measure(replace(string_bench("q1"), curvature_hz=bend), seed)
-    bound = bound_of(series, variables, folder, 'model = "offsets"\nprior = "30 Hz"\n')
+    bound = bound_of(series, variables, folder)
     truth = truth_of(series)
     own = [p for p in bound.parameters if p.experiments]
     ends = series.eta_before_hz[0], series.eta_after_hz[0]

@@ -7,8 +7,8 @@ Samples from kHz to GHz, Q from 50 to 1e6, lambda from zero to far beyond the li
 0.3 to 3, 0.01 to 100 and 0.001 to 1000 times a guess. Every laboratory is written as campaign files
 and goes through ``ff.fit`` and ``ff.profile``; the model is the closed form of
 `tests.support.virtual.modes` in place of the FMU (with --fmu the FMU itself, some fifty times as
-slow). Every third is fitted again with all boxes ten times as wide. With --record finished
-laboratories are kept and not done again. Prints Markdown tables.
+slow). Every third (--widen) is fitted again with all boxes ten times as wide. With --record
+finished laboratories are kept and not done again. Prints Markdown tables.
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ from tests.support.virtual.findings import counted, faults_table, findings, tabl
 from tests.support.virtual.judge import Judged, by_closed_form, by_fmu, judged
 from tests.support.virtual.kinds import KINDS
 
-#: Of so many laboratories one is fitted again with wider boxes.
-WIDENED = 3
 AGAIN = "python -m tests.bench.bench_laboratories --kind KIND --first SEED --laboratories 1 --show"
 
 
@@ -38,10 +36,10 @@ def _fmu() -> ff.Fmu:
     return ff.Fmu("CoupledOscillator", workers=1)
 
 
-def judge_one(kind: str, seed: int, through_fmu: bool) -> Judged:
+def judge_one(kind: str, seed: int, through_fmu: bool, widen: int) -> Judged:
     """One laboratory, in a process of its own."""
     solve = (by_fmu if through_fmu else by_closed_form)(_fmu())
-    return judged(KINDS[kind](seed), solve, widened=seed % WIDENED == 0)
+    return judged(KINDS[kind](seed), solve, widened=widen > 0 and seed % widen == 0)
 
 
 def recorded(path: Path | None) -> dict[tuple[str, int], Judged]:
@@ -53,10 +51,12 @@ def recorded(path: Path | None) -> dict[tuple[str, int], Judged]:
     return {(j.kind, j.seed): j for j in found}
 
 
-def run(wanted: Sequence[tuple[str, int]], workers: int, through_fmu: bool) -> Iterator[Judged]:
+def run(wanted: Sequence[tuple[str, int]], args: argparse.Namespace) -> Iterator[Judged]:
     """Laboratories as they are finished."""
-    with ProcessPoolExecutor(workers) as pool:
-        pending = [pool.submit(judge_one, kind, seed, through_fmu) for kind, seed in wanted]
+    with ProcessPoolExecutor(args.workers) as pool:
+        pending = [
+            pool.submit(judge_one, kind, seed, args.fmu, args.widen) for kind, seed in wanted
+        ]
         for future in as_completed(pending):
             yield future.result()
 
@@ -88,6 +88,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--record", type=Path, help="JSON lines, to resume from")
+    parser.add_argument("--widen", type=int, default=3, help="widen the boxes of one in so many")
     parser.add_argument("--fmu", action="store_true", help="fit through the FMU")
     parser.add_argument("--show", action="store_true", help="all statements beside the truth")
     parser.add_argument("--write", type=Path, help="write the campaigns below this folder, and end")
@@ -101,7 +102,7 @@ def main() -> None:
         return
     known = recorded(args.record)
     done = [known[key] for key in wanted if key in known]
-    for one in run([key for key in wanted if key not in known], args.workers, args.fmu):
+    for one in run([key for key in wanted if key not in known], args):
         done.append(one)
         if args.record is not None:
             with args.record.open("a", encoding="utf-8") as file:

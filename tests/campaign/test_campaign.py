@@ -97,7 +97,7 @@ def test_the_string_campaign_in_the_fmus_units(tmp_path: Path, texts: dict[str, 
     assert sweep is not None
     assert sweep.settings["eta_plus"] == before
     assert sweep.amplitude_v.max() == pytest.approx(40e-6, rel=0.03)
-    theta, d1, _ = campaign.parameters
+    theta, d1, *_ = campaign.parameters
     assert theta.start == 0.0
     assert theta.reference == pytest.approx(math.pi / 2 + math.pi / 8)
     assert theta.period == pytest.approx(math.pi, rel=1e-15)

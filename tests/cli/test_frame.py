@@ -48,7 +48,7 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
     assert "3 the FMU failed" in " ".join(text.split())
     told = (ROOT / "README.md").read_text("utf-8").partition("| exit code | meaning |")[2]
     codes = re.findall(r"^\| (\d+) \| ", told.partition("\n\n")[0], re.MULTILINE)
-    assert codes == ["0", "1", "2", "3", "70", "130"]
+    assert codes == ["0", "1", "2", "3", "4", "70", "130"]
     for code in codes:
         assert re.search(rf"\b{code} [a-z]", text), f"exit code {code} is not told"
 

@@ -138,7 +138,7 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
     [
         (["--series", "q1", "--d1", "-3"], "damping d1 = -3.0"),
         (["--series", "q1", "--eta-plus", "9e6"], "eta_plus = 9000000.0 Hz must lie"),
-        (["--series", "q1", "--noise-scale", "-1"], "noise_scale must not be negative"),
+        (["--series", "q1", "--noise-scale", "-1"], "noise_scale = -1.0 must not be negative"),
         (["--series", "q1", "--alpha1", "1e32"], "alpha1: has no meaning for the bench 'q1'"),
         (["--series", "duffing", "--cross-mode"], "lock-in amplifiers have no meaning"),
         (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7, wanted"),

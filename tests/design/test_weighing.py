@@ -27,6 +27,7 @@ from fitting.text.errors import BadInput
 from fitting.text.files import write_all
 from fitting.text.schema import read_record
 from tests.support import closed_form
+from tests.support.datasets import linear
 from tests.support.design_laboratories import Laboratory
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
@@ -42,7 +43,7 @@ def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
 
 @pytest.fixture(scope="module")
 def bound(workers: FmuWorkers) -> BoundCampaign:
-    return bind(read_campaign(Q1), workers.description.variables)
+    return linear(bind(read_campaign(Q1), workers.description.variables))
 
 
 def design_table(path: Path, table: dict[str, object]) -> DesignTable:
@@ -178,7 +179,7 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
 ) -> None:
     """With the q2 series beside, one mode at the other's resonance settles it."""
     path = Q1.parents[1] / "string_q2" / "campaign.toml"
-    other = bind(read_campaign(path), workers.description.variables)
+    other = linear(bind(read_campaign(path), workers.description.variables))
     goal = DesignGoal("lambda", start=(bound.alternatives[0], TRUTH))
     one = replace(bound, alternatives=bound.alternatives[:1])
     weighed = weigh(one, workers, limits, goal, also=[other])
@@ -285,7 +286,7 @@ def test_a_prior_over_more_than_a_period_counts_once(bound: BoundCampaign) -> No
         ({"frequency_step": 10}, "has no unit"),
         ({"levels": [0]}, "wanted a list of positive numbers"),
         ({"repeats": [1.5]}, "wanted whole numbers"),
-        ({"number": 0}, "wanted a whole number from 1"),
+        ({"number": 0}, "wanted a whole number from 1 to 1000"),
         ({"number": 1000}, "at most 50"),
         ({"tones": 3}, "a design places one or two"),
         ({"noise_floor": "3 Hz"}, "wanted 'V'"),

@@ -48,7 +48,7 @@ from tests.support.closed_form import (
     string_parameters,
     string_response,
 )
-from tests.support.datasets import drafted
+from tests.support.datasets import drafted, linear
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 
 DATA = Path(__file__).parents[2] / "data"
@@ -60,7 +60,7 @@ Campaigns = tuple[BoundCampaign, BoundCampaign]
 def shipped(oscillator_fmu: Path) -> Campaigns:
     variables = read_description(oscillator_fmu).variables
     one, two = (
-        bind(read_campaign(DATA / name / "campaign.toml"), variables)
+        linear(bind(read_campaign(DATA / name / "campaign.toml"), variables))
         for name in ("string_q1", "string_q2")
     )
     return one, two
@@ -315,10 +315,10 @@ def test_the_shipped_series_together_hold_the_widths_alone(
 ) -> None:
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         result = quickly(workers, shipped, levels=1)
-    assert result.parameters["theta"].identifiable == "not determined"
-    assert result.derived["lambda"].identifiable == "not determined"
+    assert result.parameters["theta"].identifiable == "not known"
+    assert result.derived["lambda"].identifiable == "not known"
     for name in ("width_plus", "width_minus"):
-        assert result.derived[name].identifiable == "determined"
+        assert result.derived[name].identifiable == "linearised only"
     assert abs(result.derived["width_plus"].value - 94.107) < 3 * result.derived["width_plus"].std
     assert result.joint is not None
     alone = [part.alone for part in result.joint.series]
@@ -328,7 +328,7 @@ def test_the_shipped_series_together_hold_the_widths_alone(
     assert math.isnan(alone[1]["theta"].std)
     told = with_external(result, ["lambda=0.8604 MHz", "width_plus=0.1 kHz +- 2 Hz"])
     assert math.isnan(told.external[0].sigmas)
-    assert "cannot be tested: lambda is not determined" in told.external[0].sentence
+    assert "cannot be tested: lambda is not known" in told.external[0].sentence
     width = result.derived["width_plus"]
     assert told.external[1].sigmas == pytest.approx(
         (width.value - 100.0) / math.hypot(width.std, 2.0), rel=1e-3
@@ -357,7 +357,7 @@ def test_both_modes_at_both_resonances_hold_the_coupling(
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
         result = quickly(workers, bounds)
     coupling = result.derived["lambda"]
-    assert coupling.identifiable == "determined"
+    assert coupling.identifiable == "linearised only"
     # closed form of the paper at the true angle and the mean eigenfrequencies
     truth = math.sqrt(-0.5 * math.sin(2 * 1.9498) * (7027600.0**2 - 6940260.0**2))
     assert coupling.ci95[0] < truth < coupling.ci95[1]

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from fitting.fit import checkpoint
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.values import DerivedResult
+from fitting.inference.verdict import Verdict
 from fitting.text.errors import BadInput
 from fitting.text.records import from_plain, read_json, to_plain, write_json
 
@@ -152,11 +153,12 @@ def test_a_derived_value_without_data_is_not_printed_as_one() -> None:
         ci95=(647000.0, 647800.0),
         reference=6.5e5,
         shrinkage=0.99,
-        identifiable="determined",
+        identifiable=Verdict.DETERMINED,
         box=(6e4, 7.8e5),
+        algorithm2=647300.0,
     )
     assert held.text() == "647400 ± 2e+02"
-    free = replace(held, shrinkage=1e-4, identifiable="not determined")
+    free = replace(held, ci95=(6e4, 7.8e5), identifiable=Verdict.OPEN)
     assert "±" not in free.text()
     assert "60000 to 780000" in free.text()
 

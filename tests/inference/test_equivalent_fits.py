@@ -98,7 +98,7 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     )
     for name in ("theta", "d1", "d2"):
         profile = knowledge.parameters[name]
-        assert profile.verdict == "partly determined", name
+        assert profile.verdict == "one of several values", name
         assert "up to an exchange" in profile.reason
     assert "120 Hz at reflection = True" in knowledge.parameters["d2"].reason
     for name in ("lambda", "D11"):  # the same at both

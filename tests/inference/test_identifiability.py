@@ -175,7 +175,7 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
     k = knowledge.parameters["k"]
     assert k.best == pytest.approx(1.5, abs=1e-3)
     assert k.interval95[0] < -1.49 < 1.49 < k.interval95[1]
-    assert k.verdict == "partly determined"
+    assert k.verdict == "one of several values"
     assert "another minimum" in k.reason
     assert knowledge.derived["square"].verdict == "determined"
     [twin] = knowledge.equivalents

@@ -15,6 +15,7 @@ from fitting.fit.objective import Objective, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.likelihood.ranges import output_ranges
+from fitting.inference.verdict import Verdict
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
 
@@ -108,8 +109,7 @@ def test_an_interval_that_meets_the_bound_says_so() -> None:
     assert profile.interval95[0] == -6.0
     assert profile.interval95[1] == pytest.approx(math.log(1.0 + 1.959964 * s / 2.0), abs=0.01)
     assert profile.ends == ("bound", "crossed")
-    assert profile.verdict == "partly determined"
-    assert "bound" in profile.reason
+    assert profile.verdict is Verdict.ABOVE
 
 
 @pytest.fixture(scope="module")
@@ -155,12 +155,13 @@ def test_what_the_data_hold_is_not_drowned_by_what_they_do_not(string: Knowledge
 
 def test_walks_that_are_cut_claim_nothing() -> None:
     objective = single_line.line_objective(seed=1, span=2.0)
-    knowledge = known(objective, [1000.2, 8.3, 1.9], budget=100)
+    knowledge = known(objective, [1000.2, 8.3, 1.9], budget=30)
     for profile in knowledge.profiles.values():
         assert profile.ends == ("cost", "cost")
         assert profile.interval95 == profile.box
-        assert profile.verdict == "not determined"
-    assert knowledge.effort.evaluations <= 100
+        assert profile.verdict is Verdict.UNKNOWN
+        assert "cut for its cost" in profile.reason
+    assert knowledge.effort.evaluations <= 30
     assert any("cost" in said for said in knowledge.sentences)
 
 

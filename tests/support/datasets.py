@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Setup
+from fitting.campaign.parameters import everywhere
 from fitting.fit.problem import problem_of
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.variables import VariableLike
@@ -30,6 +32,11 @@ SETUP = Setup(
     ),
     "q1_hybrid",
 )
+
+
+def linear(bound: BoundCampaign) -> BoundCampaign:
+    """The campaign without its offsets: a drift that is interpolated, as the paper has it."""
+    return replace(bound, parameters=everywhere(bound.parameters))
 
 
 def peaks_measurement(

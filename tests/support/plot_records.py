@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
-from fitting.inference.likelihood.knowledge import Effort, Knowledge, NuChoice, NuRow, Profile
+from fitting.inference.likelihood.knowledge import (
+    Adequacy,
+    Effort,
+    Knowledge,
+    NuChoice,
+    NuRow,
+    Profile,
+)
+from fitting.inference.verdict import Verdict
 from fitting.simulate.budget import Basis, Budget, Decision
 from fitting.simulate.budget import Kind as Decided
 from fitting.simulate.drive import Drive
@@ -30,8 +38,9 @@ def profile(best: float = 94.0, sigma: float = 2.5, unit: str = "Hz") -> Profile
         box=(1.0, 1000.0),
         ends=("crossed", "crossed"),
         shrinkage=0.99,
-        verdict="determined",
-        reason="",
+        verdict=Verdict.DETERMINED,
+        precision=1.96 * sigma / best,
+        reason="to 5.2 %",
         values=values,
         delta=tuple(s**2 for s in steps),
         path={"d1": values, "lambda": tuple(7e5 + 1e4 * s for s in steps)},
@@ -47,6 +56,8 @@ def knowledge() -> Knowledge:
         chi_square=9.0,
         freedom=8.0,
         inflation=1.0,
+        adequacy=Adequacy(chi_square=9.0, freedom=8.0, p_value=0.34, describes=True),
+        most_likely={"d1": 94.0, "d2": 106.0},
         parameters={"d1": _along(one, path), "d2": _along(profile(106.0), path)},
         derived={"lambda": _along(output, path)},
         directions=(),

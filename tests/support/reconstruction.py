@@ -51,7 +51,7 @@ def reconstruct(
     fit = solve_problem(problem, respond, request.options, request.hooks)
     inference = _inferred(fit, identity, request)
     provenance = provenance_of(problem, identity, request.options)
-    result = result_of(fit, inference, provenance)
+    result = result_of(inference.fit, inference, provenance)
     return replace(result, seconds=request.hooks.clock() - begun)
 
 
@@ -83,4 +83,5 @@ def reconstruct_through(
     planned = plan_problem(problem, workers)
     fit = solve_problem(problem, planned.response, request.options, request.hooks)
     inference = _inferred(fit, identity, request)
-    return result_through(planned, fit, inference, identity, request.hooks.clock() - begun)
+    seconds = request.hooks.clock() - begun
+    return result_through(planned, inference.fit, inference, identity, seconds)

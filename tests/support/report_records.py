@@ -12,6 +12,7 @@ from fitting.campaign import Drive, Setup, Spectrum
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.inference.sweep_line import SweepLine
 from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import ShownSpectrum, spectra_figure
@@ -246,24 +247,28 @@ def parameters() -> dict[str, ParameterResult]:
             unit="rad",
             std=3.6,
             ci95=(0.0, 3.14159),
+            algorithm2=1.9643,
             reference=1.9635,
             start=0.0,
             lower=-6.3,
             upper=6.3,
             shrinkage=8e-8,
-            identifiable="not determined",
+            identifiable=Verdict.OPEN,
         ),
         "d1": ParameterResult(
             value=93.42457642728192,
             unit="Hz",
             std=0.24,
             ci95=(92.95, 93.89),
+            algorithm2=93.6,
             reference=94.0,
             start=94.0,
             lower=1.0,
             upper=1000.0,
             shrinkage=0.98,
-            identifiable="determined",
+            identifiable=Verdict.DETERMINED,
+            precision=0.005,
+            reason="to 0.5 %",
         ),
     }
 
@@ -280,10 +285,11 @@ def derived(experiments: int) -> dict[str, DerivedResult]:
             mean=mean,
             spread=1.74,
             std=2.5,
-            ci95=(mean - 5.0, mean + 5.0),
+            ci95=(63313.9, 780999.0),
+            algorithm2=657000.0,
             reference=656749.9,
             shrinkage=8e-8,
-            identifiable="not determined",
+            identifiable=Verdict.OPEN,
             box=(63313.9, 780999.0),
         ),
         "D11": DerivedResult(
@@ -294,9 +300,12 @@ def derived(experiments: int) -> dict[str, DerivedResult]:
             spread=0.0,
             std=1.9,
             ci95=(595.4, 602.8),
+            algorithm2=600.1,
             reference=622.96,
             shrinkage=1.0,
-            identifiable="determined",
+            identifiable=Verdict.DETERMINED,
+            precision=0.005,
+            reason="to 0.5 %",
             box=(131.6, 6076.9),
         ),
     }

@@ -40,6 +40,8 @@ def _rohde_schwarz_trace(
 ) -> RawTrace:
     where = f"{path}: row {start + 1}, 'Values'"
     count = int(parse_number((lines[start] + ("",))[1], where))
+    if count < 0:
+        raise BadInput(f"{where}: found {count}, wanted a number of points")
     rows = lines[start + 1 : start + 1 + count]
     if len(rows) < count:
         raise BadInput(f"{where}: {count} points announced, {len(rows)} lines follow")

@@ -66,6 +66,8 @@ def _zurich_chunk_rows(table: Table, selection: Selection) -> list[int]:
 
 def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
     present = list(dict.fromkeys(chunks))
+    if not present:
+        raise BadInput(f"{path}: holds no sweep (chunk), wanted one at least")
     if wanted is None and len(present) == 1:
         return present[0]
     if wanted is not None and str(wanted) in present:
@@ -79,11 +81,13 @@ def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
 def _zurich_by_field(
     path: Path, lines: Sequence[tuple[int, str]], names: Sequence[str], selection: Selection
 ) -> RawTrace:
+    if "chunk" not in names:
+        raise BadInput(f"{path}: no column 'chunk'; wanted one beside 'fieldname'")
     at_chunk, at_field = names.index("chunk"), names.index("fieldname")
     body = [(n, split_line(text, ";" if ";" in text else ",")) for n, text in lines if text.strip()]
     body = body[1:]
     for n, cells in body:
-        if len(cells) <= at_field + 1:
+        if len(cells) <= max(at_chunk, at_field + 1):
             raise BadInput(f"{path}: row {n} holds no values behind its field name")
     chunk = _one_chunk(path, [cells[at_chunk] for _, cells in body], selection.chunk)
     fields = {c[at_field].lower(): (n, c[at_field + 1 :]) for n, c in body if c[at_chunk] == chunk}

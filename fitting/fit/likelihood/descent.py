@@ -26,7 +26,7 @@ from fitting.text.arrays import FloatArray
 
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
-ITERATIONS = 25
+ITERATIONS = 30
 #: Chi square that a step across the whole box costs at first, and from which nothing moves.
 LEAST_DAMPING, MOST_DAMPING = 0.1, 1e8
 #: Free promises below which a descent that got stuck has arrived all the same.
@@ -35,6 +35,12 @@ STALLED = 1.0
 ASTRAY = 20.0
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
+#: Gain in chi square for which the most likely point may leave the box of the campaign.
+WORTH_LEAVING = 0.1
+#: Gain in chi square, were a limit not there, from which the limit is said to hold a point.
+HELD = 0.1
+#: Distance from a limit, in widths of the box, at which a point is at it.
+AT_LIMIT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -283,6 +289,68 @@ def most_likely(
         degrees_of_freedom=free,
         converged=converged,
     )
+
+
+def let_out(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
+    """The optimum in the room of profiles about it, outside the box where the data want it there.
+
+    Args:
+        evaluator: is given the likelihood in that room.
+        optimum: found in the box.
+
+    Raises:
+        FmuFailure: the model failed at the optimum.
+    """
+    x = optimum.expansion.x
+    evaluator.likelihood = optimum.likelihood.let_out(x)
+    moved = optimum.expansion
+    if held_at(optimum.likelihood, moved, ()):
+        moved, _ = _best_of(evaluator, [x])
+        if moved.chi_square > optimum.least - WORTH_LEAVING:
+            return replace(optimum, likelihood=evaluator.likelihood)
+        evaluator.likelihood = optimum.likelihood.let_out(moved.x)
+        [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, moved.x)], evaluator)
+        moved = whole if whole is not None else moved
+    gain = optimum.least - moved.chi_square
+    return replace(
+        optimum,
+        likelihood=evaluator.likelihood,
+        expansion=moved,
+        chi_square=optimum.chi_square - gain * optimum.likelihood.inflation**2,
+    )
+
+
+def held_at(
+    likelihood: Likelihood,
+    here: Expansion,
+    besides: Sequence[int],
+    constraint: Constraint = UNCONSTRAINED,
+) -> tuple[int, ...]:
+    """Parameters that a limit holds against the data, though the model allows what lies beyond.
+
+    Without the limit a parameter alone would lower the merit by (g/2)^2/h, g its slope and h its
+    curvature, at least.
+
+    Args:
+        likelihood: with the limits.
+        here: a point with its slopes.
+        besides: parameters that are held on purpose.
+        constraint: that the point keeps to.
+    """
+    rows, matrix = here.sample.rows, here.matrix
+    if constraint.output >= 0:
+        outward = np.nan_to_num(here.outward[constraint.output])
+        rows = np.append(rows, constraint.residual(here.sample))
+        matrix = np.vstack([matrix, constraint.weight * outward])
+    slope, curvature = matrix.T @ rows, np.sum(matrix**2, axis=0)
+    gain = slope**2 / np.maximum(curvature, np.finfo(float).tiny)
+    least, most = likelihood.declared
+    near = AT_LIMIT * likelihood.widths
+    low = (here.x - likelihood.lower <= near) & (slope > 0.0) & (likelihood.lower > least + near)
+    high = (likelihood.upper - here.x <= near) & (slope < 0.0) & (likelihood.upper < most - near)
+    held = (low | high) & (gain > HELD)
+    held[list(besides)] = False
+    return tuple(int(i) for i in np.flatnonzero(held))
 
 
 def _best_of(

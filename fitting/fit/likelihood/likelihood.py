@@ -4,17 +4,20 @@
 
 r are the relative residuals, U columns of errors that all rows share (the scale chi), k the factor
 by which residuals beyond the noise widen it, tau_j the Gaussian prior of a parameter that has one.
-The Tikhonov term of Algorithm 2 is no knowledge and takes no part; the box is a hard limit.
+The Tikhonov term of Algorithm 2 is no knowledge and takes no part. The box of the campaign is
+where a fit is looked for; what the data say of a value is walked in a room of its own (`let_out`),
+so that no box decides it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, search_bounds
+from fitting.campaign.parameters import Parameter, search_bounds, to_model, to_search
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
@@ -22,8 +25,13 @@ from fitting.fit.outputs import output_means
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoAnswer
 
-#: Points at which a model may fail before the failure is passed on.
+#: Points of the box at which a model may fail before the failure is passed on.
 MOST_FAILURES = 12
+#: Relative rounding of a period.
+ROUNDING = 1e-9
+#: How far out of the box profiles go: positive values by a factor each way from the most likely
+#: one, others by so many widths of the box, those with a Gaussian prior by so many of its sigmas.
+FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +40,10 @@ class Likelihood:
 
     `whitening` (m, m) turns residuals into rows of unit variance, inflation included;
     `inverse_prior_sigma` (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted
-    from the residuals (a synthetic data set of the bootstrap). `periods` (n,) hold the
-    period of a parameter that can go round inside its box, else infinity: such a parameter has no
-    bounds here. `names` of the outputs.
+    from the residuals (a synthetic data set of the bootstrap). `lower`, `upper` (n,) are hard
+    limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
+    that can go round between them, else infinity: such a parameter has no limits here. `names` of
+    the outputs.
     """
 
     objective: Objective
@@ -74,7 +83,9 @@ class Likelihood:
         return np.concatenate([data, point.x * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:
-        """The same system inside the box: parameters that go round brought back, the rest cut.
+        """The same system inside the limits: parameters that go round brought back, the rest cut.
+
+        What goes round comes back into its box where that holds a period, else next to its middle.
 
         Args:
             x: search vector, shape (n,).
@@ -82,8 +93,57 @@ class Likelihood:
         lower, upper = search_bounds(self.parameters)
         inside = np.array(x, dtype=float)
         out = np.isfinite(self.periods) & ((x < lower) | (x > upper))
-        inside[out] = lower[out] + np.mod(x[out] - lower[out], self.periods[out])
-        return np.asarray(np.clip(inside, lower, upper))
+        period = self.periods[out]
+        narrow = upper[out] - lower[out] < period * (1.0 - ROUNDING)
+        first = np.where(narrow, 0.5 * (lower[out] + upper[out] - period), lower[out])
+        inside[out] = first + np.mod(x[out] - first, period)
+        return np.asarray(np.clip(inside, self.lower, self.upper))
+
+    @property
+    def declared(self) -> tuple[FloatArray, FloatArray]:
+        """What the model itself allows, in x: lower and upper limits, (n,) each."""
+        reference = np.array([p.reference for p in self.parameters])
+        scale = np.array([p.scale for p in self.parameters])
+        least = np.array([p.least for p in self.parameters])
+        most = np.array([p.most for p in self.parameters])
+        return (least - reference) / scale, (most - reference) / scale
+
+    def let_out(self, x: FloatArray) -> Likelihood:
+        """The same with the room of profiles about a point, which no box limits.
+
+        Values that cannot be negative may go by `FACTOR` each way, periodic ones all round, those
+        with a Gaussian prior as far as that lets them, the rest by `WIDTHS` of their box; and
+        nothing goes beyond what the model declares.
+
+        Args:
+            x: search vector, shape (n,).
+        """
+        at = to_model(self.parameters, x)
+        rooms = [_room(p, float(v)) for p, v in zip(self.parameters, at, strict=True)]
+        lower = to_search(self.parameters, np.array([low for low, _ in rooms]))
+        upper = to_search(self.parameters, np.array([high for _, high in rooms]))
+        periods = np.array([p.period / p.scale if p.period else np.inf for p in self.parameters])
+        bound = np.isinf(periods)
+        return replace(
+            self,
+            lower=np.where(bound, lower, -np.inf),
+            upper=np.where(bound, upper, np.inf),
+            periods=periods,
+        )
+
+
+def _room(parameter: Parameter, at: float) -> tuple[float, float]:
+    """How far a profile may take a parameter from a value, in its unit."""
+    width = parameter.upper - parameter.lower
+    if parameter.prior_sigma is not None:
+        reach = SIGMAS * parameter.prior_sigma
+        low, high = parameter.reference - reach, parameter.reference + reach
+    elif parameter.lower >= 0.0:
+        size = at if at > 0.0 else parameter.upper
+        low, high = size / FACTOR, size * FACTOR
+    else:
+        low, high = at - WIDTHS * width, at + WIDTHS * width
+    return min(max(low, parameter.least), at), max(min(high, parameter.most), at)
 
 
 def likelihood_of(
@@ -104,7 +164,7 @@ def likelihood_of(
     for i, parameter in enumerate(objective.parameters):
         if parameter.period is not None:
             period = parameter.period / parameter.scale
-            if upper[i] - lower[i] >= period * (1.0 - 1e-9):
+            if upper[i] - lower[i] >= period * (1.0 - ROUNDING):
                 periods[i] = period
         prior = parameter.prior_sigma
         if prior is not None:
@@ -123,7 +183,10 @@ def likelihood_of(
 
 
 class LikelihoodEvaluator:
-    """Evaluates a likelihood in batches and counts; at most `limit` evaluations."""
+    """Evaluates a likelihood in batches and counts; at most about `limit` simulation runs.
+
+    Runs that points of a batch share count once; a model that counts none counts evaluations.
+    """
 
     def __init__(self, likelihood: Likelihood, limit: int = 10**9) -> None:
         self.likelihood = likelihood
@@ -138,7 +201,7 @@ class LikelihoodEvaluator:
             FmuFailure: the model failed at more points than can be left out.
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
-        if self.evaluations + wanted > self.limit:
+        if wanted and self.spent + wanted * self._each > self.limit:
             raise Exhausted
         fold = self.likelihood.folded
         rows = iter(self._rows([fold(x) for r in requests if r.rows for x in r.xs]))
@@ -156,6 +219,30 @@ class LikelihoodEvaluator:
             for request in requests
         ]
 
+    @contextmanager
+    def within(self, share: float) -> Iterator[None]:
+        """No more than a share of what is left, for as long as the context lasts.
+
+        Args:
+            share: from 0 to 1.
+        """
+        limit = self.limit
+        self.limit = self.spent + int(share * max(0, limit - self.spent))
+        try:
+            yield
+        finally:
+            self.limit = limit
+
+    @property
+    def spent(self) -> int:
+        """What counts against the limit so far."""
+        return self.runs or self.evaluations
+
+    @property
+    def _each(self) -> float:
+        """What an evaluation has cost on average."""
+        return self.spent / self.evaluations if self.evaluations else 1.0
+
     def _rows(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         if not xs:
             return []
@@ -165,16 +252,21 @@ class LikelihoodEvaluator:
         except NoAnswer:
             raise
         except FmuFailure:
-            if len(xs) == 1 and self.failures >= MOST_FAILURES:
+            if len(xs) == 1 and self.failures >= MOST_FAILURES and self._in_box(xs[0]):
                 raise
             if len(xs) == 1:
-                self.failures += 1
+                self.failures += self._in_box(xs[0])
                 size = self.likelihood.whitening.shape[0] + xs[0].size
                 return [np.full(size, np.nan)]
             half = len(xs) // 2
             return [*self._rows(xs[:half]), *self._rows(xs[half:])]
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]
+
+    def _in_box(self, x: FloatArray) -> bool:
+        """Whether the campaign asks for such a point: outside its box a model may fail."""
+        lower, upper = search_bounds(self.likelihood.parameters)
+        return bool(np.all((x >= lower) & (x <= upper)))
 
     def _outputs(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         names = self.likelihood.names

@@ -103,8 +103,7 @@ def search_box(
     screens, explained = 0, False
     while screens < SCREENS and np.any(box.free):
         before = min((end.chi_square for _, end in ended), default=math.inf)
-        points = box.spread(SCREENED, seed, skip=SCREENED * screens)
-        ended += _let_down(evaluator, _lowest_apart(evaluator, box, points))
+        ended += _let_down(evaluator, screened(evaluator, seed, screens))
         screens += 1
         least = min((d for _, d in ended), key=lambda each: each.chi_square, default=None)
         explained = least is not None and _explained(evaluator.likelihood, least.end)
@@ -142,14 +141,24 @@ def _let_down(
     ]
 
 
-def _lowest_apart(
-    evaluator: LikelihoodEvaluator, box: Box, points: Sequence[FloatArray]
-) -> list[FloatArray]:
-    """The points with the best rows that have no better one near them, at most DESCENTS.
+def screened(evaluator: LikelihoodEvaluator, seed: int, screens: int = 0) -> list[FloatArray]:
+    """Points of the box from which it is worth to descend, the most promising first, at most 8.
 
-    Ranked by sum ln(1 + row^2): a point where half of the rows fit is worth more than one where
-    none is far off.
+    Those with the best rows that have no better one near them, ranked by sum ln(1 + row^2): a point
+    where half of the rows fit is worth more than one where none is far off.
+
+    Args:
+        evaluator: of the likelihood.
+        seed: of the points that are screened.
+        screens: made before, with the same seed.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
     """
+    box = Box(evaluator.likelihood.parameters)
+    points = box.spread(SCREENED, seed, skip=SCREENED * screens)
+    if not points:
+        return []
     samples = evaluator([Request(tuple(points), outputs=False)])[0]
     merits = np.array([float(np.sum(np.log1p(s.rows**2))) for s in samples])
     order = [k for k in np.argsort(merits, kind="stable") if math.isfinite(merits[k])]

@@ -19,7 +19,6 @@ from fitting.campaign.parameters import to_model
 from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.likelihood.knowledge import Bootstrap, Percentiles, Profile
 from fitting.text.arrays import FloatArray
 
@@ -35,7 +34,7 @@ def bootstrap(
     executor: Executor | None = None,
     limit: int = 10**9,
 ) -> Bootstrap:
-    """Percentile intervals of refits, for every value that the data determine at least partly.
+    """Percentile intervals of refits, for every value that has one by its verdict.
 
     Where they do not, a refit stays where it began, and its scatter would be a lie.
 
@@ -136,7 +135,7 @@ def _values(
     for name, column in columns.items():
         if (
             name not in profiles
-            or profiles[name].verdict == IDENTIFIABLE[2]
+            or not profiles[name].verdict.has_value
             or not np.all(np.isfinite(column))
         ):
             continue

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import UNIFORM_WIDTH, search_bounds
-from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
+from fitting.campaign.parameters import UNIFORM_WIDTH, to_model
+from fitting.fit.likelihood.descent import (
+    AT_LIMIT,
+    Expansion,
+    Optimum,
+    descend,
+    expansion_at,
+)
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
 from fitting.inference.likelihood.profiles import (
@@ -25,12 +31,19 @@ from fitting.inference.likelihood.profiles import (
 from fitting.inference.likelihood.ranges import OutputRange
 from fitting.text.arrays import FloatArray
 
-#: Seeded points of the box from which other minima are looked for.
+Branches = tuple[ProfileBranch, ProfileBranch]
+RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
+
+#: Points of the box from which other minima are looked for, where no search was made before.
 OTHER_STARTS = 12
-#: Linearised sigma over the range from which the ends of the range are tried outright.
-WORTH_REACHING = 0.05
+#: Linearised sigma over the way to an end of the range from which that end is tried outright.
+WORTH_REACHING = 0.3
+#: Share of an interval by which a point that fits lies beyond it; how often it is gone on from one.
+BEYOND, EXTENSIONS = 0.02, 2
+#: Points from which an end is tried once more where a branch lost its way.
+NEAREST = 2
 #: Strides across a range whose ends are both known to fit: they only show what is between.
-OPEN_STEPS = 6
+OPEN_STEPS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,15 +51,17 @@ class Exploration:
     """What was found around one optimum.
 
     `branches` (downward, upward) and `range_ends` (points at the low and high end that fit, None
-    where none does) by quantity; `minima` are those from other starts that fit.
+    where none does) by quantity; `minima` are those from other starts that fit. `around` are the
+    branches of the optimum's own valley: `branches` go on from every point beyond that fits.
     """
 
     optimum: Optimum
     quantities: tuple[Quantity, ...]
-    branches: Mapping[str, tuple[ProfileBranch, ProfileBranch]]
+    branches: Mapping[str, Branches]
     range_ends: Mapping[str, tuple[ProfilePoint | None, ProfilePoint | None]]
     minima: tuple[ProfilePoint, ...]
     ranges: Mapping[str, OutputRange]
+    around: Mapping[str, Branches] = field(default_factory=dict)
 
     @property
     def points(self) -> list[ProfilePoint]:
@@ -56,6 +71,18 @@ class Exploration:
         ]
         return points + [s for both in self.range_ends.values() for s in both if s is not None]
 
+    @property
+    def fitting(self) -> list[ProfilePoint]:
+        """Every point in hand inside the 95 % threshold at which no output is missing."""
+        exists = np.isfinite(self.optimum.expansion.sample.outputs)
+        return [
+            p
+            for p in (*self.points, *self.minima)
+            if p.delta <= ROOT_95**2
+            and p.outputs.size == exists.size
+            and np.all(np.isfinite(p.outputs[exists]))
+        ]
+
 
 def explore(
     evaluator: LikelihoodEvaluator,
@@ -64,7 +91,11 @@ def explore(
     minima: Sequence[ProfilePoint],
     only: Sequence[str] = (),
 ) -> Exploration:
-    """The ends of the ranges, then the profiles; each step one set of batches.
+    """Profiles, those first that the data see: each step is one set of batches.
+
+    Values that a linearisation calls open are then tried at the ends of their ranges, walked where
+    these do not both fit, and last, with what is left, walked for the figure where they do. In the
+    end every point in hand that fits and lies beyond an interval is gone on from.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -77,28 +108,123 @@ def explore(
         FmuFailure: the model failed at more points than can be left out.
     """
     chosen = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
+    wide = [q for q in chosen if q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)]
+    branches = _walked(evaluator, optimum, [q for q in chosen if q not in wide], {})
     range_ends = _range_ends(evaluator, optimum, chosen, ranges, minima)
-    traces = []
-    for quantity in chosen:
-        open_ = all(point is not None for point in range_ends[quantity.name])
-        steps = OPEN_STEPS if open_ else STEPS
-        traces += [trace_branch(optimum, quantity, direction, steps) for direction in (-1.0, 1.0)]
-    none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
-    branches = [
-        branch if branch is not None else none for branch in run_in_lockstep(traces, evaluator)
-    ]
-    pairs = {q.name: (branches[2 * k], branches[2 * k + 1]) for k, q in enumerate(chosen)}
-    return _with_outputs(
+    shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
+    branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
+    branches |= _walked(evaluator, optimum, shown, range_ends)
+    explored = _with_outputs(
         evaluator,
         Exploration(
             optimum=optimum,
             quantities=chosen,
-            branches=pairs,
+            branches=branches,
             range_ends=range_ends,
             minima=tuple(minima),
             ranges=ranges,
         ),
     )
+    explored = replace(explored, around=explored.branches)
+    for _ in range(EXTENSIONS):
+        explored, more = _extended(evaluator, explored)
+        if not more:
+            break
+    return _with_lost_ends(evaluator, explored)
+
+
+def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
+    """Where a branch lost its way, its end tried from the points in hand that are nearest to it."""
+    optimum, fitting = explored.optimum, explored.fitting
+    periods = optimum.likelihood.periods
+    tries: list[tuple[str, int]] = []
+    tasks = []
+    for quantity in explored.quantities:
+        for side, end in enumerate((quantity.low, quantity.high)):
+            lost = explored.branches[quantity.name][side].end == "lost"
+            if not lost or quantity.round or explored.range_ends[quantity.name][side] is not None:
+                continue
+            gaps = np.array([abs(quantity.of(p, periods) - end) for p in fitting])
+            for k in np.argsort(gaps)[:NEAREST]:
+                begin = fitting[int(k)].x.copy()
+                if quantity.index >= 0:
+                    begin[quantity.index] = end
+                tries.append((quantity.name, side))
+                tasks.append(fit_at_end(optimum, quantity, begin, end))
+    found = _possible(evaluator, optimum, run_in_lockstep(tasks, evaluator))
+    range_ends = dict(explored.range_ends)
+    for (name, side), reached in zip(tries, found, strict=True):
+        if reached is not None:
+            both = list(range_ends[name])
+            both[side] = reached
+            range_ends[name] = (both[0], both[1])
+    return replace(explored, range_ends=range_ends)
+
+
+def _walked(
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    chosen: Sequence[Quantity],
+    range_ends: Mapping[str, RangeEnds],
+) -> dict[str, Branches]:
+    """Both branches of some quantities, in common batches; few strides to ends that fit."""
+    traces = []
+    for q in chosen:
+        for direction, end in zip((-1.0, 1.0), range_ends.get(q.name, (None, None)), strict=True):
+            steps = STEPS if end is None else OPEN_STEPS
+            traces.append(trace_branch(optimum, q, direction, steps))
+    none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
+    found = [branch or none for branch in run_in_lockstep(traces, evaluator)]
+    return {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
+
+
+def _extended(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Exploration, bool]:
+    """Branches gone on from the farthest point beyond their crossing that fits; whether any was."""
+    optimum, fitting = explored.optimum, explored.fitting
+    sides: list[tuple[Quantity, int]] = []
+    traces = []
+    for quantity in explored.quantities:
+        for side, direction in enumerate((-1.0, 1.0)):
+            begin = _farthest_beyond(explored, quantity, side, fitting)
+            if begin is not None:
+                sides.append((quantity, side))
+                traces.append(trace_branch(optimum, quantity, direction, STEPS, begin))
+    branches = dict(explored.branches)
+    for (quantity, side), more in zip(sides, run_in_lockstep(traces, evaluator), strict=True):
+        if more is None or not more.points:
+            continue
+        both = list(branches[quantity.name])
+        both[side] = replace(more, points=both[side].points + more.points, at_68=both[side].at_68)
+        branches[quantity.name] = (both[0], both[1])
+    return _with_outputs(evaluator, replace(explored, branches=branches)), bool(sides)
+
+
+def _farthest_beyond(
+    explored: Exploration, quantity: Quantity, side: int, fitting: Sequence[ProfilePoint]
+) -> FloatArray | None:
+    """Search vector of the farthest point in hand that fits beyond where a branch ended."""
+    branch, direction = explored.branches[quantity.name][side], (-1.0, 1.0)[side]
+    if branch.end == "bound" or explored.range_ends[quantity.name][side] is not None:
+        return None
+    periods = explored.optimum.likelihood.periods
+    end = branch.at_95
+    if math.isnan(end):
+        end = branch.points[-1].value if branch.points else quantity.best
+    margin = BEYOND * abs(end - quantity.best) + 1e-9 * quantity.width
+    beyond = [(direction * (quantity.of(p, periods) - end), p) for p in fitting]
+    beyond = [(gap, p) for gap, p in beyond if gap > margin]
+    if not beyond:
+        return None
+    point = max(beyond, key=lambda each: each[0])[1]
+    begin = point.x.copy()
+    if quantity.index >= 0:
+        begin[quantity.index] = quantity.of(point, periods)
+    return begin
+
+
+def _worth_reaching(quantity: Quantity, end: float) -> bool:
+    """Whether the linearisation lets a quantity go so far that the end is tried outright."""
+    return not quantity.round and quantity.sigma > WORTH_REACHING * abs(end - quantity.best)
 
 
 def _range_ends(
@@ -113,9 +239,9 @@ def _range_ends(
     for attempt in range(3):
         tries: list[tuple[str, int, Task[ProfilePoint | None]]] = []
         for quantity in chosen:
-            if quantity.round or not quantity.sigma > WORTH_REACHING * quantity.width:
-                continue
             for which, end in enumerate((quantity.low, quantity.high)):
+                if not _worth_reaching(quantity, end):
+                    continue
                 begins = _beginnings(optimum, quantity, which, ranges, minima)
                 if (quantity.name, which) not in ends and attempt < len(begins):
                     begin, frozen = begins[attempt]
@@ -191,25 +317,26 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
         ranges: of the outputs without data, by name.
     """
     likelihood, expansion = optimum.likelihood, optimum.expansion
-    lower, upper = search_bounds(likelihood.parameters)
     covariance = data_covariance(optimum)
+    steps = first_steps(likelihood, expansion.x)
     made = []
     for i, parameter in enumerate(likelihood.parameters):
-        best, low, high = float(expansion.x[i]), float(lower[i]), float(upper[i])
+        best = float(expansion.x[i])
+        low, high = float(likelihood.lower[i]), float(likelihood.upper[i])
         goes_round = bool(np.isfinite(likelihood.periods[i]))
         if goes_round:
             half = 0.5 * float(likelihood.periods[i])
             low, high = best - half, best + half
-        sigma = math.sqrt(covariance[i, i])
         made.append(
             Quantity(
                 name=parameter.name,
                 index=i,
                 output=-1,
                 best=best,
-                sigma=sigma,
+                sigma=math.sqrt(covariance[i, i]),
                 low=low,
                 high=high,
+                first=float(steps[i]),
                 round=goes_round,
             )
         )
@@ -234,36 +361,53 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
     return tuple(made)
 
 
-def data_covariance(optimum: Optimum) -> FloatArray:
-    """(J^T J + P)^-1 with the box as a uniform prior, (n, n): linearised, never infinite.
+def data_covariance(optimum: Optimum, *, stated: bool = False) -> FloatArray:
+    """(J^T J + P)^-1 with the room of the profiles as a uniform prior, (n, n): never infinite.
 
     Args:
         optimum: where it is linearised.
+        stated: whether the noise is taken as stated, not widened.
     """
-    at, prior = optimum.expansion, optimum.likelihood.widths / UNIFORM_WIDTH
-    return Linearisation(rows=at.sample.rows, matrix=at.matrix, prior=prior).covariance
+    at, likelihood = optimum.expansion, optimum.likelihood
+    matrix = at.matrix.copy()
+    if stated:
+        matrix[: likelihood.whitening.shape[0]] *= likelihood.inflation
+    room = np.where(
+        np.isfinite(likelihood.periods), likelihood.periods, likelihood.upper - likelihood.lower
+    )
+    prior = np.maximum(room, AT_LIMIT * likelihood.widths) / UNIFORM_WIDTH
+    return Linearisation(rows=at.sample.rows, matrix=matrix, prior=prior).covariance
+
+
+def first_steps(likelihood: Likelihood, x: FloatArray) -> FloatArray:
+    """Longest first step of a profile in x, (n,): a tenth of the box or period, or of the value.
+
+    Args:
+        likelihood: with the parameters.
+        x: where the profiles set out from, shape (n,).
+    """
+    steps = likelihood.widths / STEPS
+    for i, parameter in enumerate(likelihood.parameters):
+        value = abs(float(to_model(likelihood.parameters, x)[i]))
+        if parameter.lower >= 0.0 and parameter.period is None and value > 0.0:
+            steps[i] = min(steps[i], value / parameter.scale)
+    return np.asarray(steps)
 
 
 def other_minima(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, seed: int, number: int = OTHER_STARTS
+    evaluator: LikelihoodEvaluator, optimum: Optimum, begins: Sequence[FloatArray]
 ) -> tuple[ProfilePoint, ...]:
-    """Minima from seeded starts of the box that fit as well, (Dchi^2 below the 95 % threshold).
+    """Minima that fit as well, (Dchi^2 below the 95 % threshold), by descents.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
         optimum: the most likely point and its likelihood.
-        seed: of the starts.
-        number: of starts.
+        begins: search vectors to descend from, (n,) each.
     """
     likelihood = optimum.likelihood
-    lower, upper = search_bounds(likelihood.parameters)
-    generator = np.random.default_rng(seed)
     # what has a prior of its own is looked for near the best
     has_prior = likelihood.inverse_prior_sigma > 0.0
-    starts = [
-        np.where(has_prior, optimum.expansion.x, generator.uniform(lower, upper))
-        for _ in range(number)
-    ]
+    starts = [np.where(has_prior, optimum.expansion.x, begin) for begin in begins]
 
     def search(x: FloatArray) -> Task[Expansion | None]:
         try:

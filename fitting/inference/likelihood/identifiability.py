@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.campaign.parameters import canonical, to_model, to_search
+from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
+from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
@@ -179,15 +179,16 @@ def without_effect(
         profiles: by name.
     """
     likelihood, x = optimum.likelihood, optimum.expansion.x
+    lower, _ = search_bounds(likelihood.parameters)
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
         own = profiles.get(parameter.name)
-        if own is None or own.verdict != IDENTIFIABLE[2]:
+        if own is None or own.verdict is not Verdict.OPEN:
             continue
         if float(np.linalg.norm(optimum.expansion.matrix[:, i])) * likelihood.widths[i] > 3.0:
             continue
         width = likelihood.widths[i]
-        low = likelihood.lower[i] if np.isfinite(likelihood.lower[i]) else x[i] - 0.5 * width
+        low = lower[i] if np.isinf(likelihood.periods[i]) else x[i] - 0.5 * width
         moves = []
         for share in (0.0, 0.27, 0.61, 1.0):
             there = x.copy()
@@ -229,6 +230,7 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
                 derived=derived,
                 delta=max(0.0, point.delta),
                 origin="start",
+                possible=all(map(math.isfinite, derived.values())),
                 sentence=_equivalent_words(named, derived, likelihood),
             )
         )
@@ -237,9 +239,9 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
 
 def _is_open(explored: Exploration, name: str) -> bool:
     """Whether a parameter is free from end to end: then its value tells no two minima apart."""
-    if name not in explored.branches:
+    if name not in explored.around:
         return True  # nobody asked how far it can go
-    ends = zip(explored.branches[name], explored.range_ends[name], strict=True)
+    ends = zip(explored.around[name], explored.range_ends[name], strict=True)
     return all(point is not None or branch.end != "crossed" for branch, point in ends)
 
 
@@ -259,7 +261,7 @@ def _beyond(explored: Exploration, x: FloatArray) -> bool:
     for i, parameter in enumerate(likelihood.parameters):
         if _is_open(explored, parameter.name):
             continue
-        down, up = explored.branches[parameter.name]
+        down, up = explored.around[parameter.name]
         quantity = next(q for q in explored.quantities if q.name == parameter.name)
         low = quantity.low if math.isnan(down.at_95) else down.at_95
         high = quantity.high if math.isnan(up.at_95) else up.at_95
@@ -287,46 +289,31 @@ def _equivalent_words(
 
 
 def sentences(
-    optimum: Optimum,
     profiles: Mapping[str, Profile],
     unseen: Sequence[Direction],
     idle: Sequence[str],
     others: Sequence[Equivalent],
-    widening: float = 1.0,
 ) -> tuple[str, ...]:
-    """What the data say, in words, for terminal and report.
+    """What was found beside the profiles, in words, for terminal and report.
 
     Args:
-        optimum: the most likely point and its likelihood.
         profiles: by name.
         unseen: directions, those that the data see among them.
         idle: names of parameters without effect.
         others: equivalent fits.
-        widening: by how much the noise of a sweep was taken wider.
     """
-    said = []
-    inflation = optimum.likelihood.inflation
-    square = (
-        f"chi^2 = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
-    )
-    if widening > 1.0:
-        said.append(
-            f"The residuals of the sweep hang together: its noise is taken {widening:.3g} times as "
-            "wide, so that its points weigh as the independent ones they are worth."
-        )
-    elif inflation > 1.0:
-        said.append(f"{square}: all standard deviations are taken {inflation:.3g} times as wide.")
-    else:
-        said.append(f"{square}: the stated noise explains the residuals.")
-    for direction in unseen:
-        if direction.sentence:
-            said.append(f"{direction.sentence[0].upper()}{direction.sentence[1:]}.")
+    said = [
+        f"{direction.sentence[0].upper()}{direction.sentence[1:]}."
+        for direction in unseen
+        if direction.sentence
+    ]
     said += [f"{name} has no effect on these data, anywhere in its box." for name in idle]
     said += [f"Another minimum: {other.sentence}." for other in others]
-    lost = [name for name, profile in profiles.items() if "cost" in profile.ends]
-    if lost:
-        said.append(
-            f"The profiles of {', '.join(lost)} were cut for their cost; their intervals go to the "
-            "ends of the range."
-        )
+    for end, why in (("cost", "were cut for their cost"), ("lost", "lost their way")):
+        names = [name for name, profile in profiles.items() if end in profile.ends]
+        if names:
+            said.append(
+                f"The profiles of {', '.join(names)} {why}; their intervals go to the ends of the "
+                "box there, and nothing is said of what the data determine."
+            )
     return tuple(said)

@@ -8,11 +8,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fitting.inference.verdict import Verdict
+
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
 
 #: What ended a branch of a profile.
-ENDS = ("crossed", "bound", "round", "lost", "cost")
+ENDS = ("crossed", "held", "bound", "round", "lost", "cost")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adequacy:
+    """Whether the model describes the data: chi square of the rows of known noise.
+
+    At the most likely point, against its degrees of `freedom`; `p_value` the probability that noise
+    alone gives as much (NaN where there is nothing to judge by). `describes` is False where it is
+    several times its degrees of freedom and too improbable (`fitting.inference.adequacy`).
+    """
+
+    chi_square: float
+    freedom: float
+    p_value: float
+    describes: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,12 +37,15 @@ class Profile:
     """Profile likelihood of one parameter or derived output.
 
     `best` is the most likely value, `interval68`, `interval95` where Dchi^2 stays below 1 and 3.84
-    (asymmetric where the data are), `box` the range without data, `ends` how each branch ended:
-    "crossed" the threshold, met a "bound" of the range, came "round", was "lost" (no further
-    point found; the interval then goes to the end of the range) or cut for its "cost" (likewise).
-    `sigma` is linearised at the best point, `shrinkage` = 1 - (width of interval95/width without
-    data)^2, `verdict` in words with its `reason`. `values` and `delta` (Dchi^2) are the points of
-    the profile in rising order, `path` the parameters and outputs along it.
+    (asymmetric where the data are), `box` what the campaign's box lets it be, `ends` how each
+    branch ended: "crossed" the threshold, crossed it while another parameter was "held" at a limit
+    of its room, met a "bound" (the end of its own room fits), came "round", was "lost" (no further
+    point found, or chi square jumps) or cut for its "cost". At all but the first the interval goes
+    to the end of the box, as far as the walk came. `verdict` with its `reason`; `precision` is half
+    the width of interval95 over the value, of a periodic value over its period (NaN where the data
+    do not cut both ends). `sigma` is linearised at the best point, `shrinkage` = 1 -
+    (width of interval95/width of the box)^2. `values` and `delta` (Dchi^2) are the points of the
+    profile in rising order, `path` the parameters and outputs along it.
     """
 
     kind: str
@@ -37,7 +57,8 @@ class Profile:
     box: Interval
     ends: tuple[str, str]
     shrinkage: float
-    verdict: str
+    verdict: Verdict
+    precision: float
     reason: str
     values: Floats
     delta: Floats
@@ -65,7 +86,8 @@ class Direction:
 class Equivalent:
     """Another point that fits as well: where it is, how it was found, Dchi^2, what it means.
 
-    `where` names the settings of another alternative, empty where they are the same.
+    `where` names the settings of another alternative, empty where they are the same; `possible`
+    says whether every output has a value there, or near by at something that fits as well.
     """
 
     parameters: Mapping[str, float]
@@ -74,6 +96,7 @@ class Equivalent:
     origin: str
     sentence: str
     where: str = ""
+    possible: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +144,7 @@ class Percentiles:
 class Bootstrap:
     """Parametric bootstrap: refits of synthetic data drawn at the most likely point.
 
-    `values` for what the data determine at least partly; `failed` refits are not counted.
+    `values` for what has a value by its verdict; `failed` refits are not counted.
     """
 
     samples: int
@@ -145,14 +168,17 @@ class Knowledge:
     """What the data say about every parameter and derived output.
 
     `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`; `inflation`
-    of all standard deviations for residuals beyond the noise. `data` is False where the profiles
-    are those of assumed data (before any measurement).
+    of all standard deviations for residuals beyond the noise, `adequacy` whether the model
+    describes the data at all. `most_likely` are all parameters at that point. `data` is False
+    where the profiles are those of assumed data (before any measurement).
     """
 
     data: bool
     chi_square: float
     freedom: float
     inflation: float
+    adequacy: Adequacy
+    most_likely: Mapping[str, float]
     parameters: Mapping[str, Profile]
     derived: Mapping[str, Profile]
     directions: tuple[Direction, ...]

@@ -24,14 +24,17 @@ from fitting.fit.likelihood.descent import (
     Optimum,
     descend,
     expansion_at,
+    held_at,
 )
 from fitting.fit.likelihood.lockstep import Exhausted, Task
 from fitting.text.arrays import FloatArray
 
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.
 ROOT_68, ROOT_95 = 1.0, 1.959964
-#: Steps across the box, at least, points of a branch, and refinements of a crossing, at most.
-STEPS, POINTS, REFINEMENTS = 10, 40, 4
+#: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
+STEPS, POINTS, REFINEMENTS = 10, 40, 6
+#: A step of sqrt(Dchi^2) across the threshold that is no crossing, once the points are close.
+JUMP = 0.5
 #: A crossing is found where sqrt(Dchi^2) is this close to its threshold.
 CLOSE = 0.02
 #: Shares of the range: this near its end a branch has reached it; a step that small got nowhere.
@@ -48,8 +51,9 @@ HOLD = 30.0
 class Quantity:
     """What is profiled, a parameter (x_index) or an output, in x or in the output's unit.
 
-    `best` at the most likely point, `sigma` linearised (infinite where the data do not see it);
-    `low`, `high` are where its branches end; `round`: a parameter that comes back to itself there.
+    `best` at the most likely point, `sigma` linearised (very large where the data do not see it);
+    `low`, `high` are where its branches end, `first` the longest first step; `round`: a parameter
+    that comes back to itself there.
     """
 
     name: str
@@ -59,6 +63,7 @@ class Quantity:
     sigma: float
     low: float
     high: float
+    first: float = math.inf
     round: bool = False
 
     @property
@@ -75,6 +80,20 @@ class Quantity:
         if self.index >= 0:
             return float(expansion.x[self.index])
         return float(expansion.sample.outputs[self.output])
+
+    def of(self, point: ProfilePoint, periods: FloatArray) -> float:
+        """Its value at a point of any profile; of a parameter that goes round, the image nearest.
+
+        Args:
+            point: with outputs.
+            periods: of the parameters in x, infinite without one, shape (n,).
+        """
+        if self.index < 0:
+            return float(point.outputs[self.output])
+        value, period = float(point.x[self.index]), float(periods[self.index])
+        if math.isfinite(period):
+            value -= period * round((value - self.best) / period)
+        return value
 
     def constraint(self, target: float, step: float) -> Constraint:
         """What holds it at a target that is a step away.
@@ -99,37 +118,53 @@ class ProfilePoint:
     x: FloatArray
     outputs: FloatArray
 
+    @property
+    def root(self) -> float:
+        """sqrt(Dchi^2), zero where it is a little better than the optimum."""
+        return math.sqrt(max(0.0, self.delta))
+
 
 @dataclass(frozen=True, kw_only=True)
 class ProfileBranch:
     """One side of a profile: its points outward, how it ended (`knowledge.ENDS`), its crossings.
 
     `at_68`, `at_95` are the values where it crosses the 68 % and 95 % thresholds, NaN where it does
-    not cross. A branch that was "lost" (nothing beyond that fits or exists, or no minimum found) or
-    cut for its "cost" has no claim on what lies beyond.
+    not cross. A branch that was "lost" (nothing beyond that fits or exists, no minimum found, or
+    chi square jumps) or cut for its "cost" has no claim on what lies beyond; where parameters are
+    `held` at a limit of their room when it crosses, that limit ended it and not the data.
     """
 
     points: tuple[ProfilePoint, ...]
     end: str
     at_68: float
     at_95: float
+    held: tuple[int, ...] = ()
 
 
 def trace_branch(
-    optimum: Optimum, quantity: Quantity, direction: float, steps: int = STEPS
+    optimum: Optimum,
+    quantity: Quantity,
+    direction: float,
+    steps: int = STEPS,
+    begin: FloatArray | None = None,
 ) -> Task[ProfileBranch]:
     """Go outward along the profile until it crosses the 95 % threshold or meets the end.
 
     At most `steps` strides across the range, as far as nothing on the way asks for shorter ones.
 
     Args:
-        optimum: where it sets out from.
+        optimum: what chi square is counted from.
         quantity: what is profiled.
         direction: -1 downward, 1 upward.
         steps: strides across the range, at most.
+        begin: search vector of a point that fits, where it sets out from; None: the optimum.
     """
     tracer = _BranchTracer(optimum, quantity, direction, steps)
     try:
+        if begin is not None:
+            tracer.set_out(
+                (yield from expansion_at(optimum.likelihood, begin, quantity.output >= 0))
+            )
         end = yield from tracer.go()
     except Exhausted:
         end = "cost"
@@ -138,6 +173,7 @@ def trace_branch(
         end=end,
         at_68=_crossing(tracer.points, quantity.best, ROOT_68),
         at_95=_crossing(tracer.points, quantity.best, ROOT_95),
+        held=tracer.held if end == "held" else (),
     )
 
 
@@ -147,31 +183,53 @@ class _BranchTracer:
     def __init__(self, optimum: Optimum, quantity: Quantity, direction: float, steps: int) -> None:
         self.optimum, self.quantity, self.direction = optimum, quantity, direction
         self.limit = quantity.high if direction > 0.0 else quantity.low
-        self.longest = quantity.width / steps
+        self.span = abs(self.limit - quantity.best)
+        self.longest, self.steps = self.span / steps, steps
         self.here = optimum.expansion
         self.points: list[ProfilePoint] = []
+        self.places: dict[int, Expansion] = {}
+        self.held: tuple[int, ...] = ()
+
+    def set_out(self, begin: Expansion) -> None:
+        """Begin at another point than the optimum.
+
+        Args:
+            begin: the point with its slopes.
+        """
+        self.here = begin
+        self._keep(begin)
 
     def go(self) -> Task[str]:
         """Walk; the word for how it ended."""
         quantity = self.quantity
-        step = min(self.longest, 1.03 * quantity.sigma)
+        first = quantity.first if self.steps >= STEPS else math.inf
+        step = min(self.longest, 1.03 * quantity.sigma, first)
         misses = 0
         for _ in range(POINTS):
             left = abs(self.limit - quantity.at(self.here))
-            if left <= AT_END * quantity.width:
+            if left <= AT_END * self.span:
                 return "bound"
             step = left if step > 0.8 * left else step
             if not (yield from self._stride(step)):
                 misses += 1
                 if misses > 4:
-                    return "lost"
+                    return "bound" if self._at_limit() else "lost"
                 step *= 0.25
                 continue
+            misses = max(0, misses - 1)
             if self._root() > ROOT_95:
-                yield from self._refine()
-                return "crossed"
+                return (yield from self._crossed())
             step = min(self.longest, self._next(step))
         return "lost"
+
+    def _at_limit(self) -> bool:
+        """Whether another parameter has come to the end of its room: no walk goes beyond that."""
+        likelihood, x = self.optimum.likelihood, self.here.x
+        near = AT_END * likelihood.widths
+        at = (x - likelihood.lower <= near) | (likelihood.upper - x <= near)
+        if self.quantity.index >= 0:
+            at[self.quantity.index] = False
+        return bool(np.any(at))
 
     def _stride(self, step: float) -> Task[bool]:
         """One step along the profile; whether it led anywhere."""
@@ -197,18 +255,15 @@ class _BranchTracer:
         )
         self.points.append(point)
         self.points.sort(key=lambda point: self.direction * point.value)
+        self.places[id(point)] = found
 
     def _root(self) -> float:
-        return math.sqrt(max(0.0, self.points[-1].delta))
+        return self.points[-1].root
 
     def _next(self, step: float) -> float:
         """Step to the next threshold, from the slope of sqrt(Dchi^2), which is straight at best."""
         inner = self.points[-2] if len(self.points) > 1 else None
-        at, root = (
-            (self.quantity.best, 0.0)
-            if inner is None
-            else (inner.value, math.sqrt(max(0.0, inner.delta)))
-        )
+        at, root = (self.quantity.best, 0.0) if inner is None else (inner.value, inner.root)
         gone = abs(self.points[-1].value - at)
         slope = (self._root() - root) / gone
         mark = ROOT_68 if self._root() < 0.9 * ROOT_68 else ROOT_95
@@ -216,34 +271,67 @@ class _BranchTracer:
             return 2.0 * step
         return float(np.clip((mark + 0.5 * CLOSE - self._root()) / slope, 0.2 * step, 2.0 * step))
 
-    def _refine(self) -> Task[None]:
-        """Points closer to the crossing, between the last point inside and the first outside."""
-        for _ in range(REFINEMENTS):
-            inside = [p for p in self.points if p.delta <= ROOT_95**2]
-            outside = [p for p in self.points if p.delta > ROOT_95**2]
-            near = min(
-                (abs(math.sqrt(max(0.0, p.delta)) - ROOT_95) for p in self.points), default=1.0
-            )
-            if near < CLOSE or not outside:
-                return
-            at, root = (
-                (inside[-1].value, math.sqrt(max(0.0, inside[-1].delta)))
-                if inside
-                else (self.quantity.best, 0.0)
-            )
-            share = (ROOT_95 - root) / (math.sqrt(outside[0].delta) - root)
-            target = at + float(np.clip(share, 0.1, 0.9)) * (outside[0].value - at)
-            found = yield from self._profiled(target, abs(outside[0].value - at), self.here)
+    def _crossed(self) -> Task[str]:
+        """Narrow the crossing down; the word for it."""
+        continuous = yield from self._refine()
+        inside, outside = self._bracket()
+        if not continuous:
+            return "lost"
+        besides = [self.quantity.index] if self.quantity.index >= 0 else []
+        step = abs(outside.value - (self.quantity.best if inside is None else inside.value))
+        self.held = held_at(
+            self.optimum.likelihood,
+            self.places[id(outside)],
+            besides,
+            self.quantity.constraint(outside.value, step),
+        )
+        return "held" if self.held else "crossed"
+
+    def _bracket(self) -> tuple[ProfilePoint | None, ProfilePoint]:
+        """The last point inside before the first outside, None for the optimum itself."""
+        first = next(k for k, point in enumerate(self.points) if point.root > ROOT_95)
+        return (self.points[first - 1] if first else None), self.points[first]
+
+    def _refine(self) -> Task[bool]:
+        """Points closer to the crossing, from both sides; whether the profile is continuous there.
+
+        Where chi square still jumps across the threshold between points that are close, one side
+        has left the least chi square for another valley: the crossing is then none.
+        """
+        for attempt in range(REFINEMENTS):
+            inside, outside = self._bracket()
+            at, root = (self.quantity.best, 0.0) if inside is None else (inside.value, inside.root)
+            if min(ROOT_95 - root, outside.root - ROOT_95) < CLOSE:
+                return True
+            share = float(np.clip((ROOT_95 - root) / (outside.root - root), 0.1, 0.9))
+            share = 0.5 if attempt > 1 else share
+            gap = abs(outside.value - at)
+            target = at + share * (outside.value - at)
+            inner = self.optimum.expansion if inside is None else self.places[id(inside)]
+            found = yield from self._profiled(target, gap, inner)
+            expected = (root + share * (outside.root - root) + JUMP) ** 2
+            if found is None or found.chi_square - self.optimum.least > expected:
+                other = yield from self._profiled(target, gap, self.places[id(outside)])
+                found = _lower(found, other)
             if found is None:
-                return
+                break
             self._keep(found)
+        inside, outside = self._bracket()
+        return outside.root - (0.0 if inside is None else inside.root) < JUMP
+
+
+def _lower(one: Expansion | None, other: Expansion | None) -> Expansion | None:
+    """The likelier of two points."""
+    if one is None or other is None:
+        return other if one is None else one
+    return one if one.chi_square <= other.chi_square else other
 
 
 def _crossing(points: Sequence[ProfilePoint], best: float, root: float) -> float:
     """Where sqrt(Dchi^2) first reaches a threshold, linear between the points; NaN if nowhere."""
     at, height = best, 0.0
     for point in points:
-        there = math.sqrt(max(0.0, point.delta))
+        there = point.root
         if there >= root:
             share = (root - height) / (there - height) if there > height else 1.0
             return at + share * (point.value - at)
@@ -272,7 +360,7 @@ def fit_at_end(
         frozen: axes that stay where `begin` has them.
     """
     likelihood = optimum.likelihood
-    constraint = quantity.constraint(end, quantity.width / STEPS)
+    constraint = quantity.constraint(end, abs(end - quantity.best) / STEPS)
     if frozen:
         constraint = Constraint(end, frozen=frozen)
     try:
@@ -287,7 +375,7 @@ def fit_at_end(
     outputs = here.sample.outputs if frozen else found.sample.outputs
     value = quantity.at(here if frozen else found)
     delta = found.chi_square - optimum.least
-    if not (abs(value - end) <= 0.01 * quantity.width and delta <= EXCLUDED):
+    if not (abs(value - end) <= 0.02 * abs(end - quantity.best) and delta <= EXCLUDED):
         return None
     return ProfilePoint(
         value=value,

@@ -69,9 +69,13 @@ class _Climb:
 
 
 def output_ranges(
-    response: Response, parameters: Sequence[Parameter], seed: int, known: Sequence[FloatArray]
+    response: Response,
+    parameters: Sequence[Parameter],
+    seed: int,
+    known: Sequence[FloatArray],
+    room: tuple[FloatArray, FloatArray] | None = None,
 ) -> dict[str, OutputRange]:
-    """Range of the mean of every derived output over the box, by name.
+    """Range of the mean of every derived output over the box, or another room, by name.
 
     Values of one experiment, such as drift offsets, stay where the first known point has them: what
     the sample did on the way is no freedom of the model.
@@ -81,11 +85,12 @@ def output_ranges(
         parameters: with their boxes.
         seed: of the points to begin with.
         known: search vectors to look at besides, the solution first.
+        room: lower and upper limits in x, shape (n,) each; None: the box.
 
     Raises:
         FmuFailure: the model failed in the box.
     """
-    lower, upper = search_bounds(parameters)
+    lower, upper = search_bounds(parameters) if room is None else room
     own = np.array([not p.experiments for p in parameters])
     spread = box_points(lower[own], upper[own], seed)
     samples = np.tile(known[0], (len(spread), 1))
@@ -94,7 +99,7 @@ def output_ranges(
     table = output_means(response, parameters, points)
     ranges: dict[str, OutputRange] = {}
     climbs: list[_Climb] = []
-    depends = _dependence(response, parameters, points[-3:])
+    depends = _dependence(response, parameters, points[-3:], (lower, upper))
     for name, values in table.items():
         for sign in (-1.0, 1.0):
             ranked = np.where(np.isfinite(values), sign * values, -np.inf)
@@ -155,10 +160,13 @@ def box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
 
 
 def _dependence(
-    response: Response, parameters: Sequence[Parameter], bases: Sequence[FloatArray]
+    response: Response,
+    parameters: Sequence[Parameter],
+    bases: Sequence[FloatArray],
+    room: tuple[FloatArray, FloatArray],
 ) -> dict[str, BoolArray]:
     """Which parameters move an output, seen by steps from a few seeded points."""
-    lower, upper = search_bounds(parameters)
+    lower, upper = room
     n = lower.size
     nodes = []
     for base in bases:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure, panels
@@ -48,7 +47,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         for name, p in result.parameters.items()
     ]
     every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
-    unsure = [plain(name) for name, p in every.items() if p.identifiable == IDENTIFIABLE[2]]
+    unsure = [plain(name) for name, p in every.items() if not p.identifiable.has_value]
     warning = ""
     if unsure:
         warning = (
@@ -116,7 +115,7 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
 
 
 def _in_words(derived: DerivedResult) -> str:
-    if derived.identifiable == IDENTIFIABLE[2]:
-        words = f"{derived.identifiable} by these data (anything from {box_words(derived)} within"
+    if not derived.identifiable.has_value:
+        words = f"{derived.identifiable} by these data ({box_words(derived)} within"
         return f"{words} the box of the parameters)"
     return f"{derived.identifiable}, {quantity(derived.value, derived.std, derived.unit)}"

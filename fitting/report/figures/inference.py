@@ -60,7 +60,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         Line2D([], [], color=GREY, linestyle="--", label="thresholds 68 % (1) and 95 % (3.84)"),
         *(
             Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {word}")
-            for word, colour in VERDICT_COLOURS.items()
+            for colour, word in {c: v for v, c in reversed(VERDICT_COLOURS.items())}.items()
         ),
     ]
     legend_below(figure, handles, ncols=3)

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.values import DerivedResult
 from fitting.report.plot.axes import (
     AFTER,
@@ -140,7 +139,7 @@ def output_by_experiment(
     label_experiments(axes, labels or [str(i + 1) for i in range(len(derived.values))])
     _room_around(axes, [scaling(v) for v in finite])
     axes.set_ylabel(scaling.label(mathtext(name)))
-    sure = derived.identifiable != IDENTIFIABLE[2]
+    sure = derived.identifiable.has_value
     first, second = mean_of(name) if sure else mathtext(name), _short_words(derived)
     colour = ink() if sure else AFTER
     axes.set_title(f"{first}{second}", fontsize="small", loc="left", color=colour)
@@ -240,7 +239,7 @@ def _room_around(axes: Axes, values: Sequence[float]) -> None:
 
 def _short_words(derived: DerivedResult) -> str:
     """Two lines: never a value with a small error where the data do not give one."""
-    if derived.identifiable == IDENTIFIABLE[2]:
-        return f": {derived.identifiable} by these data,\nanything from {box_words(derived)}"
+    if not derived.identifiable.has_value:
+        return f": {derived.identifiable} by these data,\nin its box {box_words(derived)}"
     value = quantity(derived.value, derived.std, derived.unit)
     return f" = {value}\n{derived.identifiable} by these data"

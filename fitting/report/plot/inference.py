@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
+from fitting.inference.verdict import Verdict
 from fitting.report.plot.axes import (
     BLUE,
     GREEN,
@@ -26,7 +26,14 @@ from fitting.text.notation import mathtext, on_log_axis, scaling_for
 
 #: Dchi^2 at the ends of the 68 % and 95 % intervals, and the highest that is drawn.
 AT_68, AT_95, HIGHEST = 1.0, 3.84, 8.0
-VERDICT_COLOURS = dict(zip(IDENTIFIABLE, (GREEN, ORANGE, RED), strict=True))
+VERDICT_COLOURS = {
+    Verdict.DETERMINED: GREEN,
+    Verdict.BOUNDED: ORANGE,
+    Verdict.ABOVE: ORANGE,
+    Verdict.BELOW: ORANGE,
+    Verdict.SEVERAL: ORANGE,
+    Verdict.OPEN: RED,
+}
 #: Series in the panel of values over nu.
 MOST_SERIES = 6
 
@@ -52,8 +59,9 @@ def profile(found: Profile, name: str = "value", *, ax: Axes | None = None) -> A
         say_empty(axes, "no value")
         return axes
     scaling = scaling_for(values, found.unit)
-    low, high = (scaling(v) for v in found.interval95)
-    axes.axvspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
+    if all(map(math.isfinite, found.interval95)):
+        low, high = (scaling(v) for v in found.interval95)
+        axes.axvspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
     for level in (AT_68, AT_95):
         axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
     kept = _near(found)
@@ -76,6 +84,8 @@ def profile(found: Profile, name: str = "value", *, ax: Axes | None = None) -> A
 def _near(found: Profile) -> list[int]:
     """Points of a profile worth drawing: not those far beyond the threshold."""
     low, high = found.interval95
+    if math.isnan(low):
+        low, high = found.box
     room = 0.25 * (high - low)
     return [
         k

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.likelihood.knowledge import (
     Direction,
     Equivalent,
@@ -38,7 +37,14 @@ def knowledge_tables(knowledge: Knowledge) -> tuple[Table, ...]:
 
 def _best(profile: Profile) -> float | Cell:
     """The most likely value, where the data determine one."""
-    return Cell("–") if profile.verdict == IDENTIFIABLE[2] else profile.best
+    return profile.best if profile.verdict.has_value else Cell("–")
+
+
+def _precision(profile: Profile) -> Cell:
+    """Half the width over the value (or period), in per cent."""
+    if not math.isfinite(profile.precision):
+        return Cell("–")
+    return Cell(f"{number(100.0 * profile.precision, 2)} %", value=profile.precision)
 
 
 PROFILES: tuple[Column[Named], ...] = (
@@ -50,13 +56,13 @@ PROFILES: tuple[Column[Named], ...] = (
     Column("without data", lambda row: interval(row[1].box)),
     Column("ends below", lambda row: end_words(row[1].ends[0])),
     Column("ends above", lambda row: end_words(row[1].ends[1])),
-    Column("shrinkage", lambda row: row[1].shrinkage, digits=3),
+    Column("precision", lambda row: _precision(row[1])),
     Column("verdict", lambda row: verdict(row[1].verdict)),
 )
 
 
 def profile_table(knowledge: Knowledge) -> Table:
-    """A row per parameter and output: intervals, how they end, shrinkage, verdict.
+    """A row per parameter and output: intervals, how they end, precision, verdict.
 
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
@@ -65,9 +71,9 @@ def profile_table(knowledge: Knowledge) -> Table:
         "Profile likelihood",
         PROFILES,
         knowledge.profiles.items(),
-        "Shrinkage is 1 − (width of the 95 % interval over the width without data)²: 0, the data "
-        "say nothing; 1, they say all. Where a value is not determined, the 95 % interval is the "
-        "range that the box leaves and the most likely value is only where the search stood.",
+        "Precision is half the width of the 95 % interval over the value, of an angle over its "
+        "period. Verdicts follow from the ends that the data cut, inside the box or outside; where "
+        "they cut none, the interval is what the box leaves, as far as it was walked.",
     )
 
 

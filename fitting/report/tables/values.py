@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.words.values import verdict_words
@@ -33,7 +33,7 @@ class Value:
     @property
     def open(self) -> bool:
         """Whether the data leave it open: then no value is shown but the range."""
-        return self.found.identifiable == IDENTIFIABLE[2] and not self.offset
+        return not self.found.identifiable.has_value and not self.offset
 
     @property
     def offset(self) -> bool:
@@ -48,14 +48,24 @@ class Value:
         return Cell(number(self.found.value, self.digits), value=self.found.value)
 
 
-def verdict(identifiable: str) -> Cell:
+#: Colour of every verdict.
+MARKS = {
+    Verdict.DETERMINED: "yes",
+    Verdict.BOUNDED: "partly",
+    Verdict.ABOVE: "partly",
+    Verdict.BELOW: "partly",
+    Verdict.SEVERAL: "partly",
+    Verdict.LINEARISED: "partly",
+}
+
+
+def verdict(identifiable: Verdict) -> Cell:
     """A verdict with its colour.
 
     Args:
         identifiable: how far the data determine it.
     """
-    marks = dict(zip(IDENTIFIABLE, ("yes", "partly", "no"), strict=True))
-    return Cell(identifiable, mark=marks.get(identifiable, ""))
+    return Cell(str(identifiable), mark=MARKS.get(identifiable, "no"))
 
 
 def interval(bounds: tuple[float, float]) -> Cell:
@@ -119,7 +129,7 @@ VALUES: tuple[Column[Value], ...] = (
     Column("prior", lambda v: v.reference, digits=6),
     Column(
         "by the data",
-        lambda v: verdict_words(v.found, (v.low, v.high), number(v.found.value, v.digits)),
+        lambda v: verdict_words(v.found, v.digits),
         role="words",
     ),
 )
@@ -161,7 +171,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("reference", lambda row: row[1].reference),
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
-    Column("shrinkage", lambda row: row[1].shrinkage, digits=3),
+    Column("Algorithm 2", lambda row: row[1].algorithm2),
     Column("by the data", lambda row: verdict(row[1].identifiable)),
 )
 
@@ -176,9 +186,10 @@ def parameter_table(result: Result) -> Table:
         "Fitted parameters",
         PARAMETERS,
         result.parameters.items(),
-        "std holds for data, box and Tikhonov term together, linearised at the solution, and so "
-        "does the interval where no profiles were walked. Shrinkage is the share of the variance "
-        "that the data answer for: 0, the prior spoke; 1, the data spoke.",
+        "Value, std and interval are those of the likelihood of the stated noise: the most likely "
+        "value, half its 68 % interval, and its 95 % interval; where no profiles were walked both "
+        "errors are linearised. Algorithm 2 minimises a sum of absolute deviations with a "
+        "Tikhonov term: its own estimate stands beside them.",
     )
 
 
@@ -205,7 +216,7 @@ def _at(rows: tuple[tuple[float, ...], ...], column: int) -> Callable[[int], flo
 
 def _if_known(d: DerivedResult, shown: float | Cell) -> float | Cell:
     """An error, where the data determine the value: elsewhere a small one would be a lie."""
-    return Cell("–") if d.identifiable == IDENTIFIABLE[2] else shown
+    return shown if d.identifiable.has_value else Cell("–")
 
 
 DERIVED: tuple[Column[Output], ...] = (
@@ -217,7 +228,7 @@ DERIVED: tuple[Column[Output], ...] = (
     Column("95 % interval", lambda row: _if_known(row[1], interval(row[1].ci95))),
     Column("at the reference", lambda row: row[1].reference, digits=9),
     Column("range over the box", lambda row: interval(row[1].box)),
-    Column("shrinkage", lambda row: row[1].shrinkage, digits=3),
+    Column("Algorithm 2", lambda row: row[1].algorithm2),
     Column("by the data", lambda row: verdict(row[1].identifiable)),
 )
 

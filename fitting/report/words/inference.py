@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import math
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
+from fitting.inference.verdict import Verdict
 from fitting.text.notation import number, prefixed, span
 
 ENDS = {
     "crossed": "ended by the data",
-    "bound": "bound of the box",
+    "held": "another parameter at its limit",
+    "bound": "fits to the end",
     "round": "goes round",
-    "lost": "nothing found beyond",
+    "lost": "lost its way",
     "cost": "cut for its cost",
 }
 
@@ -27,16 +28,26 @@ def profile_words(name: str, profile: Profile) -> str:
         name: of the value.
         profile: profile likelihood of a value.
     """
-    if not math.isfinite(profile.best):
-        return f"{name}: {profile.verdict}, {profile.reason}; {_range(profile)}"
-    if profile.verdict == IDENTIFIABLE[2]:
-        return f"{name}: {profile.verdict}, {_range(profile)} fits ({profile.reason})"
+    verdict = profile.verdict
+    if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
+        return f"{name}: {verdict} ({profile.reason})"
+    if verdict is Verdict.OPEN:
+        return f"{name}: {verdict}, {_range(profile)} fits ({profile.reason})"
     low, high = profile.interval95
     factor, unit = _size(profile)
+    if verdict is Verdict.ABOVE:
+        most = f"{number(high / factor, 4)} {unit}".rstrip()
+        return f"{name}: {verdict}, {most} at most at 95 % ({profile.reason})"
+    if verdict is Verdict.BELOW:
+        least = f"{number(low / factor, 4)} {unit}".rstrip()
+        return f"{name}: {verdict}, {least} at least at 95 % ({profile.reason})"
     up, down = (high - profile.best) / factor, (profile.best - low) / factor
-    tail = f" ({profile.reason})" if profile.verdict != IDENTIFIABLE[0] else ""
+    narrow = verdict is Verdict.DETERMINED
+    word, tail = (
+        (f"{verdict} {profile.reason}", "") if narrow else (verdict, f" ({profile.reason})")
+    )
     return (
-        f"{name}: {profile.verdict}, {span(low / factor, high / factor, unit)} at 95 % "
+        f"{name}: {word}, {span(low / factor, high / factor, unit)} at 95 % "
         f"(most likely {number(profile.best / factor, 7)}, +{number(up, 2)} -{number(down, 2)})"
         f"{tail}"
     )
@@ -102,7 +113,7 @@ def knowledge_words(knowledge: Knowledge) -> tuple[str, ...]:
     first = (
         "Intervals and verdicts below come from the profile likelihood: every value is moved away "
         "from the most likely point, all other parameters follow it as well as they can, until the "
-        "data object (Δχ² = 1 for 68 %, 3.84 for 95 %) or the box ends."
+        "data object (Δχ² = 1 for 68 %, 3.84 for 95 %), inside the box of the campaign or outside."
     )
     if not knowledge.data:
         first += (
@@ -139,7 +150,7 @@ def open_values_sentence(knowledge: Knowledge) -> str:
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
     """
-    names = [n for n, p in knowledge.profiles.items() if p.verdict != IDENTIFIABLE[0]]
+    names = [n for n, p in knowledge.profiles.items() if p.verdict is not Verdict.DETERMINED]
     if not names:
         return "These data determine every value."
-    return f"Not or only partly determined: {', '.join(names)}."
+    return f"Not determined, or not wholly: {', '.join(names)}."

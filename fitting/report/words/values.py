@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fitting.fit.linearisation import IDENTIFIABLE
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
+from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
 from fitting.text.notation import listed, number, plain, prefixed, quantity, span
@@ -51,26 +51,31 @@ def box_words(derived: DerivedResult) -> str:
     return span(low / factor, high / factor, unit)
 
 
-def verdict_words(
-    found: ParameterResult | DerivedResult | OffsetResult, box: tuple[float, float], value: str
-) -> str:
+def verdict_words(found: ParameterResult | DerivedResult | OffsetResult, digits: int) -> str:
     """What the data say of a value, in the cell of a table.
-
-    Where they leave it open: the range `box` that it has without them, and the `value` (as written)
-    at which the optimiser stopped.
 
     Args:
         found: value with its verdict.
-        box: lower and upper end without data.
-        value: the value.
+        digits: of the value.
     """
-    said = f"{found.identifiable} ({found.shrinkage:.2f})"
-    if isinstance(found, OffsetResult) or found.identifiable != IDENTIFIABLE[2]:
-        return said
-    if math.isnan(box[0]):
-        return "has no value at any parameters tried"
-    stopped = f", stopped at {value}" if math.isfinite(found.value) else ""
-    return f"{said}: {number(box[0])} to {number(box[1])}{stopped}"
+    verdict = found.identifiable
+    if isinstance(found, OffsetResult):
+        return str(verdict)
+    low, high = found.ci95
+    if verdict in (Verdict.OPEN, Verdict.UNKNOWN) and math.isnan(low):
+        return f"{verdict}: {found.reason}"
+    said = {
+        Verdict.DETERMINED: f"determined {found.reason}",
+        Verdict.BOUNDED: f"{verdict}, {number(low)} to {number(high)}",
+        Verdict.ABOVE: f"{verdict}, {number(high)} at most",
+        Verdict.BELOW: f"{verdict}, {number(low)} at least",
+        Verdict.OPEN: f"{verdict}: {number(low)} to {number(high)} fits",
+        Verdict.LINEARISED: str(verdict),
+    }
+    words = said.get(verdict, f"{verdict}: {found.reason}")
+    if verdict is Verdict.OPEN and math.isfinite(found.value):
+        words += f", stopped at {number(found.value, digits)}"
+    return words
 
 
 def value_sentence(name: str, value: ParameterResult | DerivedResult) -> str:
@@ -80,32 +85,35 @@ def value_sentence(name: str, value: ParameterResult | DerivedResult) -> str:
         name: of the value.
         value: the value.
     """
-    shown = quantity(value.value, value.std, value.unit)
-    if value.identifiable == IDENTIFIABLE[0]:
-        return f"{plain(name)} is determined by these data: {shown}."
-    if value.identifiable == IDENTIFIABLE[1]:
-        return (
-            f"{plain(name)} is partly determined: {shown}, of whose variance the data answer for "
-            f"{number(100.0 * value.shrinkage, 2)} % and prior and box for the rest."
-        )
+    verdict, shown = value.identifiable, quantity(value.value, value.std, value.unit)
+    if verdict is Verdict.DETERMINED:
+        return f"{plain(name)} is determined by these data {value.reason}: {shown}."
+    if verdict is Verdict.LINEARISED:
+        return f"{plain(name)} is {shown} in the problem linearised at its solution."
+    if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
+        return f"{plain(name)}: {verdict} ({value.reason})."
+    if verdict is Verdict.SEVERAL:
+        return f"{plain(name)} is one of several values: {value.reason}."
+    words = _interval_words(value)
+    if verdict is not Verdict.OPEN:
+        return f"{plain(name)} is {verdict} by these data: {words}."
     bare = _with_prefix(value.value, value.unit)
     return (
         f"{plain(name)} is not determined by these data: {bare} is where prior (reference "
-        f"{_with_prefix(value.reference, value.unit)}) and start left it. {_could_be(value)}"
+        f"{_with_prefix(value.reference, value.unit)}) and start left it. "
+        f"Within its box anything fits from {words}."
     )
 
 
-def _could_be(value: ParameterResult | DerivedResult) -> str:
-    if isinstance(value, ParameterResult):
-        low, high = value.ci95
-        words = "Data, box and prior together leave"
-    else:
-        low, high = value.box
-        words = "Within the box of the parameters it could be anything from"
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return "Within the box of the parameters it could be anything."
+def _interval_words(value: ParameterResult | DerivedResult) -> str:
+    """What the data leave, with a prefix; of a bound the one end that they cut."""
+    low, high = value.ci95
     factor, unit = prefixed(max(abs(low), abs(high)), value.unit)
-    return f"{words} {span(low / factor, high / factor, unit)}."
+    if value.identifiable is Verdict.ABOVE:
+        return f"{number(high / factor, 3)}\u00a0{unit} at most".strip()
+    if value.identifiable is Verdict.BELOW:
+        return f"{number(low / factor, 3)}\u00a0{unit} at least".strip()
+    return span(low / factor, high / factor, unit)
 
 
 def _with_prefix(value: float, unit: str) -> str:

@@ -1,0 +1,148 @@
+"""Does the model describe the data at all? Chi square of the rows whose noise is known.
+
+    chi^2 = r^T V^-1 r at the most likely point        freedom = m - tr(W C W^T)
+
+over rows of declared or measured noise; where noise is taken from the scatter of the residuals
+themselves, chi square says nothing. The model is said not to describe the data where chi square is
+both several times its degrees of freedom and too improbable for chance:
+
+    chi^2/freedom > RATIO = 4        P(chi^2 or more) < IMPROBABLE = 1e-4
+
+Noise that was stated two times too small, as happens, reaches the first and is met by wider errors
+(the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2); with few
+degrees of freedom noise alone reaches it, but the second only once in ten thousand fits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gammaincc
+
+from fitting.campaign.parameters import Parameter, search_bounds, to_model
+from fitting.fit.likelihood.descent import Optimum
+from fitting.fit.linearisation import whitened
+from fitting.inference.likelihood.exploration import data_covariance
+from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import number
+
+#: Chi square over its degrees of freedom, and probability, beyond which a model is given up.
+RATIO, IMPROBABLE = 4.0, 1e-4
+
+
+def adequacy_of(optimum: Optimum) -> Adequacy:
+    """Chi square of the rows of known noise at the most likely point, and whether it will do.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+    """
+    likelihood, m = optimum.likelihood, optimum.likelihood.whitening.shape[0]
+    root = np.linalg.inv(likelihood.whitening) / likelihood.inflation
+    known = likelihood.objective.data.sigma > 0.0
+    here = optimum.expansion
+    rows = (root @ here.sample.rows[:m])[known] * likelihood.inflation
+    matrix = (root @ here.matrix[:m])[known] * likelihood.inflation
+    noise = (root @ root.T)[np.ix_(known, known)]
+    return judged(rows, matrix, noise, data_covariance(optimum, stated=True))
+
+
+def judged(
+    rows: FloatArray, matrix: FloatArray, noise: FloatArray, covariance: FloatArray
+) -> Adequacy:
+    """Whether residuals are what their noise explains.
+
+    Args:
+        rows: residuals of known noise, shape (m,).
+        matrix: their derivatives in x, shape (m, n).
+        noise: their covariance, shape (m, m).
+        covariance: of x, shape (n, n), from all data.
+    """
+    if not rows.size:
+        return Adequacy(chi_square=np.nan, freedom=0.0, p_value=np.nan, describes=True)
+    white, slopes = whitened(rows, noise), whitened(matrix, noise)
+    square = float(white @ white)
+    freedom = float(rows.size - np.trace(slopes @ covariance @ slopes.T))
+    if freedom < 0.5:  # as many unknowns as rows: nothing is left to judge by
+        return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
+    p_value = float(gammaincc(0.5 * freedom, 0.5 * square))
+    bad = square > RATIO * freedom and p_value < IMPROBABLE
+    return Adequacy(chi_square=square, freedom=freedom, p_value=p_value, describes=not bad)
+
+
+def is_redundant(optimum: Optimum) -> bool:
+    """Whether there are more data than unknowns: else every model fits, and none is tested.
+
+    A Gaussian prior of a parameter counts as one more datum.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+    """
+    likelihood = optimum.likelihood
+    priors = np.count_nonzero(likelihood.inverse_prior_sigma)
+    return bool(likelihood.whitening.shape[0] + priors > len(likelihood.parameters))
+
+
+def adequacy_sentences(
+    adequacy: Adequacy, optimum: Optimum, widening: float = 1.0
+) -> tuple[str, ...]:
+    """How well the model describes the data, in words.
+
+    Args:
+        adequacy: of the rows of known noise.
+        optimum: the most likely point and its likelihood.
+        widening: by how much the noise of a sweep was taken wider.
+    """
+    inflation = optimum.likelihood.inflation
+    said = (
+        f"chi^2 = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
+    )
+    if not adequacy.describes:
+        return (misfit_sentence(adequacy),)
+    if widening > 1.0:
+        return (
+            "The residuals of the sweep hang together: its noise is taken "
+            f"{widening:.3g} times as wide, so that its points weigh as the independent ones "
+            "they are worth.",
+        )
+    if inflation > 1.0:
+        return (f"{said}: all standard deviations are taken {inflation:.3g} times as wide.",)
+    if np.isnan(adequacy.chi_square):
+        return (f"{said}: the noise is taken from the scatter of the residuals themselves.",)
+    return (f"{said}: the stated noise explains the residuals.",)
+
+
+def misfit_sentence(adequacy: Adequacy) -> str:
+    """That the model does not describe the data, and why.
+
+    Args:
+        adequacy: of the rows of known noise.
+    """
+    return (
+        f"The model does not describe the data: chi^2 = {adequacy.chi_square:.3g} on "
+        f"{adequacy.freedom:.3g} degrees of freedom, {adequacy.chi_square / adequacy.freedom:.3g} "
+        "times what the noise explains. No value is called determined; wanted another model, "
+        "another drift, or the noise that the data have."
+    )
+
+
+def outside_sentences(optimum: Optimum) -> tuple[str, ...]:
+    """Parameters that the data want outside the box of the campaign, a sentence each.
+
+    Args:
+        optimum: the most likely point and its likelihood.
+    """
+    parameters, x = optimum.likelihood.parameters, optimum.expansion.x
+    lower, upper = search_bounds(parameters)
+    at = to_model(parameters, x)
+    slack = 1e-6 * (upper - lower)
+    said = []
+    for i, parameter in enumerate(parameters):
+        if parameter.period is None and not lower[i] - slack[i] <= x[i] <= upper[i] + slack[i]:
+            said.append(_outside_words(parameter, float(at[i])))
+    return tuple(said)
+
+
+def _outside_words(parameter: Parameter, value: float) -> str:
+    found = f"{number(value, 5)} {parameter.unit}".rstrip()
+    box = f"{number(parameter.lower)} to {number(parameter.upper)} {parameter.unit}".rstrip()
+    return f"The data want {parameter.name} = {found}, beyond its box of {box}."

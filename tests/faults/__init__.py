@@ -1,0 +1,1 @@
+"""Faults by kinds, each with a generator of cases, and what it takes to survive one."""

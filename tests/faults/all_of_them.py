@@ -1,0 +1,69 @@
+"""All kinds of faults, and the table that they make: kind x tried x survived."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from tests.faults import archives, campaign_keys, options, surroundings, tables
+from tests.faults.case import Case
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A generator of cases, and how many there are in the whole table and in the short half."""
+
+    name: str
+    make: Callable[[int, int], Iterator[Case]]
+    whole: int
+    short: int
+    in_process: bool = True
+
+    def __str__(self) -> str:
+        return self.name
+
+    def all_cases(self) -> list[Case]:
+        """Those of the whole table."""
+        return list(self.make(self.whole, SEED))
+
+    def short_half(self) -> list[Case]:
+        """Those that the tests try."""
+        return list(self.make(self.short, SEED))
+
+
+SEED = 1
+KINDS = (
+    Kind(campaign_keys.KEYS, campaign_keys.cases, 640, 45),
+    Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 24),
+    Kind(tables.DATA, tables.cases, 260, 40),
+    Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 24),
+    Kind(archives.ARCHIVE, archives.archive_cases, 100, 40),
+    Kind(archives.DESCRIPTION, archives.description_cases, 140, 22),
+    Kind(options.OPTIONS, options.cases, 260, 50),
+    Kind(options.WORDS, options.word_cases, 80, 20),
+    Kind(surroundings.FILES, lambda count, seed: surroundings.file_cases(), 0, 0),
+    Kind(surroundings.MACHINE, lambda count, seed: surroundings.machine_cases(), 0, 0, False),
+)
+
+
+def whole_table() -> list[Case]:
+    """Every case."""
+    return [case for kind in KINDS for case in kind.all_cases()]
+
+
+@dataclass
+class Count:
+    """Cases of one kind."""
+
+    tried: int = 0
+    survived: int = 0
+
+
+def markdown(counts: dict[str, Count]) -> str:
+    """The table."""
+    rows = [f"| {kind} | {c.tried} | {c.survived} |" for kind, c in counts.items()]
+    tried, survived = (
+        sum(getattr(c, name) for c in counts.values()) for name in ("tried", "survived")
+    )
+    head = ["| kind of fault | tried | survived |", "|---|---|---|"]
+    return "\n".join([*head, *rows, f"| all | {tried} | {survived} |"])

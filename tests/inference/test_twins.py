@@ -1,0 +1,77 @@
+"""Twins of a fit: when they take part in an interval, and fits that profiles come by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fitting.campaign.parameters import to_search
+from fitting.fit.fit import solve_problem
+from fitting.fit.noise import RowNoise
+from fitting.fit.objective import make_objective
+from fitting.fit.options import Options
+from fitting.fit.problem import Problem
+from fitting.fit.search.twins import find_twins
+from fitting.fit.solver.continuation import Schedule
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.inference.determine import InferenceOptions, determine
+from fitting.inference.infer import infer
+from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.verdict import Verdict
+from tests.inference.test_identifiability import both_modes
+from tests.support import closed_form
+from tests.support.crossing import laboratory
+
+
+def learn(theta: float, seed: int) -> Knowledge:
+    truth = (theta, 120.0, 90.0)
+    measured = closed_form.measured_by(both_modes(), truth, noise=0.01, seed=seed)
+    objective = make_objective(both_modes(), closed_form.string_parameters(), measured)
+    return determine(
+        objective,
+        to_search(objective.parameters, np.array(truth)),
+        RowNoise(measured.sigma, np.zeros((measured.sigma.size, 1))),
+        InferenceOptions(
+            units={"lambda": "Hz"}, twins=find_twins(Evaluator(objective), seed=1), starts=0
+        ),
+    )
+
+
+def test_a_twin_without_a_coupling_takes_no_part_where_the_data_hold_the_coupling() -> None:
+    """lambda^2 = -sin(2 theta) (eta_-^2 - eta_+^2)/2 of the twin is that of the fit, negative."""
+    knowledge = learn(1.9498, seed=4)
+    assert knowledge.derived["lambda"].verdict is Verdict.DETERMINED
+    assert {knowledge.parameters[name].verdict for name in ("theta", "d1", "d2")} == {
+        Verdict.DETERMINED
+    }
+    [twin] = [e for e in knowledge.equivalents if e.origin == "start"]
+    assert twin.parameters["d1"] == pytest.approx(knowledge.parameters["d2"].best, rel=1e-3)
+    assert np.isnan(twin.derived["lambda"])
+    assert not twin.possible
+
+
+def test_a_twin_takes_part_where_its_coupling_exists_within_the_errors() -> None:
+    """Near lambda = 0 the point estimate alone must not tell d1 from d2."""
+    knowledge = learn(np.pi / 2 + 1e-3, seed=4)
+    [twin] = [e for e in knowledge.equivalents if e.origin == "start"]
+    assert twin.possible
+    for name in ("theta", "d1", "d2"):
+        assert knowledge.parameters[name].verdict is Verdict.SEVERAL, name
+
+
+def test_profiles_that_come_by_a_lower_minimum_have_the_fit_made_from_it() -> None:
+    """One start and no search ends thousands of chi square too high; its profiles do not."""
+    lab = laboratory(1, starts=(5.0, 5.0))
+    problem = Problem(lab.parameters, lab.data)
+    fit = solve_problem(problem, lambda chosen: lab.response, Options(Schedule(starts=1)))
+    assert lab.chi_square(fit.x) > 1000.0
+    found = infer(fit)
+    assert found.fit is not fit
+    assert lab.chi_square(found.fit.x) < lab.chi_square(lab.truth) + 5.0
+    assert found.fit.alternatives[0].starts[0] == replace(
+        fit.alternatives[0].starts[0], equivalent=False
+    )
+    assert found.fit.nfev > fit.nfev
+    assert all(v.identifiable is not Verdict.WITHDRAWN for v in found.parameters.values())
