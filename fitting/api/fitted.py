@@ -510,7 +510,11 @@ def profile(
         if name not in known:
             raise BadInput(f"profile: no value '{name}'{did_you_mean(name, sorted(known))}")
     request = InferenceRequest(
-        units=fit.identity.units, budget=budget, bootstrap=bootstrap, only=asked
+        units=fit.identity.units,
+        budget=budget,
+        bootstrap=bootstrap,
+        only=asked,
+        agreement=fit.inferred.agreement,
     )
     found = infer(fit.record, request)
     if found.fit is not fit.record:  # profiles came by a lower minimum

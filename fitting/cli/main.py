@@ -1,8 +1,8 @@
 """``fmu-fit``: finds the command, runs it, turns its ending into an exit code.
 
 0 done; 1 ended without convergence, or interrupted (results are written and say so); 2 bad input;
-3 the FMU failed; 70 a fault of this program (the traceback is kept in a file that is named);
-130 another command than reconstruct was interrupted.
+3 the FMU failed; 4 done, but the model does not describe the data; 70 a fault of this program (the
+traceback is kept in a file that is named); 130 another command than reconstruct was interrupted.
 """
 
 from __future__ import annotations

@@ -30,6 +30,8 @@ from fitting.inference.estimates import derived_results, offset_results, paramet
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.nu_choice import choose_nu
+from fitting.inference.mistakes import agreement_of
+from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind, Warned, fit_warnings, verdict_sentences, warned
@@ -46,7 +48,8 @@ class Inference:
     `parameters` and `derived` hold every value with its interval and verdict, `offsets` what
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
-    the fit's own unless the model does not describe the data; `warnings` what a reader must know.
+    the fit's own unless the model does not describe the data; `warnings` what a reader must know;
+    `agreement` that of the peaks with the sweep, a series each.
     `fit` is the one that all of it is about: not the one that was given, where a lower J was found
     on the way.
     """
@@ -60,6 +63,7 @@ class Inference:
     status: Status
     message: str
     warnings: tuple[Warned, ...]
+    agreement: tuple[SweepAgreement, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +72,8 @@ class InferenceRequest:
 
     `units` are those of the derived outputs; without `profiles` intervals are those of the
     linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
-    is of simulation runs; `bootstrap` synthetic data sets are fitted anew.
+    is of simulation runs; `bootstrap` synthetic data sets are fitted anew; `agreement` of this
+    fit's peaks with the sweep, where it was found before.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -76,6 +81,7 @@ class InferenceRequest:
     budget: int = BUDGET
     bootstrap: int = 0
     only: tuple[str, ...] = ()
+    agreement: tuple[SweepAgreement, ...] | None = None
 
 
 def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
@@ -95,7 +101,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     knowledge, missing = _knowledge(fit, request)
     lower = _lowered(fit, knowledge)
     if lower is not fit:
-        fit = lower
+        fit, request = lower, replace(request, agreement=None)
         knowledge, missing = _knowledge(fit, request)
     solution, problem = fit.solution, fit.problem
     best, adequacy, inflation = _best(fit, knowledge)
@@ -109,6 +115,9 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     derived = {n: _judged(v, profiles.get(n), describes) for n, v in derived.items()}
     if not describes:
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
+    agreement = request.agreement
+    if agreement is None:
+        agreement = agreement_of(problem, solution)
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
     status, message = _status(fit, adequacy)
     return Inference(
@@ -124,10 +133,11 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
-            *fit_warnings(fit, offsets, inflation if describes else 1.0),
+            *fit_warnings(fit, offsets, agreement, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
+        agreement=agreement,
     )
 
 

@@ -72,13 +72,24 @@ def _fault(found: SweepFault) -> str:
     return sentences[found.fault] + widths
 
 
-def agreement_sentences(solution: Solution) -> list[str]:
+def agreement_of(problem: Problem, solution: Solution) -> tuple[SweepAgreement, ...]:
+    """Whether peaks and sweep of a series agree; nothing where the sweep itself is at fault.
+
+    Args:
+        problem: with its sweep.
+        solution: end of the fit.
+    """
+    # a sweep that is no line contradicts the peaks for that reason
+    return () if fault_sentences(problem) else sweep_agreement(solution)
+
+
+def contradiction_sentences(agreement: Sequence[SweepAgreement]) -> list[str]:
     """Series whose peaks contradict their sweep, and what would explain it.
 
     Args:
-        solution: end of the fit.
+        agreement: of every series, as it was found.
     """
-    return [_contradiction(found) for found in sweep_agreement(solution) if found.contradicts]
+    return [_contradiction(found) for found in agreement if found.contradicts]
 
 
 def _contradiction(found: SweepAgreement) -> str:

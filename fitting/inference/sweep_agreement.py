@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtri
 
 from fitting.campaign.parameters import prior_sigmas, search_bounds
-from fitting.fit.differences import central
+from fitting.fit.differences import forward
 from fitting.fit.linearisation import whitened
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point, evaluate_many
@@ -219,12 +219,12 @@ class _Both:
         """Peaks and sweep at x with their slopes, one batch; remembered."""
         key = x.tobytes()
         if key not in self._known:
-            around = central(x, self.solution.objective.steps, *self.bounds)
-            points = evaluate_many(self.solution.objective, [x, *around.nodes], whole=True)
+            around = forward(x, self.solution.objective.steps, self.bounds[1])
+            points = evaluate_many(self.solution.objective, around.nodes, whole=True)
             peaks = [point.residuals[self.peaks] for point in points]
             swept = [self._shape(point) for point in points]
             self._known[key] = _Expansion(
-                x, peaks[0], around.quotients(peaks[1:]), swept[0], around.quotients(swept[1:])
+                x, peaks[0], around.quotients(peaks), swept[0], around.quotients(swept)
             )
         return self._known[key]
 

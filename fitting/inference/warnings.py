@@ -20,11 +20,12 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import distance, equal_j
 from fitting.inference.mistakes import (
-    agreement_sentences,
+    contradiction_sentences,
     fault_sentences,
     line_sentences_of,
     swapped_sentences,
 )
+from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.sweep_line import line_of_sweep, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
@@ -87,19 +88,24 @@ def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
     return [Warned(kind, sentence) for sentence in sentences]
 
 
-def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult], inflation: float = 1.0) -> list[Warned]:
+def fit_warnings(
+    fit: Fit,
+    offsets: Sequence[OffsetResult],
+    agreement: Sequence[SweepAgreement],
+    inflation: float = 1.0,
+) -> list[Warned]:
     """Everything that a fit itself warns of, whatever is inferred from it.
 
     Args:
         fit: the finished fit.
         offsets: values of single experiments.
+        agreement: of the peaks with the sweep, a series each.
         inflation: by how much residuals beyond the noise widen the errors.
     """
     problem, solution = fit.problem, fit.solution
     line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
     campaigns = tuple(problem.campaigns.values())
-    faults = fault_sentences(problem)
     return [
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
@@ -113,9 +119,8 @@ def fit_warnings(fit: Fit, offsets: Sequence[OffsetResult], inflation: float = 1
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *warned(Kind.LINE, line_warnings(line, fitted=fitted) if line else []),
-        *warned(Kind.SWEEP, faults),
-        # a sweep that is no line contradicts the peaks for that reason
-        *warned(Kind.SCALE_FACTOR, [] if faults else agreement_sentences(solution)),
+        *warned(Kind.SWEEP, fault_sentences(problem)),
+        *warned(Kind.SCALE_FACTOR, contradiction_sentences(agreement)),
     ]
 
 

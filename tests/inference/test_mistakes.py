@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.inference.warnings import Kind, Warned, fit_warnings
+from fitting.inference.warnings import Kind, Warned
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
 
@@ -26,7 +26,7 @@ def warned_of(kind: str, seed: int, folder: Path) -> list[Warned]:
     record = ff.Problem.of(laboratory.write(folder), ff.Fmu("CoupledOscillator")).record
     problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
     found = ff.fit(problem, ff.Tikhonov(nu=1e-3, levels=3), starts=1)
-    return [w for w in fit_warnings(found.record, ()) if w.kind in MISTAKES]
+    return [w for w in found.inferred.warnings if w.kind in MISTAKES]
 
 
 @pytest.mark.parametrize(
