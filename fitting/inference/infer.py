@@ -133,7 +133,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
-            *fit_warnings(fit, offsets, agreement, inflation if describes else 1.0),
+            *fit_warnings(fit, offsets, agreement, best, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),

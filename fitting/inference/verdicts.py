@@ -424,7 +424,6 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
             delta=(0.0,),
             path={},
         )
-    where = "value" if math.isnan(best) else "slope"
     return Profile(
         kind="derived",
         unit=unit,
@@ -437,7 +436,7 @@ def _without_value(explored: Exploration, name: str, basis: Basis) -> Profile:
         shrinkage=0.0,
         verdict=Verdict.UNKNOWN,
         precision=nan,
-        reason=f"it has no {where} at the most likely point",
+        reason="it has no value at the most likely point",
         values=(),
         delta=(),
         path={},

@@ -10,11 +10,12 @@ from enum import Enum
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
-from fitting.campaign.parameters import prior_sigmas
+from fitting.campaign.parameters import prior_sigmas, to_search
 from fitting.fit.alternative import Outcome
 from fitting.fit.fit import Fit
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
+from fitting.fit.objective import evaluate_many
 from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
@@ -31,6 +32,7 @@ from fitting.inference.values import DerivedResult, OffsetResult, ParameterResul
 from fitting.inference.verdict import Verdict
 from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, probability
 from fitting.text.units import convert
@@ -92,6 +94,7 @@ def fit_warnings(
     fit: Fit,
     offsets: Sequence[OffsetResult],
     agreement: Sequence[SweepAgreement],
+    most_likely: FloatArray,
     inflation: float = 1.0,
 ) -> list[Warned]:
     """Everything that a fit itself warns of, whatever is inferred from it.
@@ -100,6 +103,7 @@ def fit_warnings(
         fit: the finished fit.
         offsets: values of single experiments.
         agreement: of the peaks with the sweep, a series each.
+        most_likely: parameters (n,), in their units.
         inflation: by how much residuals beyond the noise widen the errors.
     """
     problem, solution = fit.problem, fit.solution
@@ -114,7 +118,7 @@ def fit_warnings(
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
         *warned(Kind.DRIFT, _drift(problem, offsets)),
-        *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution))),
+        *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution, most_likely))),
         *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
@@ -302,40 +306,52 @@ def _in_hertz(unit: str) -> float:
         return 0.0
 
 
-def _row_by_row(solution: Solution) -> Linearisation:
-    """The solution's rows over their own noise, without what rows share."""
-    point = solution.final
-    sigma = noise_of(solution.objective, point).sigma
-    return Linearisation(
-        rows=point.residuals / sigma,
-        matrix=solution.matrix / sigma[:, np.newaxis],
-        prior=prior_sigmas(solution.parameters, solution.nu),
+def _row_by_row(solution: Solution, most_likely: FloatArray) -> tuple[Linearisation, ...]:
+    """Rows over their own noise, without what they share: of the solution, at the likeliest point.
+
+    Algorithm 2 counts relative deviations alike, whatever their noise, and misses the exact ones;
+    least squares are drawn to what is far off. An outlier is one in both.
+    """
+    sigma = noise_of(solution.objective, solution.final).sigma
+    [likely] = evaluate_many(solution.objective, [to_search(solution.parameters, most_likely)])
+    return tuple(
+        Linearisation(
+            rows=point.residuals / sigma,
+            matrix=solution.matrix / sigma[:, np.newaxis],
+            prior=prior_sigmas(solution.parameters, solution.nu),
+        )
+        for point in (solution.final, likely)
     )
 
 
-def outlier_sentences(problem: Problem, rows: Linearisation) -> list[str]:
-    """Peaks whose residual is beyond the threshold of its own standard deviation.
+def outlier_sentences(problem: Problem, fits: Sequence[Linearisation]) -> list[str]:
+    """Peaks whose residual is beyond the threshold of its own standard deviation, in every fit.
 
     Studentised, r/(sigma sqrt(1 - h)), h the leverage of the row; against the scatter of all where
     that is wider than the noise.
 
     Args:
         problem: its experiments name the peaks, its threshold says what is far.
-        rows: each over its own standard deviation, peaks first.
+        fits: rows, each over its own standard deviation, peaks first.
     """
-    scores = rows.rows / np.sqrt(np.maximum(1.0 - rows.leverage, 0.05))
     lines = [f"{e.label} at {hertz(f)}" for e in problem.experiments for f in e.read_hz]
-    scores = scores[: len(lines)]
-    if scores.size < 4:
+    found = np.array([_studentised(rows)[: len(lines)] for rows in fits])
+    if found.shape[1] < 4:
         return []
-    wide = max(1.0, float(np.median(np.abs(scores))) / 0.6745)
-    far = [int(k) for k in np.argsort(-np.abs(scores)) if abs(scores[k]) > problem.threshold * wide]
+    wide = np.maximum(1.0, np.median(np.abs(found), axis=1, keepdims=True) / 0.6745)
+    scores = found[np.argmin(np.abs(found / wide), axis=0), np.arange(found.shape[1])]
+    least = np.min(np.abs(found / wide), axis=0)
+    far = [int(k) for k in np.argsort(-np.abs(scores)) if least[k] > problem.threshold]
     if not far:
         return []
     named = ", ".join(f"{lines[k]} ({scores[k]:+.3g})" for k in far[:MOST_NAMED])
     more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
     tamed = ' They count less (outliers = "huber").' if problem.data.outliers == "huber" else ""
     return [f"Outliers, in standard deviations of their residual: {named}{more}.{tamed}"]
+
+
+def _studentised(rows: Linearisation) -> FloatArray:
+    return np.asarray(rows.rows / np.sqrt(np.maximum(1.0 - rows.leverage, 0.05)))
 
 
 def weak_peaks(experiments: Sequence[Experiment]) -> list[str]:

@@ -204,7 +204,7 @@ def test_an_outlier_is_named_and_counts_less(tmp_path: Path) -> None:
         widths[outliers] = d1 * np.cos(theta) ** 2 + d2 * np.sin(theta) ** 2
         bound = string_campaign(objective.data, string_response(drift_hz=80.0), tmp_path)
         problem = problem_of([replace(bound, noise=Noise(outliers=outliers))])
-        said = outlier_sentences(problem, row_by_row(evaluator, x, sigma))
+        said = outlier_sentences(problem, [row_by_row(evaluator, x, sigma)])
         assert len(said) == 1
         assert "pair2 at 6.94034 MHz" in said[0]
         assert "pair1" not in said[0]
@@ -226,7 +226,7 @@ def test_no_outlier_is_named_in_honest_noise(tmp_path: Path) -> None:
         ]
         evaluator = Evaluator(objective)
         problem = problem_of([string_campaign(measured, response, tmp_path)])
-        named += len(outlier_sentences(problem, row_by_row(evaluator, x, measured.sigma)))
+        named += len(outlier_sentences(problem, [row_by_row(evaluator, x, measured.sigma)]))
     assert named <= 1
 
 

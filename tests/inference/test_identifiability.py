@@ -151,7 +151,10 @@ def test_a_parameter_without_effect_is_named() -> None:
     assert knowledge.without_effect == ("d2",)
     assert knowledge.parameters["d1"].verdict == "determined"
     assert knowledge.parameters["d2"].verdict == "not determined"
-    assert "d2 has no effect on these data, anywhere in its box." in knowledge.sentences
+    assert (
+        "d2 alone has no effect on these data, anywhere in its box, the others as they are."
+        in knowledge.sentences
+    )
 
 
 def test_two_minima_that_fit_alike_are_not_called_determined() -> None:

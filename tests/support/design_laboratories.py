@@ -29,6 +29,7 @@ from fitting.lab.synthesis import synthesize
 from fitting.lab.writer import campaign_files
 from fitting.text.arrays import FloatArray
 from fitting.text.files import write_all
+from tests.support.datasets import linear
 
 STEPS = 30
 #: Chi-squares closer than this are one fit.
@@ -57,7 +58,7 @@ class Laboratory:
         (second / "sweep.csv").write_bytes(sweep)
         variables = workers.description.variables
         campaigns = [read_campaign(f / "campaign.toml") for f in (first, second)]
-        bounds = [bind(campaign, variables) for campaign in campaigns]
+        bounds = [linear(bind(campaign, variables)) for campaign in campaigns]
         self.bound: BoundCampaign = bounds[0]
         # references come from a series' own sweep: one search vector for both
         bounds = [replace(bound, parameters=self.bound.parameters) for bound in bounds]

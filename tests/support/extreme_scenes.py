@@ -276,17 +276,17 @@ def bound_of(scene: Scene, workers: FmuWorkers, folder: Path) -> BoundCampaign:
     return bind(read_campaign(path), workers.description.variables)
 
 
-def fit(scene: Scene, workers: FmuWorkers, folder: Path) -> Result:
+def fit(scene: Scene, workers: FmuWorkers, folder: Path, *, profiles: bool = False) -> Result:
     """The result of a scene, and what holds for every result, whatever the scene."""
-    return fit_bound(write(scene, workers.description.path, folder), workers)
+    return fit_bound(write(scene, workers.description.path, folder), workers, profiles=profiles)
 
 
-def fit_bound(path: Path, workers: FmuWorkers) -> Result:
+def fit_bound(path: Path, workers: FmuWorkers, *, profiles: bool = False) -> Result:
     """The result of a campaign that is written, checked likewise."""
     bound = bind(read_campaign(path), workers.description.variables)
     identity = identify_fmu(workers.description, "test")
     options = options_of(bound.continuation)
-    asked = ReconstructionOptions(options, profiles=False)
+    asked = ReconstructionOptions(options, profiles=profiles)
     result = reconstruct_through(workers, problem_of([bound]), identity, asked)
     speaks_plainly(result)
     return result

@@ -342,11 +342,12 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
         )
     for k, name in enumerate(likelihood.names):
         best, slope = float(expansion.sample.outputs[k]), expansion.outward[k]
-        known = math.isfinite(best) and bool(np.all(np.isfinite(slope)))
-        if not known or not ranges[name].high > ranges[name].low:
+        if not math.isfinite(best) or not ranges[name].high > ranges[name].low:
             continue
-        sigma = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
         low, high = min(ranges[name].low, best), max(ranges[name].high, best)
+        sigma = high - low  # at the edge of where it has a value, until it is tried
+        if np.all(np.isfinite(slope)):
+            sigma = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
         made.append(
             Quantity(
                 name=name,

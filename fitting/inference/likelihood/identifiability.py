@@ -307,7 +307,10 @@ def sentences(
         for direction in unseen
         if direction.sentence
     ]
-    said += [f"{name} has no effect on these data, anywhere in its box." for name in idle]
+    said += [
+        f"{name} alone has no effect on these data, anywhere in its box, the others as they are."
+        for name in idle
+    ]
     said += [f"Another minimum: {other.sentence}." for other in others]
     for end, why in (("cost", "were cut for their cost"), ("lost", "lost their way")):
         names = [name for name, profile in profiles.items() if end in profile.ends]
