@@ -135,8 +135,10 @@ class _Both:
         self._known: dict[bytes, _Expansion] = {}
 
     def agreement(self) -> SweepAgreement | None:
-        """The test; None where one of them tells nothing that the other could contradict."""
+        """The test; None where they agree at once, or one tells nothing to contradict the other."""
         begin = np.append(self.solution.final.x, [0.0, 0.0])
+        if self._could_gain(begin) < CONTRADICT**2:
+            return None
         swept = self._least("T", begin)
         determined = self._rank(swept)
         freedom = self.sweep.amplitude_v.size - determined - 1
@@ -155,6 +157,24 @@ class _Both:
         excess = max(1.0, peaks.chi_square / max(1, peaks.rows.size - self._rank(peaks)))
         apart = both.chi_square - swept.chi_square - peaks.chi_square
         return SweepAgreement(series=self.sweep.series, sigmas=_sigmas(apart / excess, shared))
+
+    def _could_gain(self, begin: FloatArray) -> float:
+        """Chi square by which sweep, and peaks with a factor, would each fit better elsewhere.
+
+        One step foresees it, from where both stand; what they contradict each other by is no more.
+        """
+        swept, peaks = self._at("T", begin), self._at("SF", begin)
+        (gain, left), (more, _) = self._foreseen(swept), self._foreseen(peaks)
+        freedom = max(1, swept.rows.size - self._rank(swept) - 1)
+        return gain / max(1.0, left / freedom) + more
+
+    def _foreseen(self, here: _End) -> tuple[float, float]:
+        """Decrease of chi square by a step, were the model straight; and what would be left."""
+        units = np.append(self.prior, [1.0, 1.0])
+        step = damped_step(here.matrix * units, here.rows, GENTLE, least=LEAST_SEEN)
+        left = here.rows + here.matrix @ (units * step)
+        square = float(left @ left)
+        return here.chi_square - square, square
 
     def _told_by_factor(self, both: _End, joined: _End) -> SweepAgreement | None:
         """A factor between their amplitudes that makes both fit; None where it gains nothing."""
