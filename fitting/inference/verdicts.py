@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -113,7 +113,21 @@ def profiles(explored: Exploration, basis: Basis) -> dict[str, Profile]:
     for name in explored.optimum.likelihood.names:
         if name not in made:
             made[name] = _without_value(explored, name, basis)
-    return made
+    return made if basis.describes else {n: _withdrawn(p) for n, p in made.items()}
+
+
+def _withdrawn(profile: Profile) -> Profile:
+    """A profile of a model that does not describe the data: its intervals are those of nothing."""
+    nowhere = (math.nan, math.nan)
+    return replace(
+        profile,
+        interval68=nowhere,
+        interval95=nowhere,
+        shrinkage=math.nan,
+        verdict=Verdict.WITHDRAWN,
+        precision=math.nan,
+        reason="the model does not describe the data",
+    )
 
 
 def _turn(optimum: Optimum) -> FloatArray:
@@ -173,23 +187,19 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     )
     verdict, reason = _verdict(subject, found, basis)
     shrinkage = 1.0 - min(1.0, (wide[1] - wide[0]) / (subject.box[1] - subject.box[0])) ** 2
-    inside = (subject.shown(narrow[0]), subject.shown(narrow[1]))
-    if not basis.describes:  # an interval of such a model is one of nothing
-        inside = wide = (math.nan, math.nan)
-        shrinkage = math.nan
     points = _in_order(explored, quantity)
     return Profile(
         kind="parameter" if subject.parameter is not None else "derived",
         unit=subject.unit,
         best=subject.shown(quantity.best),
         sigma=subject.scale * quantity.sigma,
-        interval68=inside,
+        interval68=(subject.shown(narrow[0]), subject.shown(narrow[1])),
         interval95=wide,
         box=subject.box,
         ends=(ends[0], ends[1]),
         shrinkage=shrinkage,
         verdict=verdict,
-        precision=_precision(subject, found) if basis.describes else math.nan,
+        precision=_precision(subject, found),
         reason=reason,
         values=tuple(subject.shown(point.value) for point in points),
         delta=tuple(max(0.0, point.delta) for point in points),
@@ -281,8 +291,6 @@ def _exchange(subject: _Subject, bounds: Interval, equivalents: Sequence[Equival
 
 def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, str]:
     """The word and why."""
-    if not basis.describes:
-        return Verdict.WITHDRAWN, "the model does not describe the data"
     if found.ends == ("round", "round"):
         return Verdict.OPEN, "every value around its period fits"
     said = [_end_words(end, found.held) for end in found.ends]

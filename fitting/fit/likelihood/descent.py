@@ -61,9 +61,9 @@ class Expansion:
 
     @property
     def chi_square(self) -> float:
-        """Sum of squares of the rows; infinite where the model failed."""
+        """Sum of squares of the rows; infinite where the model failed, there or at the stencil."""
         square = float(self.sample.rows @ self.sample.rows)
-        return square if np.isfinite(square) else np.inf
+        return square if np.isfinite(square) and np.all(np.isfinite(self.matrix)) else np.inf
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,8 @@ def lower(
         promise: decrease of chi square that is no longer worth a step.
         enough: chi square that is low enough.
     """
+    if not np.isfinite(here.chi_square):
+        return Descent(here, reached=False)
     damping, hope = LEAST_DAMPING, np.inf
     moved = constraint.index < 0  # a held parameter must first be brought to its value
     for _ in range(ITERATIONS):

@@ -23,7 +23,7 @@ from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure, NoAnswer
+from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
 #: Points of the box at which a model may fail before the failure is passed on.
 MOST_FAILURES = 12
@@ -199,6 +199,7 @@ class LikelihoodEvaluator:
         Raises:
             Exhausted: the limit is reached.
             FmuFailure: the model failed at more points than can be left out.
+            NoScale: likewise, its amplitudes have no ratio to the measured ones.
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
         if wanted and self.spent + wanted * self._each > self.limit:
@@ -251,7 +252,7 @@ class LikelihoodEvaluator:
             points = evaluate_many(self.likelihood.objective, xs)
         except NoAnswer:
             raise
-        except FmuFailure:
+        except (FmuFailure, NoScale):  # a model that answers with zeros has failed there, too
             if len(xs) == 1 and self.failures >= MOST_FAILURES and self._in_box(xs[0]):
                 raise
             if len(xs) == 1:

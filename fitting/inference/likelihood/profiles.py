@@ -32,7 +32,7 @@ from fitting.text.arrays import FloatArray
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.
 ROOT_68, ROOT_95 = 1.0, 1.959964
 #: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
-STEPS, POINTS, REFINEMENTS = 10, 40, 6
+STEPS, POINTS, REFINEMENTS = 10, 40, 12
 #: A step of sqrt(Dchi^2) across the threshold that is no crossing, once the points are close.
 JUMP = 0.5
 #: A crossing is found where sqrt(Dchi^2) is this close to its threshold.

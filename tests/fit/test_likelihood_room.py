@@ -1,0 +1,170 @@
+"""How far out of the box of a campaign the likelihood is looked at, and what is said of it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fitting.campaign.parameters import Parameter, to_model
+from fitting.fit.likelihood.descent import Optimum, expansion_at, held_at, let_out, most_likely
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.lockstep import run_in_lockstep
+from fitting.fit.objective import Objective
+from fitting.inference.adequacy import outside_sentences
+from fitting.inference.verdict import Verdict
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import FmuFailure, NoScale
+from tests.support.whitened import SIGMA, Z95, learnt, parameter, whitened
+
+#: What a descent leaves undone, in standard deviations of a value.
+SMALL = 0.01
+
+
+def evaluator_of(objective: Objective) -> LikelihoodEvaluator:
+    size = objective.data.sigma.size
+    return LikelihoodEvaluator(likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0))))
+
+
+def room(own: Parameter, at: float) -> tuple[float, float]:
+    """The room of one parameter about a value, in its unit."""
+    likelihood = evaluator_of(whitened(lambda p: np.zeros(3), own)).likelihood
+    out = likelihood.let_out(np.array([(at - own.reference) / own.scale]))
+    [low], [high] = (to_model((own,), x) for x in (out.lower, out.upper))
+    return float(low), float(high)
+
+
+@pytest.mark.parametrize("box", [(1.0, 8.0), (0.0, 5.0), (1e-3, 1e4)])
+def test_a_positive_value_goes_by_a_factor_of_ten_each_way(box: tuple[float, float]) -> None:
+    own = parameter("p", *box, start=3.0, scale=0.2)
+    assert room(own, 4.0) == pytest.approx((0.4, 40.0))
+
+
+def test_another_value_goes_by_three_widths_of_its_box() -> None:
+    assert room(parameter("p", -1.0, 3.0, scale=0.2), 0.5) == pytest.approx((-11.5, 12.5))
+
+
+@pytest.mark.parametrize("lower", [-50.0, 0.0])
+def test_a_value_with_a_prior_goes_by_ten_of_its_sigmas(lower: float) -> None:
+    own = parameter("p", lower, 50.0, start=20.0, prior_sigma=0.3, scale=0.2)
+    assert room(own, 20.5) == pytest.approx((17.0, 23.0))
+
+
+def test_nothing_goes_beyond_what_the_model_declares() -> None:
+    positive = parameter("p", 1.0, 8.0, least=0.5, most=12.0)
+    assert room(positive, 4.0) == pytest.approx((0.5, 12.0))
+    assert room(parameter("p", -1.0, 3.0, least=-2.0, most=4.0), 0.5) == pytest.approx((-2.0, 4.0))
+    prior = parameter("p", 0.0, 50.0, start=20.0, prior_sigma=0.3, least=19.0, most=21.0)
+    assert room(prior, 20.0) == pytest.approx((19.0, 21.0))
+
+
+def test_a_value_that_goes_round_has_no_limits() -> None:
+    low, high = room(parameter("p", 0.0, 1.0, period=math.pi), 0.5)
+    assert (low, high) == (-math.inf, math.inf)
+
+
+# --- the most likely point
+
+
+def found_at(wanted: float, **limits: float) -> Optimum:
+    """p is measured with unit noise as `wanted`; its box goes from 1 to 10 Hz."""
+    own = parameter("p", 1.0, 10.0, unit="Hz", scale=2.0, **limits)
+    rows = whitened(lambda p: np.full(3, (p[0] - wanted) / math.sqrt(3.0)), own)
+    evaluator = evaluator_of(rows)
+    return let_out(evaluator, most_likely(evaluator, [np.zeros(1)]))
+
+
+def value_of(optimum: Optimum) -> float:
+    return float(to_model(optimum.likelihood.parameters, optimum.expansion.x)[0])
+
+
+@pytest.mark.parametrize("wanted", [11.5, 0.4])
+def test_the_most_likely_point_leaves_the_box_where_the_data_want_it(wanted: float) -> None:
+    optimum = found_at(wanted)
+    assert value_of(optimum) == pytest.approx(wanted, abs=SMALL)
+    assert optimum.least == pytest.approx(0.0, abs=SMALL**2)
+    assert optimum.chi_square == pytest.approx(0.0, abs=SMALL**2)
+    [sentence] = outside_sentences(optimum)
+    told = re.fullmatch(r"The data want p = (\S+) Hz, beyond its box of 1 to 10 Hz\.", sentence)
+    assert told is not None, sentence
+    assert float(told.group(1)) == pytest.approx(wanted, abs=SMALL)
+
+
+@pytest.mark.parametrize(("beyond", "leaves"), [(0.3, False), (0.33, True)])
+def test_the_box_is_left_for_a_tenth_of_chi_square(beyond: float, leaves: bool) -> None:
+    """A gain of 0.09 does not, one of 0.109 does; the limit is 10."""
+    optimum = found_at(10.0 + beyond)
+    assert value_of(optimum) == pytest.approx(10.0 + beyond * leaves, abs=SMALL)
+    assert bool(outside_sentences(optimum)) is leaves
+
+
+def test_the_most_likely_point_goes_no_further_than_the_model_declares() -> None:
+    optimum = found_at(12.0, most=11.0)
+    assert value_of(optimum) == pytest.approx(11.0)
+    assert optimum.least == pytest.approx(1.0, rel=1e-4)
+    at_box = found_at(12.0, most=10.0)
+    assert value_of(at_box) == pytest.approx(10.0)
+    assert outside_sentences(at_box) == ()
+
+
+# --- what a limit holds
+
+
+def held(wanted: float, at: float, **limits: float) -> tuple[int, ...]:
+    """Parameters held at (at, 0) where p is measured as `wanted`, its box from -10 to 10."""
+    p = parameter("p", -10.0, 10.0, **limits)
+    q = parameter("q", -10.0, 10.0)
+    rows = whitened(lambda x: np.array([x[0] - wanted, x[1], 0.0]), p, q)
+    likelihood: Likelihood = evaluator_of(rows).likelihood
+    x = np.array([at, 0.0])
+    [here] = run_in_lockstep([expansion_at(likelihood, x)], evaluator_of(rows))
+    assert here is not None
+    return held_at(likelihood, here, ())
+
+
+def test_a_limit_holds_what_the_data_push_beyond_it() -> None:
+    assert held(12.0, 10.0) == (0,)
+    assert held(-12.0, -10.0) == (0,)
+    assert held(12.0, -10.0) == ()  # pushed inward
+    assert held(12.0, 9.0) == ()  # not there
+    assert held(10.3, 10.0) == ()  # for a gain of 0.09
+    assert held(10.33, 10.0) == (0,)
+
+
+def test_a_limit_of_the_model_itself_holds_nothing() -> None:
+    assert held(12.0, 10.0, most=10.0) == ()
+    assert held(-12.0, -10.0, least=-10.0) == ()
+    assert held(12.0, 10.0, most=11.0) == (0,)
+
+
+# --- a model that has no answer out there
+
+
+def failing(error: Callable[[], Exception]) -> Callable[[FloatArray], FloatArray]:
+    def rows(p: FloatArray) -> FloatArray:
+        if p[0] > 10.0 or p[0] < 1.0:
+            raise error()
+        return np.full(3, (p[0] - 8.0) / math.sqrt(3.0) / 0.2)
+
+    return rows
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        lambda: NoScale("the simulated sweep has an amplitude of 0"),
+        lambda: FmuFailure("overdamped", {}, None),  # type: ignore[arg-type]
+    ],
+    ids=["no scale", "failure"],
+)
+def test_a_model_without_an_answer_beyond_its_box_costs_nothing(
+    error: Callable[[], Exception],
+) -> None:
+    """The data end p at 8 -+ 0.39; q is free, and where p goes on from there nobody answers."""
+    own = parameter("p", 1.0, 10.0)
+    found = learnt(whitened(failing(error), own), (8.1,)).parameters["p"]
+    assert found.verdict is Verdict.DETERMINED
+    assert found.interval95 == pytest.approx((8.0 - 0.2 * Z95, 8.0 + 0.2 * Z95), rel=1e-3)

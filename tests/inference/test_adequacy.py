@@ -1,0 +1,172 @@
+"""When a model is given up, and what is left of its values: against scipy's chi square."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from fitting.cli.main import main
+from fitting.fit.fit import Fit, Status, solve_problem
+from fitting.fit.objective import Objective
+from fitting.fit.options import Options
+from fitting.fit.problem import Problem
+from fitting.fit.solver.continuation import Schedule
+from fitting.inference.adequacy import judged
+from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.verdict import Verdict
+from fitting.text.arrays import FloatArray
+from tests.faults import scene
+from tests.support.whitened import Z95, learnt, parameter, whitened
+
+
+@pytest.mark.parametrize(
+    ("rows", "ratio", "describes"),
+    [
+        # few rows: four times the freedom is reached by chance, until that is improbable
+        (2, 4.5, True),
+        (2, float(chi2.isf(1.1e-4, 2)) / 2, True),
+        (2, float(chi2.isf(0.9e-4, 2)) / 2, False),
+        # many rows: twice the freedom is impossible by chance, but noise is stated wrong as easily
+        (100, 2.0, True),
+        (100, 3.99, True),
+        (100, 4.01, False),
+    ],
+)
+def test_a_model_is_given_up_where_chi_square_is_both_large_and_improbable(
+    rows: int, ratio: float, describes: bool
+) -> None:
+    """Rows with correlated noise V, r^T V^-1 r set by hand, and no unknown at all."""
+    root = np.tril(np.random.default_rng(rows).normal(size=(rows, rows)), -1)
+    root = 0.1 * root + np.diag(np.linspace(0.5, 2.0, rows))
+    drawn = np.random.default_rng(1).normal(size=rows)
+    white: FloatArray = drawn * (math.sqrt(ratio * rows) / float(np.linalg.norm(drawn)))
+    found = judged(
+        np.asarray(root @ white), np.zeros((rows, 1)), np.asarray(root @ root.T), np.eye(1)
+    )
+    assert found.chi_square == pytest.approx(ratio * rows)
+    assert found.freedom == pytest.approx(rows)
+    assert found.p_value == pytest.approx(float(chi2.sf(ratio * rows, rows)), rel=1e-6)
+    assert found.describes is describes
+
+
+def test_unknowns_take_their_degrees_of_freedom() -> None:
+    """Ten rows, two unknowns that the data hold: eight; ten that hold all: nothing to judge by."""
+    matrix = np.random.default_rng(2).normal(size=(10, 2))
+    covariance = np.linalg.inv(matrix.T @ matrix)
+    rows = np.full(10, 10.0)
+    assert judged(rows, matrix, np.eye(10), covariance).freedom == pytest.approx(8.0)
+    nothing = judged(rows, np.eye(10), np.eye(10), np.eye(10))
+    assert (nothing.freedom, nothing.describes) == (0.0, True)
+    assert math.isnan(nothing.p_value)
+
+
+M = 12
+
+
+def scattered(size: float, *, known: bool = True) -> Objective:
+    """p = 5 measured M times with unit noise, while the data lie `size` above and below in turn."""
+    off = size * (-1.0) ** np.arange(M)
+    return whitened(lambda x: x[0] - 5.0 + off, parameter("p", 0.0, 20.0, start=6.0), known=known)
+
+
+def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
+    """chi^2 = M (2 s)^2: errors are twice 1/sqrt(M), by M/(M - 1) more; the verdict stands."""
+    size = 1.9  # a little less than the factor at which the model is given up
+    found = learnt(scattered(size))
+    factor = size * math.sqrt(M / (M - 1.0))
+    half = Z95 * factor / math.sqrt(M)
+    assert found.inflation == pytest.approx(factor, rel=1e-3)
+    assert found.adequacy.chi_square == pytest.approx(M * size**2, rel=1e-4)
+    assert found.adequacy.freedom == pytest.approx(M - 1.0, abs=0.01)
+    assert found.adequacy.describes
+    p = found.parameters["p"]
+    assert p.interval95 == pytest.approx((5.0 - half, 5.0 + half), rel=0.002)
+    assert p.verdict is Verdict.DETERMINED
+    assert any("times as wide" in said for said in found.sentences)
+
+
+def test_noise_that_nobody_stated_tests_no_model() -> None:
+    """The scatter of the residuals explains them by its very making, however large it is."""
+    found = learnt(scattered(100.0, known=False))
+    assert found.adequacy.describes
+    assert math.isnan(found.adequacy.chi_square)
+    assert found.parameters["p"].verdict is not Verdict.WITHDRAWN
+
+
+def fitted(objective: Objective) -> Fit:
+    problem = Problem(objective.parameters, objective.data, derived={"": ("sum", "fixed")})
+    options = Options(Schedule(starts=1, nu_start=1e-3, levels=2))
+    return solve_problem(problem, lambda chosen: objective.response, options)
+
+
+@pytest.mark.parametrize("profiles", [True, False])
+def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: bool) -> None:
+    """chi^2 a thousand times its freedom: no word, no error, no interval, and a status of its own.
+
+    q is seen by the very same data, r by none, and one output depends on nothing.
+    """
+    off = math.sqrt(1000.0) * (-1.0) ** np.arange(M)
+    along = np.linspace(-1.0, 1.0, M)
+    objective = whitened(
+        lambda x: (x[0] - 5.0) + (x[1] - 3.0) * along + off,
+        parameter("p", 0.0, 20.0, start=6.0),
+        parameter("q", 0.0, 20.0, start=4.0),
+        parameter("r", 0.0, 20.0),
+        sum=lambda x: x[0] + x[1],
+        fixed=lambda x: 7.0,
+    )
+    fit = fitted(objective)
+    assert fit.status is Status.CONVERGED
+    found: Inference = infer(fit, InferenceRequest(profiles=profiles))
+    assert found.status is Status.MISFIT
+    assert found.message.startswith("The model does not describe the data: chi^2 =")
+    values: dict[str, ParameterResult | DerivedResult] = {**found.parameters, **found.derived}
+    assert set(values) == {"p", "q", "r", "sum", "fixed"}
+    for value in values.values():
+        assert value.identifiable is Verdict.WITHDRAWN
+        assert math.isnan(value.std)
+        assert all(map(math.isnan, value.ci95))
+    if found.knowledge is not None:
+        for profile in found.knowledge.profiles.values():
+            assert profile.verdict is Verdict.WITHDRAWN
+            assert all(map(math.isnan, (*profile.interval68, *profile.interval95)))
+            assert math.isnan(profile.precision)
+
+
+def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
+    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Four lines at a noise of one per cent, of which one is three times too high."""
+    texts = scene.texts()
+    tones = {"one": 310.0, "two": 330.0, "three": 318.0, "four": 338.0}
+    texts[scene.EXPERIMENTS] = "experiment,u1 (Hz)\n" + "".join(
+        f"{name},{tone:g}\n" for name, tone in tones.items()
+    )
+    for name, tone in tones.items():
+        texts[f"{name}.csv"] = scene.spectrum(tone)
+    head, row, *rest = texts["three.csv"].split("\n")
+    lines = [head, row, *rest]
+    at = next(k for k, line in enumerate(lines) if line.startswith("318,"))
+    frequency, amplitude = lines[at].split(",")
+    lines[at] = f"{frequency},{3.0 * float(amplitude):.10g}"
+    texts["three.csv"] = "\n".join(lines)
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    shutil.copy(oscillator_fmu, tmp_path / scene.FMU)
+    out = tmp_path / "out"
+    words = ["reconstruct", str(tmp_path / scene.CAMPAIGN), "--out", str(out), "--no-report"]
+    assert main([*words, "--workers", "1", "--quick", "--no-profiles"]) == 4
+    written = json.loads((out / "result.json").read_text("utf-8"))
+    assert written["status"] == "does not describe the data"
+    for value in (*written["parameters"].values(), *written["derived"].values()):
+        assert value["identifiable"] == "no verdict"
+        assert value["std"] is None
+        assert value["ci95"] == [None, None]
+    assert "does not describe the data" in "".join(capsys.readouterr())

@@ -1,0 +1,304 @@
+"""Verdicts against intervals that are written down by hand: what is said, and of which end."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fitting.campaign.parameters import Parameter
+from fitting.inference.likelihood.knowledge import Profile
+from fitting.inference.verdict import Verdict
+from fitting.text.arrays import FloatArray
+from tests.support.whitened import Z95, learnt, parameter, whitened
+
+Rows = Callable[[FloatArray], FloatArray]
+
+
+def thrice(row: Callable[[float], float]) -> Rows:
+    """Three equal rows of one parameter whose chi square is row(p)^2: more data than unknowns."""
+    return lambda p: np.full(3, row(float(p[0])) / math.sqrt(3.0))
+
+
+def profile_of(row: Callable[[float], float], own: Parameter) -> Profile:
+    return learnt(whitened(thrice(row), own)).parameters[own.name]
+
+
+# --- the box takes no part
+
+#: Closed forms: the row of a value, whether it can be negative, verdict, both ends (NaN: open).
+ENDED: dict[str, tuple[Callable[[float], float], bool, Verdict, tuple[float, float]]] = {
+    "both, positive": (
+        lambda p: (p - 4.0) / 0.5,
+        False,
+        Verdict.DETERMINED,
+        (4.0 - 0.5 * Z95, 4.0 + 0.5 * Z95),
+    ),
+    "both, of either sign": (
+        lambda p: (p - 4.0) / 0.5,
+        True,
+        Verdict.DETERMINED,
+        (4.0 - 0.5 * Z95, 4.0 + 0.5 * Z95),
+    ),
+    "above, positive": (
+        lambda p: (p - 4.0) / 3.0,
+        False,
+        Verdict.ABOVE,
+        (math.nan, 4.0 + 3.0 * Z95),
+    ),
+    "below, positive": (
+        lambda p: (1.0 / p - 0.25) / 0.25,
+        False,
+        Verdict.BELOW,
+        (1.0 / (0.25 + 0.25 * Z95), math.nan),
+    ),
+    # ln(1 + e^p) is p where p is large and vanishes where it is not: s = 1/2 reaches its zero
+    "above, of either sign": (
+        lambda p: (np.logaddexp(0.0, p) - math.log(2.0)) / 0.5,
+        True,
+        Verdict.ABOVE,
+        (math.nan, math.log(math.exp(math.log(2.0) + 0.5 * Z95) - 1.0)),
+    ),
+    "below, of either sign": (
+        lambda p: (np.logaddexp(0.0, -p) - math.log(2.0)) / 0.5,
+        True,
+        Verdict.BELOW,
+        (-math.log(math.exp(math.log(2.0) + 0.5 * Z95) - 1.0), math.nan),
+    ),
+    "neither, positive": (lambda p: 0.0, False, Verdict.OPEN, (math.nan, math.nan)),
+    "neither, of either sign": (lambda p: 0.0, True, Verdict.OPEN, (math.nan, math.nan)),
+}
+
+
+def in_box(wider: float, *, signed: bool) -> Parameter:
+    """A value with its start at 3 in a box 1, 3 or 1000 times as wide."""
+    if signed:
+        return parameter("p", 4.0 - 10.0 * wider, 4.0 + 10.0 * wider, start=3.0)
+    return parameter("p", 0.5 / wider, 30.0 * wider, start=3.0)
+
+
+@pytest.mark.parametrize("wider", [1.0, 3.0, 1000.0])
+@pytest.mark.parametrize("case", ENDED)
+def test_the_data_end_an_interval_and_no_box(case: str, wider: float) -> None:
+    row, signed, verdict, ends = ENDED[case]
+    own = in_box(wider, signed=signed)
+    found = profile_of(row, own)
+    assert found.verdict is verdict, found.reason
+    for side, (end, at) in enumerate(zip(ends, found.interval95, strict=True)):
+        if math.isnan(end):
+            assert found.ends[side] == "bound"
+            assert own.lower <= at <= own.upper
+        else:
+            assert found.ends[side] == "crossed"
+            assert at == pytest.approx(end, rel=0.01)
+
+
+# --- as many unknowns as data
+
+
+def test_with_as_many_unknowns_as_data_nothing_is_determined() -> None:
+    """Two rows meet two values exactly, whatever the model; a third row tests it."""
+    p, q = parameter("p", 1.0, 20.0, start=6.0), parameter("q", 1.0, 20.0, start=6.0)
+
+    def rows(x: FloatArray) -> FloatArray:
+        return np.array([(x[0] - 5.0) / 0.1, (x[0] + x[1] - 12.0) / 0.1])
+
+    for found in learnt(whitened(rows, p, q)).parameters.values():
+        assert found.verdict is Verdict.UNKNOWN
+        assert found.reason == "there are no more data than unknowns: nothing tests the model"
+    more = whitened(lambda x: np.append(rows(x), (x[1] - 7.0) / 0.1), p, q)
+    assert {v.verdict for v in learnt(more).parameters.values()} == {Verdict.DETERMINED}
+
+
+def test_a_gaussian_prior_is_one_more_datum() -> None:
+    """That of q, far wider than what the data say of it, tests the model for both."""
+    p = parameter("p", 1.0, 20.0, start=6.0)
+    q = parameter("q", 1.0, 20.0, start=6.0, prior_sigma=2.0)
+    rows = whitened(lambda x: np.array([(x[0] - 5.0) / 0.1, (x[0] + x[1] - 12.0) / 0.1]), p, q)
+    assert {v.verdict for v in learnt(rows).parameters.values()} == {Verdict.DETERMINED}
+
+
+# --- how narrow
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("half", "verdict", "reason"),
+    [
+        (0.49, Verdict.DETERMINED, "to 49 %"),  # 1.49/0.51 = 2.92
+        (0.51, Verdict.BOUNDED, "the ends of its interval are a factor 3.1 apart"),
+        (1.02, Verdict.BOUNDED, "zero lies inside"),
+    ],
+)
+def test_narrow_is_a_factor_of_three_between_the_ends(
+    sign: float, half: float, verdict: Verdict, reason: str
+) -> None:
+    """An interval of 7 (1 - half) to 7 (1 + half), half its width over its value the precision."""
+    own = parameter("p", -50.0, 50.0, start=3.0 * sign)
+    found = profile_of(lambda p: (p - 7.0 * sign) * Z95 / (7.0 * half), own)
+    assert (found.verdict, found.reason) == (verdict, reason)
+    assert found.precision == pytest.approx(half, rel=0.005)
+
+
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(0.245, Verdict.DETERMINED), (0.255, Verdict.BOUNDED)]
+)
+def test_narrow_is_a_quarter_of_a_period_for_what_goes_round(
+    share: float, verdict: Verdict
+) -> None:
+    """cos and sin of 2 theta, noise s: chi = 2 sin(theta - theta_0)/s, crossed at asin(0.98 s)."""
+    half = 0.5 * share * math.pi
+    s = 2.0 * math.sin(half) / Z95
+    at = 2.1
+
+    def rows(p: FloatArray) -> FloatArray:
+        turned = [np.cos(2 * p[0]) - math.cos(2 * at), np.sin(2 * p[0]) - math.sin(2 * at)]
+        return np.array([*turned, 0.0]) / s
+
+    own = parameter("theta", 0.0, math.pi, start=1.0, period=math.pi)
+    found = learnt(whitened(rows, own)).parameters["theta"]
+    assert found.verdict is verdict
+    assert found.interval95 == pytest.approx((at - half, at + half), rel=0.002)
+    assert found.precision == pytest.approx(0.5 * share, rel=0.01)
+    if verdict is Verdict.BOUNDED:
+        assert found.reason == "its interval is more than a quarter of its period"
+
+
+@pytest.mark.parametrize(
+    ("tau", "verdict", "reason"),
+    [
+        (0.32, Verdict.OPEN, "its interval is that of its prior"),
+        (0.35, Verdict.BOUNDED, "its prior has a part in its interval"),
+        (2.9, Verdict.BOUNDED, "its prior has a part in its interval"),
+        (3.1, Verdict.DETERMINED, ""),
+    ],
+)
+def test_what_the_prior_knows_is_not_said_of_the_data(
+    tau: float, verdict: Verdict, reason: str
+) -> None:
+    """Variances add inversely: the data answer for tau^2/(1 + tau^2), here about 1/10 and 9/10."""
+    own = parameter("p", 0.0, 200.0, start=100.0, prior_sigma=tau)
+    found = profile_of(lambda p: p - 100.0, own)
+    half = Z95 * tau / math.hypot(1.0, tau)
+    assert found.interval95 == pytest.approx((100.0 - half, 100.0 + half), abs=0.01 * half)
+    assert found.verdict is verdict, found.reason
+    assert reason in found.reason
+
+
+# --- branches that tell nothing
+
+
+def test_a_jump_of_chi_square_is_no_end() -> None:
+    """Beyond 5 the model is another one, ten sigma off: the data were not followed there."""
+
+    def row(p: float) -> float:
+        return (p - 4.0) / 5.0 + (10.0 if p > 5.0 else 0.0)
+
+    found = profile_of(row, parameter("p", -50.0, 50.0, start=3.0))
+    assert found.ends == ("crossed", "lost")
+    assert found.interval95[0] == pytest.approx(4.0 - 5.0 * Z95, rel=0.01)
+    assert found.interval95[1] == 50.0
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.reason == "below it the data end it, above it the search lost its way"
+
+
+def test_a_steep_end_is_an_end() -> None:
+    """Without a jump, a hundred sigma per unit beyond 5 where it was a tenth before."""
+
+    def row(p: float) -> float:
+        return (p - 4.0) / 10.0 + 100.0 * max(0.0, p - 5.0)
+
+    found = profile_of(row, parameter("p", -50.0, 50.0, start=3.0))
+    assert found.ends == ("crossed", "crossed")
+    assert found.interval95[1] == pytest.approx(5.0 + (Z95 - 0.1) / 100.1, rel=1e-3)
+
+
+def test_effort_changes_nothing_but_whether_it_is_known() -> None:
+    """Two values that the data determine are "not known" until there is enough, never open."""
+
+    def rows(x: FloatArray) -> FloatArray:
+        along = np.linspace(-1.0, 1.0, 9)
+        return np.asarray((x[0] * np.exp(x[1] * along) - 5.0 * np.exp(0.7 * along)) / 0.2)
+
+    own = parameter("a", 1.0, 20.0, start=6.0), parameter("k", 0.1, 3.0, start=1.0)
+    objective = whitened(rows, *own)
+    words = []
+    for budget in (20, 40, 80, 160, 320, 640, 1280):
+        found = learnt(objective, budget=budget, only=("a", "k"))
+        words.append({v.verdict for v in found.parameters.values()})
+        for profile in found.parameters.values():
+            if profile.verdict is Verdict.UNKNOWN:
+                assert "cost" in profile.ends
+                assert "cut for its cost" in profile.reason
+    assert set.union(*words) == {Verdict.UNKNOWN, Verdict.DETERMINED}
+    assert words[0] == {Verdict.UNKNOWN}
+    assert words[-1] == {Verdict.DETERMINED}
+
+
+# --- limits of other values
+
+
+def leaning(**limits: float) -> Profile:
+    """p - q is measured, q can follow p as far as it may."""
+    p = parameter("p", -50.0, 50.0, start=1.0)
+    q = parameter("q", -1.0, 1.0, start=0.0, **limits)
+    rows = whitened(lambda x: np.full(3, (x[0] - x[1]) / (0.1 * math.sqrt(3.0))), p, q)
+    return learnt(rows, (0.0, 0.0)).parameters["p"]
+
+
+def test_a_limit_of_another_value_is_no_word_of_the_data() -> None:
+    """q has a room of three widths of its box, 6 each way: there it is held, and p with it."""
+    found = leaning()
+    assert found.ends == ("held", "held")
+    assert found.verdict is Verdict.OPEN
+    assert found.reason == "on both sides q goes as far as it may"
+
+
+def test_a_limit_that_the_model_declares_is_knowledge() -> None:
+    """Where the model itself has no q beyond 2, |p| < 2 + 1.96 sigma is known."""
+    found = leaning(least=-2.0, most=2.0)
+    assert found.ends == ("crossed", "crossed")
+    end = 2.0 + 0.1 * Z95
+    assert found.interval95 == pytest.approx((-end, end), rel=0.01)
+    assert (found.verdict, found.reason) == (Verdict.BOUNDED, "zero lies inside")
+
+
+# --- several values
+
+
+def valleys(barrier: float, tilt: float = 0.0) -> Profile:
+    """(k^2 - 9/4)^2 with its top at k = 0 `barrier` sigma high; `tilt` sigma lift k = -3/2."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        k = float(p[0])
+        return np.array([barrier * (k * k / 2.25 - 1.0), tilt * (k - 1.5) / 3.0, 0.0])
+
+    return learnt(whitened(rows, parameter("k", -3.0, 3.0, start=1.0))).parameters["k"]
+
+
+def test_two_valleys_that_both_fit_are_one_of_several_values() -> None:
+    found = valleys(barrier=4.0)
+    end = 1.5 * math.sqrt(1.0 + Z95 / 4.0)
+    assert found.interval95 == pytest.approx((-end, end), rel=0.01)
+    assert found.verdict is Verdict.SEVERAL
+    named = re.fullmatch(r"(\S+) or −(\S+): another minimum fits as well", found.reason)
+    assert named is not None, found.reason
+    assert [float(value) for value in named.groups()] == pytest.approx([1.5, 1.5], rel=0.005)
+
+
+def test_two_valleys_with_a_way_between_them_are_one_interval() -> None:
+    found = valleys(barrier=1.5)
+    end = 1.5 * math.sqrt(1.0 + Z95 / 1.5)
+    assert found.interval95 == pytest.approx((-end, end), rel=0.01)
+    assert (found.verdict, found.reason) == (Verdict.BOUNDED, "zero lies inside")
+
+
+@pytest.mark.parametrize(("tilt", "verdict"), [(1.8, Verdict.SEVERAL), (2.2, Verdict.DETERMINED)])
+def test_a_valley_counts_as_long_as_it_fits(tilt: float, verdict: Verdict) -> None:
+    """Of two valleys with a wall of ten sigma between them the other one is `tilt` sigma higher."""
+    found = valleys(barrier=10.0, tilt=tilt)
+    assert found.verdict is verdict, found.reason
+    assert (found.interval95[0] < 0.0) is (verdict is Verdict.SEVERAL)
