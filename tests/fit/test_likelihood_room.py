@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -143,28 +144,40 @@ def test_a_limit_of_the_model_itself_holds_nothing() -> None:
 # --- a model that has no answer out there
 
 
-def failing(error: Callable[[], Exception]) -> Callable[[FloatArray], FloatArray]:
+def failing(error: Callable[[], Exception], s: float) -> Callable[[FloatArray], FloatArray]:
+    """p = 8 with noise s, and no answer outside its box."""
+
     def rows(p: FloatArray) -> FloatArray:
         if p[0] > 10.0 or p[0] < 1.0:
             raise error()
-        return np.full(3, (p[0] - 8.0) / math.sqrt(3.0) / 0.2)
+        return np.full(3, (p[0] - 8.0) / (math.sqrt(3.0) * s))
 
     return rows
 
 
-@pytest.mark.parametrize(
+ERRORS = pytest.mark.parametrize(
     "error",
     [
         lambda: NoScale("the simulated sweep has an amplitude of 0"),
-        lambda: FmuFailure("overdamped", {}, None),  # type: ignore[arg-type]
+        lambda: FmuFailure("overdamped", {}, Path("test.fmu")),
     ],
     ids=["no scale", "failure"],
 )
-def test_a_model_without_an_answer_beyond_its_box_costs_nothing(
+
+
+@ERRORS
+def test_a_model_without_an_answer_beyond_its_box_costs_nothing_that_the_data_end(
     error: Callable[[], Exception],
 ) -> None:
-    """The data end p at 8 -+ 0.39; q is free, and where p goes on from there nobody answers."""
-    own = parameter("p", 1.0, 10.0)
-    found = learnt(whitened(failing(error), own), (8.1,)).parameters["p"]
+    found = learnt(whitened(failing(error, 0.2), parameter("p", 1.0, 10.0)), (8.1,)).parameters["p"]
     assert found.verdict is Verdict.DETERMINED
     assert found.interval95 == pytest.approx((8.0 - 0.2 * Z95, 8.0 + 0.2 * Z95), rel=1e-3)
+
+
+@ERRORS
+def test_nothing_is_said_of_where_a_model_has_no_answer(error: Callable[[], Exception]) -> None:
+    """Noise of 3 ends p below at 2.1 and above only where nobody answers."""
+    found = learnt(whitened(failing(error, 3.0), parameter("p", 1.0, 10.0)), (8.1,)).parameters["p"]
+    assert found.ends == ("crossed", "lost")
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.interval95 == pytest.approx((8.0 - 3.0 * Z95, 10.0), rel=1e-3)

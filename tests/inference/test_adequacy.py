@@ -59,7 +59,7 @@ def test_a_model_is_given_up_where_chi_square_is_both_large_and_improbable(
 def test_unknowns_take_their_degrees_of_freedom() -> None:
     """Ten rows, two unknowns that the data hold: eight; ten that hold all: nothing to judge by."""
     matrix = np.random.default_rng(2).normal(size=(10, 2))
-    covariance = np.linalg.inv(matrix.T @ matrix)
+    covariance = np.asarray(np.linalg.inv(matrix.T @ matrix), dtype=float)
     rows = np.full(10, 10.0)
     assert judged(rows, matrix, np.eye(10), covariance).freedom == pytest.approx(8.0)
     nothing = judged(rows, np.eye(10), np.eye(10), np.eye(10))
