@@ -129,7 +129,7 @@ def held(wanted: float, at: float, **limits: float) -> tuple[int, ...]:
 def test_a_limit_holds_what_the_data_push_beyond_it() -> None:
     assert held(12.0, 10.0) == (0,)
     assert held(-12.0, -10.0) == (0,)
-    assert held(12.0, -10.0) == ()  # pushed inward
+    assert held(5.0, 10.0) == held(5.0, -10.0) == ()  # pushed inward
     assert held(12.0, 9.0) == ()  # not there
     assert held(10.3, 10.0) == ()  # for a gain of 0.09
     assert held(10.33, 10.0) == (0,)

@@ -1,0 +1,104 @@
+"""Value, error and interval are of one estimator: least squares of the whitened rows.
+
+On a linear problem that estimator has a closed form, numpy.linalg.lstsq; data with outliers are
+those where another estimator, the least sum of |r| of Algorithm 2, lies elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.stats import chi2
+
+from fitting.fit.fit import solve_problem
+from fitting.fit.options import Options
+from fitting.fit.problem import Problem
+from fitting.fit.solver.continuation import Schedule
+from fitting.inference.infer import Inference, infer
+from fitting.inference.verdict import Verdict
+from fitting.text.arrays import FloatArray
+from tests.support.whitened import Z95, learnt, parameter, whitened
+
+ROWS = 15
+
+
+def straight(seed: int, outlier: float) -> tuple[FloatArray, FloatArray]:
+    """Rows A p - y of a line through noise of one sigma, one of them `outlier` sigma off."""
+    generator = np.random.default_rng(seed)
+    matrix = np.stack([np.ones(ROWS), np.linspace(-1.0, 1.0, ROWS)], axis=1)
+    matrix *= generator.uniform(2.0, 8.0, size=(1, 2))
+    measured = matrix @ generator.uniform(8.0, 12.0, 2) + generator.standard_normal(ROWS)
+    measured[generator.integers(ROWS)] += outlier * generator.choice([-1.0, 1.0])
+    return np.asarray(matrix), np.asarray(measured)
+
+
+def widened(chi_square: float) -> float:
+    """The factor of the Particle Data Group, only where noise would exceed it one time in 20."""
+    freedom = ROWS - 2
+    return math.sqrt(chi_square / freedom) if chi2.sf(chi_square, freedom) < 0.05 else 1.0
+
+
+@pytest.mark.parametrize("outlier", [0.0, 3.0, 5.0])
+@pytest.mark.parametrize("seed", range(6))
+def test_value_error_and_interval_are_those_of_least_squares(seed: int, outlier: float) -> None:
+    matrix, measured = straight(seed, outlier)
+    solution, [chi_square], *_ = np.linalg.lstsq(matrix, measured)
+    errors = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix))) * widened(float(chi_square))
+    objective = whitened(
+        lambda x: matrix @ x - measured,
+        parameter("p", 1.0, 40.0, start=9.0),
+        parameter("q", 1.0, 40.0, start=9.0),
+    )
+    found = learnt(objective)
+    assert found.chi_square == pytest.approx(float(chi_square), rel=1e-3, abs=2e-3)
+    for value, error, profile in zip(solution, errors, found.parameters.values(), strict=True):
+        assert profile.best == pytest.approx(value, abs=0.05 * error)
+        assert profile.sigma == pytest.approx(error, rel=0.01)
+        assert profile.interval95[0] < profile.best < profile.interval95[1]
+        low, high = value - Z95 * error, value + Z95 * error
+        assert profile.interval95 == pytest.approx((low, high), abs=0.05 * error)
+        assert profile.interval68 == pytest.approx((value - error, value + error), abs=0.05 * error)
+
+
+def with_outlier(seed: int) -> tuple[FloatArray, FloatArray, Inference]:
+    matrix, measured = straight(seed, 5.0)
+    objective = whitened(
+        lambda x: matrix @ x - measured,
+        parameter("p", 1.0, 40.0, start=9.0),
+        parameter("q", 1.0, 40.0, start=9.0),
+    )
+    problem = Problem(objective.parameters, objective.data)
+    options = Options(Schedule(starts=1, nu_start=1e-6, beta=0.1, levels=3))
+    return matrix, measured, infer(solve_problem(problem, lambda _: objective.response, options))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_estimate_of_algorithm_2_stands_beside_and_not_in_the_interval(seed: int) -> None:
+    """min sum |A p - y| is a linear program; the value that is reported is not its solution."""
+    matrix, measured, found = with_outlier(seed)
+    solution, [chi_square], *_ = np.linalg.lstsq(matrix, measured)
+    errors = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix))) * widened(float(chi_square))
+    eye = np.eye(ROWS)
+    least = linprog(
+        np.concatenate([np.zeros(2), np.ones(ROWS)]),
+        A_ub=np.block([[matrix, -eye], [-matrix, -eye]]),
+        b_ub=np.concatenate([measured, -measured]),
+        bounds=[(None, None)] * 2 + [(0.0, None)] * ROWS,
+    )
+    for k, result in enumerate(found.parameters.values()):
+        assert result.identifiable is Verdict.DETERMINED
+        assert result.value == pytest.approx(solution[k], abs=0.05 * errors[k])
+        assert result.std == pytest.approx(errors[k], rel=0.03)
+        assert result.ci95[0] < result.value < result.ci95[1]
+    papers = np.array([result.algorithm2 for result in found.parameters.values()])
+    reached = float(np.sum(np.abs(matrix @ papers - measured)))
+    assert reached == pytest.approx(least.fun, rel=1e-4)
+    # these data tell the two estimators apart
+    assert float(np.sum(np.abs(matrix @ solution - measured))) > 1.01 * reached
+    assert found.knowledge is not None
+    for name, profile in found.knowledge.parameters.items():
+        low, high = profile.interval68
+        assert found.parameters[name].std == pytest.approx(0.5 * (high - low))
