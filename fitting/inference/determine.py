@@ -16,7 +16,7 @@ import numpy as np
 from fitting.campaign.parameters import canonical, to_model
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.likelihood.lockstep import Exhausted
+from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.search.minima import DESCENTS, screened
@@ -247,15 +247,21 @@ def _moved(
     begin: ProfilePoint,
     minima: Sequence[ProfilePoint],
 ) -> tuple[Optimum, tuple[ProfilePoint, ...]]:
-    """The optimum at a better point, and the other minima, their chi square counted from there."""
-    again = let_out(evaluator, most_likely(evaluator, [begin.x]))
-    gain = optimum.least - again.least
-    moved = replace(
-        again,
-        chi_square=optimum.chi_square - gain * optimum.likelihood.inflation**2,
-        degrees_of_freedom=optimum.degrees_of_freedom,
-    )
+    """The optimum at a better point, and the other minima, their chi square counted from there.
+
+    What noise the residuals ask for is judged anew there.
+    """
+    evaluator.likelihood = optimum.likelihood.stated
+    moved = let_out(evaluator, most_likely(evaluator, [begin.x]))
     here = optimum.expansion
     left = ProfilePoint(value=math.nan, delta=0.0, x=here.x, outputs=here.sample.outputs)
-    fitting = [replace(point, delta=point.delta + gain) for point in (*minima, left)]
-    return moved, tuple(point for point in fitting if point.delta <= ROOT_95**2)
+    known = [*minima, left]
+    try:
+        samples = evaluator([Request(tuple(p.x for p in known), outputs=False)])[0]
+    except Exhausted:
+        return moved, ()
+    counted = [
+        replace(p, delta=float(s.rows @ s.rows) - moved.least)
+        for p, s in zip(known, samples, strict=True)
+    ]
+    return moved, tuple(p for p in counted if p.delta <= ROOT_95**2)

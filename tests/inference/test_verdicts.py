@@ -302,3 +302,33 @@ def test_a_valley_counts_as_long_as_it_fits(tilt: float, verdict: Verdict) -> No
     found = valleys(barrier=10.0, tilt=tilt)
     assert found.verdict is verdict, found.reason
     assert (found.interval95[0] < 0.0) is (verdict is Verdict.SEVERAL)
+
+
+# --- what is not noise widens nothing
+
+
+def test_a_box_that_leaves_the_truth_out_widens_no_interval() -> None:
+    """At 10, the end of its box, chi square is 16: not noise, but the doing of the box."""
+    found = learnt(
+        whitened(lambda p: np.full(3, (p[0] - 14.0) / math.sqrt(3.0)), parameter("p", 1.0, 10.0))
+    )
+    assert found.inflation == 1.0
+    assert found.parameters["p"].interval95 == pytest.approx((14.0 - Z95, 14.0 + Z95), rel=0.005)
+    assert any(said.startswith("The data want p = ") for said in found.sentences)
+
+
+@pytest.mark.parametrize("start", [-1.4, 1.4])
+def test_a_poor_minimum_that_was_begun_at_widens_no_interval(start: float) -> None:
+    """In the valley at -3/2 chi square is about 900, at 3/2 it vanishes."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        k = float(p[0])
+        return np.array([100.0 * (k * k / 2.25 - 1.0), 10.0 * (k - 1.5), 0.0, 0.0, 0.0])
+
+    found = learnt(whitened(rows, parameter("k", -3.0, 3.0, start=start)))
+    k = found.parameters["k"]
+    sigma = 1.0 / math.hypot(100.0 * 2.0 * 1.5 / 2.25, 10.0)
+    assert found.inflation == 1.0
+    assert found.chi_square == pytest.approx(0.0, abs=0.01)
+    assert k.interval95 == pytest.approx((1.5 - Z95 * sigma, 1.5 + Z95 * sigma), rel=1e-3)
+    assert k.verdict is Verdict.DETERMINED

@@ -305,21 +305,15 @@ def let_out(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
     """
     x = optimum.expansion.x
     evaluator.likelihood = optimum.likelihood.let_out(x)
-    moved = optimum.expansion
-    if held_at(optimum.likelihood, moved, ()):
-        moved, _ = _best_of(evaluator, [x])
-        if moved.chi_square > optimum.least - WORTH_LEAVING:
-            return replace(optimum, likelihood=evaluator.likelihood)
-        evaluator.likelihood = optimum.likelihood.let_out(moved.x)
-        [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, moved.x)], evaluator)
-        moved = whole if whole is not None else moved
-    gain = optimum.least - moved.chi_square
-    return replace(
-        optimum,
-        likelihood=evaluator.likelihood,
-        expansion=moved,
-        chi_square=optimum.chi_square - gain * optimum.likelihood.inflation**2,
-    )
+    inside = replace(optimum, likelihood=evaluator.likelihood)
+    if not held_at(optimum.likelihood, optimum.expansion, ()):
+        return inside
+    moved, _ = _best_of(evaluator, [x])
+    if moved.chi_square > optimum.least - WORTH_LEAVING:
+        return inside
+    # residuals that the box alone had made are no noise that widens errors
+    evaluator.likelihood = optimum.likelihood.stated.let_out(moved.x)
+    return most_likely(evaluator, [moved.x])
 
 
 def held_at(

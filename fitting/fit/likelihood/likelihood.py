@@ -68,6 +68,11 @@ class Likelihood:
         return np.asarray(np.minimum(upper - lower, self.periods))
 
     @property
+    def stated(self) -> Likelihood:
+        """The same with the noise as it is stated, not widened."""
+        return replace(self, whitening=self.whitening * self.inflation, inflation=1.0)
+
+    @property
     def row_sigma(self) -> FloatArray:
         """Standard deviation of every residual row, what it shares with others included, (m,)."""
         root = np.linalg.inv(self.whitening) / self.inflation
