@@ -230,14 +230,20 @@ def _ends_of(
 def _interval(
     subject: _Subject, branches: Branches, fits: tuple[bool, bool], ends: tuple[str, str]
 ) -> Interval:
-    """The 95 % interval: what the data cut, else the end of the box, as far as the walk came."""
+    """The 95 % interval: what the data cut, else the end of the box.
+
+    Where another value was held nothing is known beyond; where the most likely value lies beyond
+    the box on that side, the interval goes as far as the walk came.
+    """
     reached = [subject.shown(v) for v in interval(subject.quantity, branches, fits)]
     best = subject.shown(subject.quantity.best)
     low, high = reached
     if ends[0] != "crossed":
-        low = min(best, subject.box[0] if ends[0] in CUT else max(low, subject.box[0]))
+        limit = max(low, subject.box[0]) if ends[0] == "held" else subject.box[0]
+        low = limit if limit <= best else low
     if ends[1] != "crossed":
-        high = max(best, subject.box[1] if ends[1] in CUT else min(high, subject.box[1]))
+        limit = min(high, subject.box[1]) if ends[1] == "held" else subject.box[1]
+        high = limit if limit >= best else high
     return low, high
 
 

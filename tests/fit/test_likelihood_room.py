@@ -30,10 +30,11 @@ def evaluator_of(objective: Objective) -> LikelihoodEvaluator:
     return LikelihoodEvaluator(likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0))))
 
 
-def room(own: Parameter, at: float) -> tuple[float, float]:
-    """The room of one parameter about a value, in its unit."""
+def room(own: Parameter, at: float, error: float = 0.1) -> tuple[float, float]:
+    """The room of one parameter about a value with an error, in its unit."""
     likelihood = evaluator_of(whitened(lambda p: np.zeros(3), own)).likelihood
-    out = likelihood.let_out(np.array([(at - own.reference) / own.scale]))
+    x, errors = (at - own.reference) / own.scale, error / own.scale
+    out = likelihood.let_out(np.array([x]), np.array([errors]))
     [low], [high] = (to_model((own,), x) for x in (out.lower, out.upper))
     return float(low), float(high)
 
@@ -42,6 +43,12 @@ def room(own: Parameter, at: float) -> tuple[float, float]:
 def test_a_positive_value_goes_by_a_factor_of_ten_each_way(box: tuple[float, float]) -> None:
     own = parameter("p", *box, start=3.0, scale=0.2)
     assert room(own, 4.0) == pytest.approx((0.4, 40.0))
+
+
+def test_a_positive_value_that_zero_fits_goes_by_ten_of_its_errors() -> None:
+    """Its own size says nothing: it may be any, and the data end it at about two errors."""
+    assert room(parameter("p", 0.0, 20.0), 0.01, 0.5) == pytest.approx((0.001, 5.0))
+    assert room(parameter("p", 0.0, 20.0), 0.0, 0.5) == pytest.approx((0.0, 5.0))
 
 
 def test_another_value_goes_by_three_widths_of_its_box() -> None:

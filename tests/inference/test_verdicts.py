@@ -90,10 +90,22 @@ def test_the_data_end_an_interval_and_no_box(case: str, wider: float) -> None:
     for side, (end, at) in enumerate(zip(ends, found.interval95, strict=True)):
         if math.isnan(end):
             assert found.ends[side] == "bound"
-            assert own.lower <= at <= own.upper
+            assert at == (own.lower, own.upper)[side]  # nothing was excluded
         else:
             assert found.ends[side] == "crossed"
             assert at == pytest.approx(end, rel=0.01)
+
+
+@pytest.mark.parametrize("upper", [2.0, 20.0, 2e4])
+@pytest.mark.parametrize("lower", [0.0, 1e-3, 0.01, 0.1, 0.3])
+def test_a_positive_value_that_is_zero_within_its_error_is_bounded_above(
+    lower: float, upper: float
+) -> None:
+    """p = 0 with noise 1/2: wherever the box begins, p < 0.98 is what the data say."""
+    found = profile_of(lambda p: p / 0.5, parameter("p", lower, upper, start=0.7))
+    assert found.verdict is Verdict.ABOVE, found.reason
+    assert found.interval95[0] <= lower
+    assert found.interval95[1] == pytest.approx(0.5 * Z95, rel=0.01)
 
 
 # --- as many unknowns as data

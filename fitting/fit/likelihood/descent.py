@@ -304,7 +304,9 @@ def let_out(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
         FmuFailure: the model failed at the optimum.
     """
     x = optimum.expansion.x
-    evaluator.likelihood = optimum.likelihood.let_out(x)
+    evaluator.likelihood = optimum.likelihood.let_out(
+        x, _errors(optimum.likelihood, optimum.expansion)
+    )
     inside = replace(optimum, likelihood=evaluator.likelihood)
     if not held_at(optimum.likelihood, optimum.expansion, ()):
         return inside
@@ -312,8 +314,16 @@ def let_out(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
     if moved.chi_square > optimum.least - WORTH_LEAVING:
         return inside
     # residuals that the box alone had made are no noise that widens errors
-    evaluator.likelihood = optimum.likelihood.stated.let_out(moved.x)
+    stated = optimum.likelihood.stated
+    evaluator.likelihood = stated.let_out(moved.x, _errors(stated, moved))
     return most_likely(evaluator, [moved.x])
+
+
+def _errors(likelihood: Likelihood, here: Expansion) -> FloatArray:
+    """Linearised standard deviations in x, (n,), the box counting as a uniform prior."""
+    prior = likelihood.widths / UNIFORM_WIDTH
+    known = Linearisation(rows=here.sample.rows, matrix=here.matrix, prior=prior)
+    return np.asarray(np.sqrt(np.diag(known.covariance)))
 
 
 def held_at(

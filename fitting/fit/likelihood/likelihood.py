@@ -30,7 +30,8 @@ MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
 #: How far out of the box profiles go: positive values by a factor each way from the most likely
-#: one, others by so many widths of the box, those with a Gaussian prior by so many of its sigmas.
+#: one, upward from its error where that is more (zero fits then, and its own size says nothing),
+#: others by so many widths of the box, those with a Gaussian prior by so many of its sigmas.
 FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
 
 
@@ -113,7 +114,7 @@ class Likelihood:
         most = np.array([p.most for p in self.parameters])
         return (least - reference) / scale, (most - reference) / scale
 
-    def let_out(self, x: FloatArray) -> Likelihood:
+    def let_out(self, x: FloatArray, errors: FloatArray) -> Likelihood:
         """The same with the room of profiles about a point, which no box limits.
 
         Values that cannot be negative may go by `FACTOR` each way, periodic ones all round, those
@@ -122,9 +123,10 @@ class Likelihood:
 
         Args:
             x: search vector, shape (n,).
+            errors: linearised standard deviations there, in x, shape (n,).
         """
-        at = to_model(self.parameters, x)
-        rooms = [_room(p, float(v)) for p, v in zip(self.parameters, at, strict=True)]
+        places = zip(self.parameters, to_model(self.parameters, x), errors, strict=True)
+        rooms = [_room(p, float(value), float(p.scale * error)) for p, value, error in places]
         lower = to_search(self.parameters, np.array([low for low, _ in rooms]))
         upper = to_search(self.parameters, np.array([high for _, high in rooms]))
         periods = np.array([p.period / p.scale if p.period else np.inf for p in self.parameters])
@@ -137,15 +139,14 @@ class Likelihood:
         )
 
 
-def _room(parameter: Parameter, at: float) -> tuple[float, float]:
-    """How far a profile may take a parameter from a value, in its unit."""
+def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
+    """How far a profile may take a parameter from a value with an error, in its unit."""
     width = parameter.upper - parameter.lower
     if parameter.prior_sigma is not None:
         reach = SIGMAS * parameter.prior_sigma
         low, high = parameter.reference - reach, parameter.reference + reach
     elif parameter.lower >= 0.0:
-        size = at if at > 0.0 else parameter.upper
-        low, high = size / FACTOR, size * FACTOR
+        low, high = at / FACTOR, max(at, error) * FACTOR
     else:
         low, high = at - WIDTHS * width, at + WIDTHS * width
     return min(max(low, parameter.least), at), max(min(high, parameter.most), at)

@@ -40,8 +40,8 @@ class Profile:
     (asymmetric where the data are), `box` what the campaign's box lets it be, `ends` how each
     branch ended: "crossed" the threshold, crossed it while another parameter was "held" at a limit
     of its room, met a "bound" (the end of its own room fits), came "round", was "lost" (no further
-    point found, or chi square jumps) or cut for its "cost". At all but the first the interval goes
-    to the end of the box, as far as the walk came. `verdict` with its `reason`; `precision` is half
+    point found, or chi square jumps) or cut for its "cost". At all but the first two the interval
+    goes to the end of the box. `verdict` with its `reason`; `precision` is half
     the width of interval95 over the value, of a periodic value over its period (NaN where the data
     do not cut both ends). `sigma` is linearised at the best point, `shrinkage` = 1 -
     (width of interval95/width of the box)^2. `values` and `delta` (Dchi^2) are the points of the
