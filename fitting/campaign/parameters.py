@@ -163,6 +163,17 @@ def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArr
     return to_search(parameters, lower), to_search(parameters, upper)
 
 
+def in_box(parameters: Sequence[Parameter], search: FloatArray) -> bool:
+    """Whether a search vector lies in the box of the campaign: outside it a model may fail.
+
+    Args:
+        parameters: the fitted parameters.
+        search: search vector (n,).
+    """
+    lower, upper = search_bounds(parameters)
+    return bool(np.all((search >= lower) & (search <= upper)))
+
+
 def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
     """Widths in x of uniform priors of the parameters' variances, (n,).
 

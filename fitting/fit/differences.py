@@ -60,6 +60,17 @@ class Stencil:
         pairs[axis] = (len(nodes) - 2, len(nodes) - 1)
         return replace(self, nodes=tuple(nodes), pairs=tuple(pairs))
 
+    def turned(self, axes: Sequence[int]) -> Stencil:
+        """The stencil of `forward` with the steps along some axes taken the other way.
+
+        Args:
+            axes: places in the search vector.
+        """
+        nodes = list(self.nodes)
+        for axis in axes:
+            nodes[axis + 1] = 2.0 * nodes[0] - nodes[axis + 1]
+        return replace(self, nodes=tuple(nodes))
+
 
 def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: FloatArray) -> Stencil:
     """Central differences about x, cut at the box: 2n nodes, above and below in turn.

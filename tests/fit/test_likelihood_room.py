@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from fitting.inference.adequacy import outside_sentences
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoScale
-from tests.support.whitened import SIGMA, Z95, learnt, parameter, whitened
+from tests.support.whitened import SIGMA, Z95, WhitenedResponse, learnt, parameter, whitened
 
 #: What a descent leaves undone, in standard deviations of a value.
 SMALL = 0.01
@@ -188,3 +189,54 @@ def test_nothing_is_said_of_where_a_model_has_no_answer(error: Callable[[], Exce
     assert found.ends == ("crossed", "lost")
     assert found.verdict is Verdict.UNKNOWN
     assert found.interval95 == pytest.approx((8.0 - 3.0 * Z95, 10.0), rel=1e-3)
+
+
+def test_an_end_at_which_the_model_fails_is_lost_for_other_values_free_too() -> None:
+    """As above, q beside it: the search for p at its end begins where nobody answers."""
+    rows = failing(lambda: NoScale("the simulated sweep has an amplitude of 0"), 3.0)
+    objective = whitened(
+        lambda x: np.append(rows(x), [(x[1] - 5.0) / 0.1, 0.0]),
+        parameter("p", 1.0, 10.0),
+        parameter("q", 1.0, 10.0),
+    )
+    found = learnt(objective, (8.1, 5.1)).parameters
+    assert found["p"].ends == ("crossed", "lost")
+    assert found["q"].verdict is Verdict.DETERMINED
+    assert found["q"].interval95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
+
+
+def test_a_most_likely_point_beside_which_the_model_fails_has_slopes_all_the_same() -> None:
+    """q is measured where the box and the model end; p beside it is 5 -+ 0.2."""
+
+    def rows(x: FloatArray) -> FloatArray:
+        if x[1] > 10.0:
+            raise FmuFailure("overdamped", {}, Path("test.fmu"))
+        return np.array([(x[0] - 5.0) / 0.1, (x[1] - 10.0) / 0.1, 0.0])
+
+    own = parameter("p", 1.0, 10.0), parameter("q", 1.0, 10.0)
+    found = learnt(whitened(rows, *own), (5.1, 10.0)).parameters
+    assert found["p"].verdict is Verdict.DETERMINED
+    assert found["p"].interval95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
+    assert found["q"].ends[1] == "lost"
+    assert found["q"].interval95 == pytest.approx((10.0 - 0.1 * Z95, 10.0), rel=1e-3)
+
+
+class Undefined(WhitenedResponse):
+    """Whose outputs cannot be read outside the box, as of an FMU that does not initialise there."""
+
+    def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+        if any(not 1.0 <= p[0] <= 10.0 for p in ps):
+            raise FmuFailure("no root of a negative number", {}, Path("test.fmu"))
+        return super().derived_many(ps)
+
+
+def test_an_output_that_cannot_be_read_beyond_the_box_costs_no_profile() -> None:
+    """p = 8 -+ 0.39, and its square likewise."""
+    rows = failing(lambda: AssertionError("never asked"), 0.2)
+    inside = whitened(lambda p: rows(np.clip(p, 1.0, 10.0)), parameter("p", 1.0, 10.0))
+    response = Undefined(lambda p: rows(np.clip(p, 1.0, 10.0)), {"square": lambda p: p[0] ** 2})
+    found = learnt(replace(inside, response=response), (8.1,))
+    assert {p.verdict for p in found.profiles.values()} == {Verdict.DETERMINED}
+    ends = np.array([8.0 - 0.2 * Z95, 8.0 + 0.2 * Z95])
+    assert found.parameters["p"].interval95 == pytest.approx(tuple(ends), rel=1e-3)
+    assert found.derived["square"].interval95 == pytest.approx(tuple(ends**2), rel=2e-3)

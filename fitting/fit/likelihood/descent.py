@@ -100,6 +100,8 @@ UNCONSTRAINED = Constraint(0.0)
 def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Expansion]:
     """A point with its slopes, in one round; without those of the outputs if not wanted.
 
+    Where the model fails a step away, as it may beyond the box, the step is taken the other way.
+
     Args:
         likelihood: whose stencil is evaluated.
         x: search vector, shape (n,).
@@ -107,6 +109,13 @@ def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) ->
     """
     around = forward(x, likelihood.objective.steps, likelihood.upper)
     samples = yield Request(around.nodes, outputs=outputs)
+    failed = [i for i in range(x.size) if not np.all(np.isfinite(samples[i + 1].rows))]
+    if failed and np.all(np.isfinite(samples[0].rows)):
+        around = around.turned(failed)
+        again = yield Request(tuple(around.nodes[i + 1] for i in failed), outputs=outputs)
+        samples = list(samples)
+        for i, sample in zip(failed, again, strict=True):
+            samples[i + 1] = sample
     matrix = around.quotients([sample.rows for sample in samples])
     return Expansion(samples[0], matrix, around.quotients([sample.outputs for sample in samples]))
 

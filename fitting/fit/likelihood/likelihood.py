@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, search_bounds, to_model, to_search
+from fitting.campaign.parameters import Parameter, in_box, search_bounds, to_model, to_search
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
-from fitting.fit.outputs import output_means
+from fitting.fit.outputs import output_means_beyond
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
@@ -259,10 +259,11 @@ class LikelihoodEvaluator:
         except NoAnswer:
             raise
         except (FmuFailure, NoScale):  # a model that answers with zeros has failed there, too
-            if len(xs) == 1 and self.failures >= MOST_FAILURES and self._in_box(xs[0]):
-                raise
             if len(xs) == 1:
-                self.failures += self._in_box(xs[0])
+                asked_for = in_box(self.likelihood.parameters, xs[0])
+                if asked_for and self.failures >= MOST_FAILURES:
+                    raise
+                self.failures += asked_for
                 size = self.likelihood.whitening.shape[0] + xs[0].size
                 return [np.full(size, np.nan)]
             half = len(xs) // 2
@@ -270,18 +271,13 @@ class LikelihoodEvaluator:
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]
 
-    def _in_box(self, x: FloatArray) -> bool:
-        """Whether the campaign asks for such a point: outside its box a model may fail."""
-        lower, upper = search_bounds(self.likelihood.parameters)
-        return bool(np.all((x >= lower) & (x <= upper)))
-
     def _outputs(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         names = self.likelihood.names
         if not xs or not names:
             return [np.empty(0) for _ in xs]
         self.derived += len(xs)
         objective = self.likelihood.objective
-        means = output_means(objective.response, objective.parameters, xs)
+        means = output_means_beyond(objective.response, objective.parameters, xs, names)
         return list(np.stack([means[name] for name in names], axis=1))
 
     def one(self, x: FloatArray) -> Sample:

@@ -8,13 +8,13 @@ Source: T. Kolda, R. Lewis and V. Torczon, "Optimization by direct search", SIAM
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds
-from fitting.fit.outputs import output_means
+from fitting.fit.outputs import output_means, output_means_beyond
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import BoolArray, FloatArray
 
@@ -96,10 +96,15 @@ def output_ranges(
     samples = np.tile(known[0], (len(spread), 1))
     samples[:, own] = spread
     points = [*known, *samples]
-    table = output_means(response, parameters, points)
+    names = tuple(output_means(response, parameters, points[:1]))
+
+    def read(xs: Sequence[FloatArray]) -> dict[str, FloatArray]:
+        return output_means_beyond(response, parameters, xs, names)
+
+    table = read(points)
     ranges: dict[str, OutputRange] = {}
     climbs: list[_Climb] = []
-    depends = _dependence(response, parameters, points[-3:], (lower, upper))
+    depends = _dependence(read, parameters, points[-3:], (lower, upper))
     for name, values in table.items():
         for sign in (-1.0, 1.0):
             ranked = np.where(np.isfinite(values), sign * values, -np.inf)
@@ -121,7 +126,7 @@ def output_ranges(
         if not going:
             break
         nodes = [c.nodes(lower, upper) for c in going]
-        answers = output_means(response, parameters, [x for each in nodes for x in each])
+        answers = read([x for each in nodes for x in each])
         at = 0
         for climb, each in zip(going, nodes, strict=True):
             climb.update(each, answers[climb.name][at : at + len(each)])
@@ -160,7 +165,7 @@ def box_points(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
 
 
 def _dependence(
-    response: Response,
+    read: Callable[[Sequence[FloatArray]], dict[str, FloatArray]],
     parameters: Sequence[Parameter],
     bases: Sequence[FloatArray],
     room: tuple[FloatArray, FloatArray],
@@ -177,7 +182,7 @@ def _dependence(
                 moved[i] = lower[i] + share * (upper[i] - lower[i])
                 nodes.append(moved)
     found = {}
-    for name, values in output_means(response, parameters, nodes).items():
+    for name, values in read(nodes).items():
         rows = values.reshape(len(bases), 1 + 2 * n)
         moves = np.zeros(n, dtype=bool)
         for i in range(n):
