@@ -11,8 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.campaign.parameters import Parameter, to_model
-from fitting.fit.likelihood.descent import Optimum, expansion_at, held_at, let_out, most_likely
+from fitting.campaign.parameters import Parameter, to_model, to_search
+from fitting.fit.likelihood.descent import (
+    Expansion,
+    Optimum,
+    expansion_at,
+    held_at,
+    let_out,
+    most_likely,
+)
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, likelihood_of
 from fitting.fit.likelihood.lockstep import run_in_lockstep
 from fitting.fit.objective import Objective
@@ -205,20 +212,30 @@ def test_an_end_at_which_the_model_fails_is_lost_for_other_values_free_too() -> 
     assert found["q"].interval95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
 
 
-def test_a_most_likely_point_beside_which_the_model_fails_has_slopes_all_the_same() -> None:
-    """q is measured where the box and the model end; p beside it is 5 -+ 0.2."""
+def slopes_at_ten(reaches: tuple[float, float]) -> Expansion:
+    """The expansion at p = 5, q = 10 in the room of profiles; q is answered in `reaches` alone."""
 
     def rows(x: FloatArray) -> FloatArray:
-        if x[1] > 10.0:
+        if not reaches[0] <= x[1] <= reaches[1]:
             raise FmuFailure("overdamped", {}, Path("test.fmu"))
-        return np.array([(x[0] - 5.0) / 0.1, (x[1] - 10.0) / 0.1, 0.0])
+        return np.array([(x[0] - 5.0) / 0.1, (x[1] - 10.0) / 0.2, 0.0])
 
     own = parameter("p", 1.0, 10.0), parameter("q", 1.0, 10.0)
-    found = learnt(whitened(rows, *own), (5.1, 10.0)).parameters
-    assert found["p"].verdict is Verdict.DETERMINED
-    assert found["p"].interval95 == pytest.approx((5.0 - 0.1 * Z95, 5.0 + 0.1 * Z95), rel=1e-3)
-    assert found["q"].ends[1] == "lost"
-    assert found["q"].interval95 == pytest.approx((10.0 - 0.1 * Z95, 10.0), rel=1e-3)
+    whole = whitened(lambda x: np.zeros(3), *own)
+    evaluator = evaluator_of(replace(whole, response=WhitenedResponse(rows)))
+    x = to_search(own, np.array([5.0, 10.0]))
+    evaluator.likelihood = evaluator.likelihood.let_out(x, np.ones(2))
+    [here] = run_in_lockstep([expansion_at(evaluator.likelihood, x)], evaluator)
+    assert here is not None
+    return here
+
+
+def test_slopes_are_taken_where_the_model_answers() -> None:
+    """Downward where it ends at q = 10; where it answers on neither side it has failed."""
+    slopes = np.array([[10.0, 0.0], [0.0, 5.0], [0.0, 0.0]])
+    assert slopes_at_ten((1.0, 10.0)).matrix[:3] == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+    assert slopes_at_ten((1.0, 10.0)).chi_square == pytest.approx(0.0, abs=1e-12)
+    assert slopes_at_ten((10.0, 10.0)).chi_square == math.inf
 
 
 class Undefined(WhitenedResponse):
