@@ -105,6 +105,9 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         knowledge, missing = _knowledge(fit, request)
     solution, problem = fit.solution, fit.problem
     best, adequacy, inflation = _best(fit, knowledge)
+    # one estimator: its errors are as wide as its own residuals make them
+    errors = solution.errors.widened(inflation / solution.errors.inflation)
+    solution = replace(solution, errors=errors)
     parameters = parameter_results(solution, best)
     derived = derived_results(solution, best, request.units, fit.options.schedule.seed)
     offsets = offset_results(solution, best)
@@ -219,14 +222,14 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
         found = [knowledge.most_likely[p.name] for p in solution.parameters]
         return np.array(found), knowledge.adequacy, knowledge.inflation
     if fit.status is Status.INTERRUPTED:
-        return solution.final.parameters, None, 1.0
+        return solution.final.parameters, None, solution.errors.inflation
     noise = noise_at(solution)
     likelihood = likelihood_of(solution.objective, noise.sigma, noise.common)
     evaluator = LikelihoodEvaluator(likelihood)
     try:
         optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
     except (FmuFailure, KeyboardInterrupt):
-        return solution.final.parameters, None, 1.0
+        return solution.final.parameters, None, solution.errors.inflation
     p = to_model(solution.parameters, optimum.expansion.x)
     return p, adequacy_of(optimum), optimum.likelihood.inflation
 
