@@ -20,7 +20,8 @@ from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.search.minima import DESCENTS, screened
-from fitting.fit.search.twins import Twin
+from fitting.fit.search.twins import Twin, find_twins
+from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.adequacy import (
     adequacy_of,
     adequacy_sentences,
@@ -56,7 +57,7 @@ class InferenceOptions:
     """What is asked of the inference: units of outputs, seed, simulation runs at most, bootstrap.
 
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
-    as well. Without `data` the measurements are taken to be what the model says at the solution.
+    as well; `twins` are the model's exact symmetries, looked for if None. Without `data` the measurements are taken to be what the model says at the solution.
     `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
     names the values that are profiled (all, if empty); other minima are looked
     for from `starts` seeded points. `widening`: by how much the noise of a sweep was taken
@@ -68,7 +69,7 @@ class InferenceOptions:
     budget: int = BUDGET
     others: Sequence[FloatArray] = ()
     minima: Sequence[FloatArray] = ()
-    twins: Sequence[Twin] = ()
+    twins: Sequence[Twin] | None = None
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
     bootstrap: int = 0
@@ -98,6 +99,9 @@ def determine(
     """
     options = options or InferenceOptions()
     parameters = objective.parameters
+    twins = options.twins
+    if twins is None:
+        twins = find_twins(Evaluator(objective), options.seed)
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
     likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes))
     if not options.data:
@@ -105,10 +109,10 @@ def determine(
         likelihood = replace(likelihood, shift=point.residuals)
     evaluator = LikelihoodEvaluator(likelihood, options.budget)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
-    found = _explored(evaluator, optimum, boxes, options)
+    found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
     optimum = found.optimum
     separate = identifiability.equivalents(found)
-    separate = with_values_nearby(evaluator, found, options.twins, separate)
+    separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
     adequacy = adequacy_of(optimum)
     basis = Basis(
@@ -184,7 +188,8 @@ def _beginnings(
 ) -> list[FloatArray]:
     """Where other minima are looked for: twins of the optimum, and what a search found or finds."""
     parameters, x = optimum.likelihood.parameters, optimum.expansion.x
-    begins = [image for twin in options.twins if (image := twin.of(parameters, x)) is not None]
+    twins = options.twins or ()
+    begins = [image for twin in twins if (image := twin.of(parameters, x)) is not None]
     if options.minima:
         return [*begins, *options.minima]
     try:
@@ -192,7 +197,7 @@ def _beginnings(
             begins += screened(evaluator, options.seed, screens)
     except Exhausted:
         return begins
-    return begins[: len(options.twins) + options.starts]
+    return begins[: len(twins) + options.starts]
 
 
 def _ranges(

@@ -343,8 +343,10 @@ def held_at(
 ) -> tuple[int, ...]:
     """Parameters that a limit holds against the data, though the model allows what lies beyond.
 
-    Without the limit a parameter alone would lower the merit by (g/2)^2/h, g its slope and h its
-    curvature, at least.
+    Without the limit the parameter would lower the merit, as far as that is straight, while the
+    others follow that are at no limit themselves:
+
+        |r|^2 - min |r + M_free d|^2        with it free, and not
 
     Args:
         likelihood: with the limits.
@@ -352,20 +354,33 @@ def held_at(
         besides: parameters that are held on purpose.
         constraint: that the point keeps to.
     """
-    rows, matrix = here.sample.rows, here.matrix
+    rows, matrix = here.sample.rows, here.matrix * likelihood.widths
     if constraint.output >= 0:
-        outward = np.nan_to_num(here.outward[constraint.output])
+        outward = np.nan_to_num(here.outward[constraint.output]) * likelihood.widths
         rows = np.append(rows, constraint.residual(here.sample))
         matrix = np.vstack([matrix, constraint.weight * outward])
-    slope, curvature = matrix.T @ rows, np.sum(matrix**2, axis=0)
-    gain = slope**2 / np.maximum(curvature, np.finfo(float).tiny)
+    slope = matrix.T @ rows
     least, most = likelihood.declared
     near = AT_LIMIT * likelihood.widths
-    low = (here.x - likelihood.lower <= near) & (slope > 0.0) & (likelihood.lower > least + near)
-    high = (likelihood.upper - here.x <= near) & (slope < 0.0) & (likelihood.upper < most - near)
-    held = (low | high) & (gain > HELD)
-    held[list(besides)] = False
-    return tuple(int(i) for i in np.flatnonzero(held))
+    below, above = here.x - likelihood.lower <= near, likelihood.upper - here.x <= near
+    low = below & (slope > 0.0) & (likelihood.lower > least + near)
+    high = above & (slope < 0.0) & (likelihood.upper < most - near)
+    free = ~(below | above)
+    free[list(besides)] = False
+    kept = _explained(matrix[:, free], rows)
+    held = []
+    for i in np.flatnonzero(low | high):
+        let = free.copy()
+        let[i] = True
+        if i not in besides and _explained(matrix[:, let], rows) - kept > HELD:
+            held.append(int(i))
+    return tuple(held)
+
+
+def _explained(matrix: FloatArray, rows: FloatArray) -> float:
+    """Part of the sum of squares of rows (m,) that the columns of a matrix (m, k) can take away."""
+    step = np.linalg.lstsq(matrix, rows, rcond=None)[0]
+    return float(rows @ (matrix @ step))
 
 
 def _best_of(

@@ -29,7 +29,7 @@ from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
-#: How far out of the box profiles go: positive values by a factor each way from the most likely
+#: How far profiles go, beside all of the box: positive values by a factor each way from the most likely
 #: one, upward from its error where that is more (zero fits then, and its own size says nothing),
 #: others by so many widths of the box, those with a Gaussian prior by so many of its sigmas.
 FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
@@ -118,8 +118,8 @@ class Likelihood:
         """The same with the room of profiles about a point, which no box limits.
 
         Values that cannot be negative may go by `FACTOR` each way, periodic ones all round, those
-        with a Gaussian prior as far as that lets them, the rest by `WIDTHS` of their box; and
-        nothing goes beyond what the model declares.
+        with a Gaussian prior as far as that lets them, the rest by `WIDTHS` of their box; all of
+        them through their box, and nothing beyond what the model declares.
 
         Args:
             x: search vector, shape (n,).
@@ -140,7 +140,7 @@ class Likelihood:
 
 
 def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
-    """How far a profile may take a parameter from a value with an error, in its unit."""
+    """How far a profile may take a parameter from a value with an error: all of its box at least."""
     width = parameter.upper - parameter.lower
     if parameter.prior_sigma is not None:
         reach = SIGMAS * parameter.prior_sigma
@@ -149,6 +149,7 @@ def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
         low, high = at / FACTOR, max(at, error) * FACTOR
     else:
         low, high = at - WIDTHS * width, at + WIDTHS * width
+    low, high = min(low, parameter.lower), max(high, parameter.upper)
     return min(max(low, parameter.least), at), max(min(high, parameter.most), at)
 
 
