@@ -57,11 +57,11 @@ class InferenceOptions:
     """What is asked of the inference: units of outputs, seed, simulation runs at most, bootstrap.
 
     `others` are search vectors to begin at besides; `alternatives` points of other models that fit
-    as well; `twins` are the model's exact symmetries, looked for if None. Without `data` the measurements are taken to be what the model says at the solution.
-    `bootstrap` synthetic data sets are fitted anew, through `executor` if there is one. `only`
-    names the values that are profiled (all, if empty); other minima are looked
-    for from `starts` seeded points. `widening`: by how much the noise of a sweep was taken
-    wider because its residuals hang together.
+    as well; `twins` are the model's exact symmetries, looked for if None. Without `data` the
+    measurements are taken to be what the model says at the solution. `bootstrap` synthetic data
+    sets are fitted anew, through `executor` if there is one. `only` names the values that are
+    profiled (all, if empty); other minima are looked for from `starts` seeded points. `widening`:
+    by how much the noise of a sweep was taken wider because its residuals hang together.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)

@@ -39,6 +39,8 @@ TOO_LARGE_P = 0.05
 WORTH_LEAVING = 0.1
 #: Gain in chi square, were a limit not there, from which the limit is said to hold a point.
 HELD = 0.1
+#: Relative error of a slope by forward differences, at most.
+BLURRED = 1e-3
 #: Distance from a limit, in widths of the box, at which a point is at it.
 AT_LIMIT = 1e-6
 
@@ -344,9 +346,12 @@ def held_at(
     """Parameters that a limit holds against the data, though the model allows what lies beyond.
 
     Without the limit the parameter would lower the merit, as far as that is straight, while the
-    others follow that are at no limit themselves:
+    others follow that are at no limit themselves: with a' the parameter's column without what the
+    others take away,
 
-        |r|^2 - min |r + M_free d|^2        with it free, and not
+        gain = (a' r)^2/(a' a')
+
+    Slopes by forward differences are known to `BLURRED`: what is no larger is none.
 
     Args:
         likelihood: with the limits.
@@ -355,32 +360,29 @@ def held_at(
         constraint: that the point keeps to.
     """
     rows, matrix = here.sample.rows, here.matrix * likelihood.widths
+    blur = BLURRED * np.linalg.norm(rows) * np.linalg.norm(matrix, axis=0)
     if constraint.output >= 0:
         outward = np.nan_to_num(here.outward[constraint.output]) * likelihood.widths
         rows = np.append(rows, constraint.residual(here.sample))
         matrix = np.vstack([matrix, constraint.weight * outward])
-    slope = matrix.T @ rows
     least, most = likelihood.declared
     near = AT_LIMIT * likelihood.widths
     below, above = here.x - likelihood.lower <= near, likelihood.upper - here.x <= near
-    low = below & (slope > 0.0) & (likelihood.lower > least + near)
-    high = above & (slope < 0.0) & (likelihood.upper < most - near)
+    movable = (below & (likelihood.lower > least + near)) | (
+        above & (likelihood.upper < most - near)
+    )
     free = ~(below | above)
     free[list(besides)] = False
-    kept = _explained(matrix[:, free], rows)
+    damped = np.vstack([matrix, np.sqrt(LEAST_DAMPING) * np.eye(free.size)])
+    basis, _ = np.linalg.qr(damped[:, free])
     held = []
-    for i in np.flatnonzero(low | high):
-        let = free.copy()
-        let[i] = True
-        if i not in besides and _explained(matrix[:, let], rows) - kept > HELD:
-            held.append(int(i))
+    for i in map(int, np.flatnonzero(movable)):
+        column = damped[:, i] - basis @ (basis.T @ damped[:, i])
+        slope = float(column[: rows.size] @ rows)
+        pushed = slope > blur[i] if below[i] else slope < -blur[i]
+        if i not in besides and pushed and slope**2 > HELD * float(column @ column):
+            held.append(i)
     return tuple(held)
-
-
-def _explained(matrix: FloatArray, rows: FloatArray) -> float:
-    """Part of the sum of squares of rows (m,) that the columns of a matrix (m, k) can take away."""
-    step = np.linalg.lstsq(matrix, rows, rcond=None)[0]
-    return float(rows @ (matrix @ step))
 
 
 def _best_of(

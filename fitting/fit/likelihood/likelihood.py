@@ -29,9 +29,9 @@ from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
-#: How far profiles go, beside all of the box: positive values by a factor each way from the most likely
-#: one, upward from its error where that is more (zero fits then, and its own size says nothing),
-#: others by so many widths of the box, those with a Gaussian prior by so many of its sigmas.
+#: How far profiles go, beside all of the box: positive values by a factor each way from the most
+#: likely one, upward from its error where that is more (zero fits then, and its own size says
+#: nothing), others by so many widths of the box, those with a Gaussian prior by so many sigmas.
 FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
 
 
