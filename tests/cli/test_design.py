@@ -279,7 +279,7 @@ def test_measured_peaks_are_not_written_over(
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("q2_hybrid", "q2", "row 5, column 'output': the virtual laboratory does not observe"),
+        ("q2_hybrid", "q2", "row {row}, column 'output': the virtual laboratory does not observe"),
         (",A1,", ",theta,", "column 'theta': the virtual laboratory cannot set it"),
         ("next3,", "# next3,", "[design] averaged: found"),
     ],
@@ -296,10 +296,11 @@ def test_plans_that_the_laboratory_cannot_follow(
     rows = tmp_path / "plan" / "experiments.csv"
     text = rows.read_text().split("\n")
     rows.write_text("\n".join(line if line[:1] == "#" else line.replace(old, new) for line in text))
+    row = next(k for k, line in enumerate(text, 1) if old in line and line[:1] != "#")
     plan = tmp_path / "plan" / "campaign.toml"
     truth, out = Q1 / "truth.toml", tmp_path / "lab"
     assert synthesize("--plan", plan, "--truth", truth, "--out", out) == 2
-    assert complaint in capsys.readouterr().err
+    assert complaint.format(row=row) in capsys.readouterr().err
     assert not (tmp_path / "lab").exists()
 
 

@@ -135,8 +135,7 @@ def explore(
 
 def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
     """Where a branch lost its way, its end tried from the points in hand that are nearest to it."""
-    optimum, fitting = explored.optimum, explored.fitting
-    periods = optimum.likelihood.periods
+    optimum = explored.optimum
     tries: list[tuple[str, int]] = []
     tasks = []
     for quantity in explored.quantities:
@@ -144,13 +143,9 @@ def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Ex
             lost = explored.branches[quantity.name][side].end == "lost"
             if not lost or quantity.round or explored.range_ends[quantity.name][side] is not None:
                 continue
-            gaps = np.array([abs(quantity.of(p, periods) - end) for p in fitting])
-            for k in np.argsort(gaps)[:NEAREST]:
-                begin = fitting[int(k)].x.copy()
-                if quantity.index >= 0:
-                    begin[quantity.index] = end
+            for begin, frozen in _nearest_to_end(explored, quantity, side):
                 tries.append((quantity.name, side))
-                tasks.append(fit_at_end(optimum, quantity, begin, end))
+                tasks.append(fit_at_end(optimum, quantity, begin, end, frozen))
     found = _possible(evaluator, optimum, run_in_lockstep(tasks, evaluator))
     range_ends = dict(explored.range_ends)
     for (name, side), reached in zip(tries, found, strict=True):
@@ -159,6 +154,35 @@ def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Ex
             both[side] = reached
             range_ends[name] = (both[0], both[1])
     return replace(explored, range_ends=range_ends)
+
+
+def _nearest_to_end(
+    explored: Exploration, quantity: Quantity, side: int
+) -> list[tuple[FloatArray, tuple[int, ...]]]:
+    """Points in hand that fit, moved to the end of a range, and the axes that are to stay there.
+
+    An output is brought there by what it depends on, the rest being as some such point has it.
+    """
+    likelihood = explored.optimum.likelihood
+    if quantity.index >= 0:
+        moved = np.arange(likelihood.widths.size) == quantity.index
+        there = np.full(likelihood.widths.size, (quantity.low, quantity.high)[side])
+    else:
+        range_ = explored.ranges[quantity.name]
+        moved = range_.depends & ~(likelihood.inverse_prior_sigma > 0.0)
+        there = (range_.x_low, range_.x_high)[side]
+    if not np.all(np.isfinite(there[moved])):
+        return []
+    frozen = () if quantity.index >= 0 else tuple(map(int, np.flatnonzero(moved)))
+    period = np.where(np.isfinite(likelihood.periods), likelihood.periods, 0.0)
+    ways = []
+    for point in explored.fitting:
+        gap = there - point.x
+        gap = gap - period * np.round(gap / likelihood.periods)  # no turns where there is none
+        far = float(np.max(np.abs(gap / likelihood.widths)[moved], initial=0.0))
+        ways.append((far, np.where(moved, point.x + gap, point.x)))
+    ways.sort(key=lambda way: way[0])
+    return [(begin, frozen) for _, begin in ways[:NEAREST]]
 
 
 def _walked(
@@ -454,6 +478,7 @@ def _beginnings(
     there = (range_.x_low, range_.x_high)[which]
     if not np.all(np.isfinite(there)):
         return []
-    # what the output does not depend on is best where the data have it
-    mixed = np.where(range_.depends, there, optimum.expansion.x)
-    return [(mixed, tuple(map(int, np.flatnonzero(range_.depends)))), (there, ()), (mixed, ())]
+    # what the output does not depend on is best where the data have it, and so is what has a prior
+    moved = range_.depends & ~(optimum.likelihood.inverse_prior_sigma > 0.0)
+    mixed = np.where(moved, there, optimum.expansion.x)
+    return [(mixed, tuple(map(int, np.flatnonzero(moved)))), (there, ()), (mixed, ())]
