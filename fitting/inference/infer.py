@@ -49,8 +49,8 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `warnings` what a reader must know;
-    `agreement` that of the peaks with the sweep, a series each.
-    `fit` is the one that all of it is about: not the one that was given, where a lower J was found
+    `most_likely` (n,) are all parameters as they are reported; `agreement` is that of the peaks with
+    the sweep, a series each. `fit` is the one that all of it is about: not the one that was given, where a lower J was found
     on the way.
     """
 
@@ -63,6 +63,7 @@ class Inference:
     status: Status
     message: str
     warnings: tuple[Warned, ...]
+    most_likely: FloatArray
     agreement: tuple[SweepAgreement, ...] = ()
 
 
@@ -140,6 +141,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
+        most_likely=best,
         agreement=agreement,
     )
 

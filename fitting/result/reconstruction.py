@@ -61,7 +61,7 @@ def result_through(
         FmuFailure: the FMU failed at the solution.
     """
     workers, problem = planned.workers, planned.problem
-    response, p = planned.response(fit.alternative), _canonical(fit)
+    response, p = planned.response(fit.alternative), _reported(fit, inference)
     here = _said_at(response, p, workers)
     reuse = workers.reuse_note
     provenance = replace(
@@ -87,9 +87,9 @@ def result_through(
     return replace(result, seconds=seconds)
 
 
-def _canonical(fit: Fit) -> FloatArray:
+def _reported(fit: Fit, inference: Inference) -> FloatArray:
     """The reported values, as the model takes them."""
-    return canonical(fit.problem.parameters, fit.x)
+    return canonical(fit.problem.parameters, inference.most_likely)
 
 
 def _other_signals(misfit: float, accuracy: float) -> list[str]:

@@ -311,10 +311,13 @@ def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 
 
 
 def test_the_shipped_series_together_hold_the_widths_alone(
-    oscillator_fmu: Path, shipped: Campaigns, tmp_path: Path
+    oscillator_fmu: Path, tmp_path: Path
 ) -> None:
     with FmuWorkers(oscillator_fmu, workers=2) as workers:
-        result = quickly(workers, shipped, levels=1)
+        variables = workers.description.variables
+        paths = [DATA / name / "campaign.toml" for name in ("string_q1", "string_q2")]
+        bounds = [bind(read_campaign(path), variables) for path in paths]
+        result = quickly(workers, bounds, levels=1)
     assert result.parameters["theta"].identifiable == "not known"
     assert result.derived["lambda"].identifiable == "not known"
     for name in ("width_plus", "width_minus"):

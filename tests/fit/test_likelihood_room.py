@@ -47,16 +47,26 @@ def room(own: Parameter, at: float, error: float = 0.1) -> tuple[float, float]:
     return float(low), float(high)
 
 
-@pytest.mark.parametrize("box", [(1.0, 8.0), (0.0, 5.0), (1e-3, 1e4)])
-def test_a_positive_value_goes_by_a_factor_of_ten_each_way(box: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("box", "wanted"),
+    [
+        ((1.0, 8.0), (0.4, 40.0)),
+        ((0.0, 5.0), (0.0, 40.0)),
+        ((0.5, 90.0), (0.4, 90.0)),
+        ((1e-3, 1e4), (1e-3, 1e4)),
+    ],
+)
+def test_a_positive_value_goes_by_a_factor_of_ten_each_way_and_through_its_box(
+    box: tuple[float, float], wanted: tuple[float, float]
+) -> None:
     own = parameter("p", *box, start=3.0, scale=0.2)
-    assert room(own, 4.0) == pytest.approx((0.4, 40.0))
+    assert room(own, 4.0) == pytest.approx(wanted)
 
 
 def test_a_positive_value_that_zero_fits_goes_by_ten_of_its_errors() -> None:
     """Its own size says nothing: it may be any, and the data end it at about two errors."""
-    assert room(parameter("p", 0.0, 20.0), 0.01, 0.5) == pytest.approx((0.001, 5.0))
-    assert room(parameter("p", 0.0, 20.0), 0.0, 0.5) == pytest.approx((0.0, 5.0))
+    assert room(parameter("p", 0.005, 2.0), 0.01, 0.5) == pytest.approx((0.001, 5.0))
+    assert room(parameter("p", 0.0, 2.0), 0.0, 0.5) == pytest.approx((0.0, 5.0))
 
 
 def test_another_value_goes_by_three_widths_of_its_box() -> None:

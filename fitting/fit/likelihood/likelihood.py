@@ -29,7 +29,7 @@ from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
-#: How far profiles go, beside all of the box: positive values by a factor each way from the most
+#: How far profiles go, beside the box: positive values by a factor each way from the most
 #: likely one, upward from its error where that is more (zero fits then, and its own size says
 #: nothing), others by so many widths of the box, those with a Gaussian prior by so many sigmas.
 FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
@@ -140,7 +140,7 @@ class Likelihood:
 
 
 def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
-    """How far a profile may take a parameter from a value with an error: all of its box at least."""
+    """How far a profile may take a parameter from a value: through a box that is no prior."""
     width = parameter.upper - parameter.lower
     if parameter.prior_sigma is not None:
         reach = SIGMAS * parameter.prior_sigma
@@ -149,7 +149,8 @@ def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
         low, high = at / FACTOR, max(at, error) * FACTOR
     else:
         low, high = at - WIDTHS * width, at + WIDTHS * width
-    low, high = min(low, parameter.lower), max(high, parameter.upper)
+    if parameter.prior_sigma is None:
+        low, high = min(low, parameter.lower), max(high, parameter.upper)
     return min(max(low, parameter.least), at), max(min(high, parameter.most), at)
 
 
