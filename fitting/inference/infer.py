@@ -49,9 +49,9 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `warnings` what a reader must know;
-    `most_likely` (n,) are all parameters as they are reported; `agreement` is that of the peaks with
-    the sweep, a series each. `fit` is the one that all of it is about: not the one that was given, where a lower J was found
-    on the way.
+    `most_likely` (n,) are all parameters as they are reported; `agreement` is that of the peaks
+    with the sweep, a series each. `fit` is the one that all of it is about: not the one that was
+    given, where a lower J was found on the way.
     """
 
     fit: Fit
