@@ -29,7 +29,7 @@ from fitting.inference.likelihood.profiles import (
     trace_branch,
 )
 from fitting.inference.likelihood.ranges import OutputRange
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 
 Branches = tuple[ProfileBranch, ProfileBranch]
 RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
@@ -42,8 +42,10 @@ WORTH_REACHING = 0.3
 BEYOND, EXTENSIONS = 0.02, 2
 #: Points from which an end is tried once more where a branch lost its way.
 NEAREST = 2
-#: Strides across a range whose ends are both known to fit: they only show what is between.
+#: Strides towards an end of a range that is known to fit: they only show what is between.
 OPEN_STEPS = 4
+#: A branch that nobody walked, to an end that is known to fit.
+BOTH_FIT = ProfileBranch(points=(), end="bound", at_68=math.nan, at_95=math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,9 +95,9 @@ def explore(
 ) -> Exploration:
     """Profiles, those first that the data see: each step is one set of batches.
 
-    Values that a linearisation calls open are then tried at the ends of their ranges, walked where
-    these do not both fit, and last, with what is left, walked for the figure where they do. In the
-    end every point in hand that fits and lies beyond an interval is gone on from.
+    Values that a linearisation calls open are then tried at the ends of their ranges, and walked
+    where these do not both fit: what lies between two ends that fit decides nothing. In the end
+    every point in hand that fits and lies beyond an interval is gone on from.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -108,45 +110,58 @@ def explore(
         FmuFailure: the model failed at more points than can be left out.
     """
     chosen = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
-    wide = [q for q in chosen if q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)]
+    wide = [
+        q
+        for q in chosen
+        if not q.round and q.sigma > WORTH_REACHING * min(q.high - q.best, q.best - q.low)
+    ]
     branches = _walked(evaluator, optimum, [q for q in chosen if q not in wide], {})
-    range_ends = _range_ends(evaluator, optimum, chosen, ranges, minima)
+    explored = Exploration(
+        optimum=optimum,
+        quantities=chosen,
+        branches=branches,
+        range_ends=_range_ends(evaluator, optimum, chosen, ranges),
+        minima=tuple(minima),
+        ranges=ranges,
+    )
+    open_ends = [(q, side) for q in wide for side in (0, 1)]
+    explored = _with_ends(evaluator, _with_outputs(evaluator, explored), open_ends)
+    range_ends = explored.range_ends
     shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
     branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
-    branches |= _walked(evaluator, optimum, shown, range_ends)
-    explored = _with_outputs(
-        evaluator,
-        Exploration(
-            optimum=optimum,
-            quantities=chosen,
-            branches=branches,
-            range_ends=range_ends,
-            minima=tuple(minima),
-            ranges=ranges,
-        ),
-    )
+    branches |= {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
+    explored = _with_outputs(evaluator, replace(explored, branches=branches))
     explored = replace(explored, around=explored.branches)
     for _ in range(EXTENSIONS):
         explored, more = _extended(evaluator, explored)
         if not more:
             break
-    return _with_lost_ends(evaluator, explored)
+    return _with_ends(evaluator, explored, _lost_ends(explored))
 
 
-def _with_lost_ends(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
-    """Where a branch lost its way, its end tried from the points in hand that are nearest to it."""
-    optimum = explored.optimum
+def _lost_ends(explored: Exploration) -> list[tuple[Quantity, int]]:
+    """Quantities and sides (0 low, 1 high) of the branches that lost their way."""
+    return [
+        (quantity, side)
+        for quantity in explored.quantities
+        for side in (0, 1)
+        if explored.branches[quantity.name][side].end == "lost" and not quantity.round
+    ]
+
+
+def _with_ends(
+    evaluator: LikelihoodEvaluator, explored: Exploration, sides: Sequence[tuple[Quantity, int]]
+) -> Exploration:
+    """Ends of ranges that are not known to fit, tried from the points in hand nearest to them."""
     tries: list[tuple[str, int]] = []
     tasks = []
-    for quantity in explored.quantities:
-        for side, end in enumerate((quantity.low, quantity.high)):
-            lost = explored.branches[quantity.name][side].end == "lost"
-            if not lost or quantity.round or explored.range_ends[quantity.name][side] is not None:
-                continue
+    for quantity, side in sides:
+        if explored.range_ends[quantity.name][side] is None:
+            end = (quantity.low, quantity.high)[side]
             for begin, frozen in _nearest_to_end(explored, quantity, side):
                 tries.append((quantity.name, side))
-                tasks.append(fit_at_end(optimum, quantity, begin, end, frozen))
-    found = _possible(evaluator, optimum, run_in_lockstep(tasks, evaluator))
+                tasks.append(fit_at_end(explored.optimum, quantity, begin, end, frozen))
+    found = _possible(evaluator, explored.optimum, run_in_lockstep(tasks, evaluator))
     range_ends = dict(explored.range_ends)
     for (name, side), reached in zip(tries, found, strict=True):
         if reached is not None:
@@ -164,13 +179,7 @@ def _nearest_to_end(
     An output is brought there by what it depends on, the rest being as some such point has it.
     """
     likelihood = explored.optimum.likelihood
-    if quantity.index >= 0:
-        moved = np.arange(likelihood.widths.size) == quantity.index
-        there = np.full(likelihood.widths.size, (quantity.low, quantity.high)[side])
-    else:
-        range_ = explored.ranges[quantity.name]
-        moved = range_.depends & ~(likelihood.inverse_prior_sigma > 0.0)
-        there = (range_.x_low, range_.x_high)[side]
+    moved, there = _moved_to_end(explored.optimum, quantity, side, explored.ranges)
     if not np.all(np.isfinite(there[moved])):
         return []
     frozen = () if quantity.index >= 0 else tuple(map(int, np.flatnonzero(moved)))
@@ -182,7 +191,12 @@ def _nearest_to_end(
         far = float(np.max(np.abs(gap / likelihood.widths)[moved], initial=0.0))
         ways.append((far, np.where(moved, point.x + gap, point.x)))
     ways.sort(key=lambda way: way[0])
-    return [(begin, frozen) for _, begin in ways[:NEAREST]]
+    begins = [(begin, frozen) for _, begin in ways[:NEAREST]]
+    if quantity.index < 0 and ways:  # or all follow the output from where it is nearest to its end
+        end = (quantity.low, quantity.high)[side]
+        nearest = min(explored.fitting, key=lambda p: abs(quantity.of(p, likelihood.periods) - end))
+        begins.append((nearest.x, ()))
+    return begins
 
 
 def _walked(
@@ -256,28 +270,40 @@ def _range_ends(
     optimum: Optimum,
     chosen: Sequence[Quantity],
     ranges: Mapping[str, OutputRange],
-    minima: Sequence[ProfilePoint],
-) -> dict[str, tuple[ProfilePoint | None, ProfilePoint | None]]:
-    """Points at the ends of the ranges that fit; further beginnings only where the first failed."""
-    ends: dict[tuple[str, int], ProfilePoint] = {}
-    for attempt in range(3):
-        tries: list[tuple[str, int, Task[ProfilePoint | None]]] = []
-        for quantity in chosen:
-            for which, end in enumerate((quantity.low, quantity.high)):
-                if not _worth_reaching(quantity, end):
-                    continue
-                begins = _beginnings(optimum, quantity, which, ranges, minima)
-                if (quantity.name, which) not in ends and attempt < len(begins):
-                    begin, frozen = begins[attempt]
-                    task = fit_at_end(optimum, quantity, begin, end, frozen)
-                    tries.append((quantity.name, which, task))
-        ended = _possible(
-            evaluator, optimum, run_in_lockstep([task for _, _, task in tries], evaluator)
-        )
-        for (name, which, _), point in zip(tries, ended, strict=True):
-            if point is not None:
-                ends[name, which] = point
+) -> dict[str, RangeEnds]:
+    """Points at the ends of the ranges that fit, from the optimum moved there."""
+    tries: list[tuple[str, int]] = []
+    tasks = []
+    for quantity in chosen:
+        for side, end in enumerate((quantity.low, quantity.high)):
+            if not _worth_reaching(quantity, end):
+                continue
+            moved, there = _moved_to_end(optimum, quantity, side, ranges)
+            if np.all(np.isfinite(there[moved])):
+                begin = np.where(moved, there, optimum.expansion.x)
+                frozen = () if quantity.index >= 0 else tuple(map(int, np.flatnonzero(moved)))
+                tries.append((quantity.name, side))
+                tasks.append(fit_at_end(optimum, quantity, begin, end, frozen))
+    found = _possible(evaluator, optimum, run_in_lockstep(tasks, evaluator))
+    ends = {(name, side): point for (name, side), point in zip(tries, found, strict=True)}
     return {q.name: (ends.get((q.name, 0)), ends.get((q.name, 1))) for q in chosen}
+
+
+def _moved_to_end(
+    optimum: Optimum, quantity: Quantity, side: int, ranges: Mapping[str, OutputRange]
+) -> tuple[BoolArray, FloatArray]:
+    """Which parameters lead a quantity to the end of its range, (n,), and where that is, (n,).
+
+    Of an output those that it depends on, but for what has a prior: that is best where the data
+    have it.
+    """
+    likelihood = optimum.likelihood
+    if quantity.index >= 0:
+        own = np.arange(likelihood.widths.size) == quantity.index
+        return own, np.full(own.size, (quantity.low, quantity.high)[side])
+    range_ = ranges[quantity.name]
+    moved = range_.depends & ~(likelihood.inverse_prior_sigma > 0.0)
+    return moved, np.asarray((range_.x_low, range_.x_high)[side])
 
 
 def _with_outputs(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
@@ -455,30 +481,3 @@ def other_minima(
                     )
                 )
     return tuple(points)
-
-
-def _beginnings(
-    optimum: Optimum,
-    quantity: Quantity,
-    which: int,
-    ranges: Mapping[str, OutputRange],
-    minima: Sequence[ProfilePoint],
-) -> list[tuple[FloatArray, tuple[int, ...]]]:
-    """Where to begin a search for a fit at an end of a range, and which axes it keeps."""
-    end = (quantity.low, quantity.high)[which]
-    if quantity.index >= 0:
-        exists = np.isfinite(optimum.expansion.sample.outputs)
-        possible = [point for point in minima if np.all(np.isfinite(point.outputs[exists]))]
-        nearest = sorted(possible, key=lambda point: abs(point.x[quantity.index] - end))[:2]
-        begins = [optimum.expansion.x.copy(), *(point.x.copy() for point in nearest)]
-        for begin in begins:
-            begin[quantity.index] = end
-        return [(begin, ()) for begin in begins]
-    range_ = ranges[quantity.name]
-    there = (range_.x_low, range_.x_high)[which]
-    if not np.all(np.isfinite(there)):
-        return []
-    # what the output does not depend on is best where the data have it, and so is what has a prior
-    moved = range_.depends & ~(optimum.likelihood.inverse_prior_sigma > 0.0)
-    mixed = np.where(moved, there, optimum.expansion.x)
-    return [(mixed, tuple(map(int, np.flatnonzero(moved)))), (there, ()), (mixed, ())]
