@@ -16,6 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from fitting.cli import progress
 from tests.faults.all_of_them import Count, markdown, whole_table
 from tests.faults.case import problems
 from tests.faults.scene import built
@@ -27,6 +28,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="word in the names of kinds")
     parser.add_argument("--each", type=int, default=1, help="every n-th case only")
     given = parser.parse_args()
+    progress.FIRST_S = progress.MOST_S = 1e6  # a slow machine's line of progress is no complaint
     counts: dict[str, Count] = {}
     with tempfile.TemporaryDirectory(prefix="faults-") as name:
         home = Path(name)
