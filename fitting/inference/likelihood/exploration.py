@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +33,8 @@ from fitting.text.arrays import BoolArray, FloatArray
 
 Branches = tuple[ProfileBranch, ProfileBranch]
 RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
+#: Where a search for a fit at the end of a range begins, and the axes that are to stay there.
+Beginning = tuple[FloatArray, tuple[int, ...]]
 
 #: Points of the box from which other minima are looked for, where no search was made before.
 OTHER_STARTS = 12
@@ -120,12 +122,13 @@ def explore(
         optimum=optimum,
         quantities=chosen,
         branches=branches,
-        range_ends=_range_ends(evaluator, optimum, chosen, ranges),
+        range_ends={q.name: (None, None) for q in chosen},
         minima=tuple(minima),
         ranges=ranges,
     )
-    open_ends = [(q, side) for q in wide for side in (0, 1)]
-    explored = _with_ends(evaluator, _with_outputs(evaluator, explored), open_ends)
+    explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
+    explored = _with_outputs(evaluator, explored)
+    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
     range_ends = explored.range_ends
     shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
     branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
@@ -136,29 +139,36 @@ def explore(
         explored, more = _extended(evaluator, explored)
         if not more:
             break
-    return _with_ends(evaluator, explored, _lost_ends(explored))
+    return _with_ends(evaluator, explored, _lost_ends(explored), _nearest_to_end)
+
+
+def _both_ends(chosen: Sequence[Quantity]) -> list[tuple[Quantity, int]]:
+    """Quantities with either side of their range: 0 low, 1 high."""
+    return [(quantity, side) for quantity in chosen for side in (0, 1)]
 
 
 def _lost_ends(explored: Exploration) -> list[tuple[Quantity, int]]:
-    """Quantities and sides (0 low, 1 high) of the branches that lost their way."""
+    """Quantities and sides of the branches that lost their way."""
     return [
         (quantity, side)
-        for quantity in explored.quantities
-        for side in (0, 1)
+        for quantity, side in _both_ends(explored.quantities)
         if explored.branches[quantity.name][side].end == "lost" and not quantity.round
     ]
 
 
 def _with_ends(
-    evaluator: LikelihoodEvaluator, explored: Exploration, sides: Sequence[tuple[Quantity, int]]
+    evaluator: LikelihoodEvaluator,
+    explored: Exploration,
+    sides: Sequence[tuple[Quantity, int]],
+    beginnings: Callable[[Exploration, Quantity, int], list[Beginning]],
 ) -> Exploration:
-    """Ends of ranges that are not known to fit, tried from the points in hand nearest to them."""
+    """Ends of ranges that are not known to fit, tried from some beginnings; those that do, kept."""
     tries: list[tuple[str, int]] = []
     tasks = []
     for quantity, side in sides:
         if explored.range_ends[quantity.name][side] is None:
             end = (quantity.low, quantity.high)[side]
-            for begin, frozen in _nearest_to_end(explored, quantity, side):
+            for begin, frozen in beginnings(explored, quantity, side):
                 tries.append((quantity.name, side))
                 tasks.append(fit_at_end(explored.optimum, quantity, begin, end, frozen))
     found = _possible(evaluator, explored.optimum, run_in_lockstep(tasks, evaluator))
@@ -171,9 +181,7 @@ def _with_ends(
     return replace(explored, range_ends=range_ends)
 
 
-def _nearest_to_end(
-    explored: Exploration, quantity: Quantity, side: int
-) -> list[tuple[FloatArray, tuple[int, ...]]]:
+def _nearest_to_end(explored: Exploration, quantity: Quantity, side: int) -> list[Beginning]:
     """Points in hand that fit, moved to the end of a range, and the axes that are to stay there.
 
     An output is brought there by what it depends on, the rest being as some such point has it.
@@ -182,7 +190,7 @@ def _nearest_to_end(
     moved, there = _moved_to_end(explored.optimum, quantity, side, explored.ranges)
     if not np.all(np.isfinite(there[moved])):
         return []
-    frozen = () if quantity.index >= 0 else tuple(map(int, np.flatnonzero(moved)))
+    frozen = _frozen(quantity, moved)
     period = np.where(np.isfinite(likelihood.periods), likelihood.periods, 0.0)
     ways = []
     for point in explored.fitting:
@@ -265,28 +273,20 @@ def _worth_reaching(quantity: Quantity, end: float) -> bool:
     return not quantity.round and quantity.sigma > WORTH_REACHING * abs(end - quantity.best)
 
 
-def _range_ends(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    chosen: Sequence[Quantity],
-    ranges: Mapping[str, OutputRange],
-) -> dict[str, RangeEnds]:
-    """Points at the ends of the ranges that fit, from the optimum moved there."""
-    tries: list[tuple[str, int]] = []
-    tasks = []
-    for quantity in chosen:
-        for side, end in enumerate((quantity.low, quantity.high)):
-            if not _worth_reaching(quantity, end):
-                continue
-            moved, there = _moved_to_end(optimum, quantity, side, ranges)
-            if np.all(np.isfinite(there[moved])):
-                begin = np.where(moved, there, optimum.expansion.x)
-                frozen = () if quantity.index >= 0 else tuple(map(int, np.flatnonzero(moved)))
-                tries.append((quantity.name, side))
-                tasks.append(fit_at_end(optimum, quantity, begin, end, frozen))
-    found = _possible(evaluator, optimum, run_in_lockstep(tasks, evaluator))
-    ends = {(name, side): point for (name, side), point in zip(tries, found, strict=True)}
-    return {q.name: (ends.get((q.name, 0)), ends.get((q.name, 1))) for q in chosen}
+def _optimum_at_end(explored: Exploration, quantity: Quantity, side: int) -> list[Beginning]:
+    """The optimum, moved to the end of a range, if the linearisation lets a quantity go so far."""
+    optimum = explored.optimum
+    if not _worth_reaching(quantity, (quantity.low, quantity.high)[side]):
+        return []
+    moved, there = _moved_to_end(optimum, quantity, side, explored.ranges)
+    if not np.all(np.isfinite(there[moved])):
+        return []
+    return [(np.where(moved, there, optimum.expansion.x), _frozen(quantity, moved))]
+
+
+def _frozen(quantity: Quantity, moved: BoolArray) -> tuple[int, ...]:
+    """Axes that hold a quantity at the end it was moved to; a parameter is held by itself."""
+    return () if quantity.index >= 0 else tuple(map(int, np.flatnonzero(moved)))
 
 
 def _moved_to_end(
