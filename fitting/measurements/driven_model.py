@@ -97,7 +97,11 @@ class DrivenModel:
         return values
 
     def single_tone_values(
-        self, p: FloatArray, settings: Mapping[str, Scalar], tone_hz: float
+        self,
+        p: FloatArray,
+        settings: Mapping[str, Scalar],
+        tone_hz: float,
+        label: str | None = None,
     ) -> dict[str, Scalar]:
         """Start values under one tone: its frequency (Hz), the other amplitudes zero.
 
@@ -105,9 +109,10 @@ class DrivenModel:
             p: parameters (n,), each in its own unit.
             settings: values of FMU variables, by name.
             tone_hz: frequency of the tone, Hz.
+            label: of the place whose own parameters act, None for a sweep.
         """
         drive = self.setup.drive
-        values = self.values(p, None, settings)
+        values = self.values(p, label, settings)
         if drive.kind == "tones":
             values[drive.frequency_names[0]] = _in_unit(tone_hz, drive.tone_unit)
             values.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))

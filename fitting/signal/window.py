@@ -266,19 +266,6 @@ def whole_steps(time_s: float, step_s: float) -> float:
     return math.ceil(time_s / step_s - 1e-9) * step_s
 
 
-def tone_amplitudes(window: Window, samples: FloatArray) -> FloatArray:
-    """Amplitudes (n_tones,) of the known tones in sampled values (samples,).
-
-    Args:
-        window: settling and samples of a run.
-        samples: values (samples, outputs).
-
-    Raises:
-        ValueError: another number of samples than planned.
-    """
-    return window.read(samples).amplitudes
-
-
 def tone_misfit(window: Window, samples: FloatArray) -> float:
     """Largest deviation of samples from mean plus tones, relative to the largest amplitude.
 

@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from fitting.fmu import InputSignal, Run
-from fitting.signal.window import Window, tone_amplitudes
-from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.signal.window import Window
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 
 
 class Workers(Protocol):
@@ -49,7 +49,7 @@ class Batch:
         self._runs: list[tuple[dict[str, Scalar], Window, InputSignal | None, list[str]]] = []
         self.owners: list[int] = []
         self._answers: list[FloatArray] = []
-        self._amplitudes: dict[tuple[int, str, tuple[float, ...]], FloatArray] = {}
+        self._phasors: dict[tuple[int, str, tuple[float, ...]], ComplexArray] = {}
 
     def ask(
         self,
@@ -116,10 +116,23 @@ class Batch:
             window: settling and samples of a run.
             output: name of the output.
         """
+        return np.abs(self.phasors(k, window, output))
+
+    def phasors(self, k: int, window: Window, output: str) -> ComplexArray:
+        """Phasors P at the window's tones of one output of a simulated run, shape (tones,).
+
+        output(t) = mean + sum of Re[P exp(i 2 pi f t)], with the FMU's time t: a drive
+        A cos(2 pi f t + phase) of a linear FMU gives P = X(f) A exp(i phase).
+
+        Args:
+            k: number of the run that `ask` gave.
+            window: settling and samples of a run.
+            output: name of the output.
+        """
         key = (k, output, window.tones_hz)
-        if key not in self._amplitudes:
-            self._amplitudes[key] = np.asarray(tone_amplitudes(window, self.samples(k, output)))
-        return self._amplitudes[key]
+        if key not in self._phasors:
+            self._phasors[key] = window.read(self.samples(k, output)).phasors
+        return self._phasors[key]
 
     def count(self, owners: int) -> IntArray:
         """Number of simulated runs by who asked first, shape (owners,).

@@ -27,7 +27,7 @@ from fitting.lab.duffing import Cubic, steady_lines
 from fitting.lab.instruments.markers import READ
 from fitting.lab.string import TwoModes
 from fitting.signal.combinations import mixed_hz
-from fitting.signal.window import Window, plan_window, tone_amplitudes
+from fitting.signal.window import Window, plan_window
 from tests.support.fmus import Instance, unpack
 
 ENVELOPE, RK4 = 1, 2
@@ -116,7 +116,7 @@ def measure(fmu: Instance, scene: Scene, row: Row, window: Window) -> tuple[floa
     times = row.settle_s + window.step_s * np.arange(window.samples)
     first = [] if row.settle_s else fmu.get("q1_hybrid")
     samples = [*first, *(q for (q,) in fmu.run(list(times[len(first) :]), "q1_hybrid"))]
-    return time.process_time() - begun, tone_amplitudes(window, np.array(samples))
+    return time.process_time() - begun, window.read(np.array(samples)).amplitudes
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fitting.signal.window import Window, plan_window, tone_amplitudes, tone_misfit
+from fitting.signal.window import Window, plan_window, tone_misfit
 from fitting.simulate.words import window_in_words
 from fitting.text.errors import BadInput
 from tests.support.closed_form import Q1_PAIRS_MHZ
@@ -38,7 +38,7 @@ def test_the_papers_pairs_come_back_from_a_few_samples(pair_mhz: tuple[float, fl
     periods = [Fraction(f) * window.samples * Fraction(window.step_s) for f in pair]
     assert all(abs(p - round(p)) < Fraction(1, 10**8) for p in periods)
     values = sampled(window, [(pair[0], 3.0, 0.4), (pair[1], 0.02, -2.0)], 0.7)
-    assert tone_amplitudes(window, values) == pytest.approx([3.0, 0.02], rel=1e-7)
+    assert window.read(values).amplitudes == pytest.approx([3.0, 0.02], rel=1e-7)
     assert tone_misfit(window, values) < 1e-8
 
 
@@ -69,7 +69,7 @@ def test_amplitudes_of_any_tones(tones: list[int], grain: int, settle: float) ->
     assume(max(frequencies) < 1e5 * min(frequencies))
     window = plan_window(frequencies, settle)
     rows = [(f, 1.0 + i, 0.3 * i) for i, f in enumerate(frequencies)]
-    found = tone_amplitudes(window, sampled(window, rows, -0.2))
+    found = window.read(sampled(window, rows, -0.2)).amplitudes
     assert found == pytest.approx([a for _, a, _ in rows], rel=1e-5)
 
 
@@ -96,6 +96,6 @@ def test_what_cannot_be_told_apart_is_refused() -> None:
         plan_window((1000.0, 1000.0), 0.0)
     window = plan_window((1000.0,), 0.0)
     with pytest.raises(ValueError, match="planned were 5"):
-        tone_amplitudes(window, np.zeros(6))
+        window.read(np.zeros(6))
     with pytest.raises(ValueError, match="cannot hold"):
         Window(tones_hz=(1.0, 2.0), settle_s=0.0, step_s=0.1, samples=4)
