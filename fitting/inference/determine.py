@@ -19,7 +19,7 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
-from fitting.fit.search.minima import DESCENTS, screened
+from fitting.fit.search.minima import DESCENTS, SCREENED, screened
 from fitting.fit.search.twins import Twin, find_twins
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.adequacy import (
@@ -194,7 +194,7 @@ def _beginnings(
         return [*begins, *options.minima]
     try:
         for screens in range(math.ceil(options.starts / DESCENTS)):
-            begins += screened(evaluator, options.seed, screens)
+            begins += screened(evaluator, options.seed, skip=SCREENED * screens)
     except Exhausted:
         return begins
     return begins[: len(twins) + options.starts]

@@ -237,12 +237,25 @@ def _extended(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Ex
                 traces.append(trace_branch(optimum, quantity, direction, STEPS, begin))
     branches = dict(explored.branches)
     for (quantity, side), more in zip(sides, run_in_lockstep(traces, evaluator), strict=True):
-        if more is None or not more.points:
-            continue
         both = list(branches[quantity.name])
-        both[side] = replace(more, points=both[side].points + more.points, at_68=both[side].at_68)
+        both[side] = _gone_on(quantity, side, both[side], more)
         branches[quantity.name] = (both[0], both[1])
     return _with_outputs(evaluator, replace(explored, branches=branches)), bool(sides)
+
+
+def _gone_on(
+    quantity: Quantity, side: int, branch: ProfileBranch, more: ProfileBranch | None
+) -> ProfileBranch:
+    """A branch with the walk that went on beyond it; without one that turned back."""
+    if more is None or not more.points:
+        return branch
+    direction = (-1.0, 1.0)[side]
+    reached = more.points[-1].value if math.isnan(more.at_95) else more.at_95
+    end = branch.points[-1].value if branch.points else quantity.best
+    end = end if math.isnan(branch.at_95) else branch.at_95
+    if direction * (reached - end) <= 0.0:
+        return replace(branch, end="lost")
+    return replace(more, points=branch.points + more.points, at_68=branch.at_68)
 
 
 def _farthest_beyond(

@@ -372,7 +372,8 @@ def fit_at_end(
         return None
     if found is None:
         return None
-    outputs = here.sample.outputs if frozen else found.sample.outputs
+    # with frozen axes the rest has moved from `here` to `found`, and outputs were not asked for
+    outputs = np.empty(0) if frozen or quantity.output < 0 else found.sample.outputs
     value = quantity.at(here if frozen else found)
     delta = found.chi_square - optimum.least
     if not (abs(value - end) <= 0.02 * abs(end - quantity.best) and delta <= EXCLUDED):
@@ -381,7 +382,7 @@ def fit_at_end(
         value=value,
         delta=delta,
         x=found.x,
-        outputs=outputs if quantity.output >= 0 else np.empty(0),
+        outputs=outputs,
     )
 
 

@@ -55,7 +55,7 @@ def _false(judged: Judged) -> Iterator[tuple[str, str]]:
     for s in judged.said:
         yield from _of_value(judged, s, warned=warned)
     for one, other in TWINS:
-        if one in said and other in said and said[one].verdict != said[other].verdict:
+        if one in said and other in said and said[one].verdict != _mirrored(said[other].verdict):
             yield (
                 "twins",
                 f"{one} {said[one].verdict}, {other} {said[other].verdict}",
@@ -69,6 +69,13 @@ def _false(judged: Judged) -> Iterator[tuple[str, str]]:
             yield "false alarm", f"no such mistake was made: {words[:160]}"
     if judged.fault and not NAMED[judged.fault].search(" ".join(judged.warnings)):
         yield "not named", f"{judged.fault} is not named by its kind"
+
+
+def _mirrored(verdict: str) -> str:
+    """The word for Q = f/width that goes with one for the width: a bound from the other side."""
+    return {"bounded above": "bounded below", "bounded below": "bounded above"}.get(
+        verdict, verdict
+    )
 
 
 def _wrong_minima(judged: Judged) -> Iterator[tuple[str, str]]:
