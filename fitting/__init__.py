@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
+    from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
     from fitting.measurements.kinds import read_campaign
     from fitting.text.errors import BadInput, FmuFailure
@@ -43,6 +44,7 @@ _HOMES = {
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
+    "campaign.laws": ("Laws",),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
     "text.errors": ("BadInput", "FmuFailure"),
@@ -57,6 +59,7 @@ __all__ = [
     "FmuFailure",
     "Goal",
     "Inference",
+    "Laws",
     "Limits",
     "Noise",
     "Parameter",

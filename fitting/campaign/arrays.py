@@ -26,6 +26,7 @@ from fitting.campaign.binding import (
     bind_parameters,
     check_conflicts,
     free_scale,
+    with_laws,
 )
 from fitting.campaign.file import ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
@@ -48,7 +49,7 @@ class Parameter:
     """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
 
     Args:
-        name: The FMU's variable.
+        name: The FMU's variable, or a coefficient that a law names.
         start: Where the search begins, inside the box; a number in ``unit``, or a text with a unit
             of its own as "400 Hz", like all that follow.
         bounds: Lower and upper end of the box, in ``unit``.
@@ -352,7 +353,11 @@ def bind_arrays(
     if not any(_is_fitted(m) for m in data.measurements):
         raise BadInput('problem: nothing to fit, wanted tones, or a sweep with use = "fit"')
     names = dict.fromkeys(m.series for m in data.measurements)
-    return tuple(_Series(data, name, Binder(variables)).bound() for name in names)
+    made = []
+    for name in names:
+        mine = [m for m in data.measurements if m.series == name]
+        made.append(_Series(data, name, Binder(variables, mine[0].setup.laws.names)).bound())
+    return tuple(made)
 
 
 def _is_fitted(measurement: Tones | Sweep | BoundMeasurement) -> bool:
@@ -454,7 +459,7 @@ class _Series:
             measurements=further,
         )
         check_conflicts(bound, self.places)
-        return bound
+        return with_laws(bound, binder, self.places)
 
     def _setup(self) -> Setup:
         setups = [m.setup for m in self.mine]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from fitting.campaign.data import Campaign
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
@@ -10,15 +10,23 @@ from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.tables import did_you_mean
+from fitting.text.units import parse_quantity
 from fitting.text.written import Written, in_unit
 
 
 class Binder:
-    """The FMU's variables, and the notes that converting to their units leaves."""
+    """The FMU's variables, and the notes that converting to their units leaves.
 
-    def __init__(self, variables: Mapping[str, VariableLike]) -> None:
+    ``named`` are names in laws: where the FMU has no variable of such a name it is a coefficient
+    if it is a parameter, else a control quantity, whose numbers stay in the unit that they are
+    first met in, see ``control_units``.
+    """
+
+    def __init__(self, variables: Mapping[str, VariableLike], named: Collection[str] = ()) -> None:
         self.variables = variables
         self.notes: list[str] = []
+        self.control_units: dict[str, str] = {}
+        self.free_names = frozenset(named).difference(variables)
 
     def variable(
         self, name: str, where: str, causalities: Sequence[str], role: str
@@ -114,13 +122,27 @@ class Binder:
             self.notes.append(note)
 
     def setting(self, name: str, written: Written) -> Scalar:
-        """Check that a variable may be set, and convert the value.
+        """Check that a variable may be set, and convert the value; or that of a control quantity.
 
         Args:
-            name: of the variable.
+            name: of the variable, or of the control quantity.
             written: number or quantity as the file has it.
         """
+        if name in self.free_names:
+            return self._control(name, written)
         return self.value(self.variable(name, written.where, SETTABLE, "set"), written)
+
+    def _control(self, name: str, written: Written) -> float:
+        """A number of a control quantity in its unit."""
+        unit = written.unit
+        if isinstance(written.value, str):
+            unit = parse_quantity(written.value, where=written.where)[1]
+        if unit is None:
+            raise BadInput(
+                f"{written.where}: the control quantity '{name}' has no unit, wanted one; "
+                "a plain number has the unit 1"
+            )
+        return in_unit(written, self.control_units.setdefault(name, unit))
 
 
 def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
@@ -16,6 +16,7 @@ from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement, labels_of
+from fitting.campaign.laws import Known, Laws
 from fitting.campaign.measured import MeasuredExperiment, Spectrum
 from fitting.campaign.noise import (
     Noise,
@@ -27,10 +28,10 @@ from fitting.campaign.noise import (
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.variables import READABLE, VariableLike
+from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import base_unit, convert
+from fitting.text.units import base_unit, convert, parse_quantity
 from fitting.text.written import Written, in_unit
 
 #: Each combination of alternatives is a fit of its own.
@@ -147,6 +148,7 @@ class Setup:
         line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
         accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1.
         annotation: What is known of the FMU's accuracy, and of what it may leave out.
+        laws: Formulas that variables of the FMU follow.
         source: What complaints name it by.
     """
 
@@ -158,6 +160,7 @@ class Setup:
     line_width_hz: float | None = None
     accuracy: float = 1e-6
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
+    laws: Laws = field(default_factory=Laws)
     source: str = ""
 
 
@@ -211,8 +214,9 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
             not match, a value outside the FMU's range, a variable set in two ways.
     """
-    file, binder = campaign.file, Binder(variables)
-    top, places = str(campaign.path), places_of_file(campaign.path)
+    file, top, places = campaign.file, str(campaign.path), places_of_file(campaign.path)
+    laws = Laws(file.laws, file.constants, source=f"{places.top}{places.laws}")
+    binder = Binder(variables, laws.names)
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)
     drive = _bind_drive(campaign, binder)
@@ -228,6 +232,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         line_width_hz=file.observe.line_width,
         accuracy=file.accuracy.amplitude,
         annotation=bind_annotation(campaign, binder),
+        laws=laws,
         source=top,
     )
     sweep = _bind_sweep(campaign, binder)
@@ -256,7 +261,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         measurements=further,
     )
     check_conflicts(bound, places)
-    return bound
+    return with_laws(bound, binder, places)
 
 
 def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
@@ -480,20 +485,56 @@ def bind_parameters(
 
 
 def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Parameter:
+    if choice.name in binder.free_names:
+        return _bind_coefficient(choice, where)
     variable = binder.real(choice.name, where, ("parameter",), "fitted")
     numbers = {}
-    for key, written in choice.numbers.items():
-        bare = not isinstance(written.value, str)
-        unit = written.unit or choice.unit
-        with_unit = Written(written.value, unit, written.where) if bare else written
+    for key, written in _with_units(choice).items():
         if key in ("lower", "upper", "start"):
-            numbers[key] = binder.number(variable, with_unit)
+            numbers[key] = binder.number(variable, written)
         else:  # a difference or a prior: the FMU's range does not bind it
-            numbers[key] = in_unit(with_unit, variable.unit)
+            numbers[key] = in_unit(written, variable.unit)
+    made = _parameter(choice, variable.unit or choice.unit or "1", numbers, where)
+    return replace(
+        made,
+        least=-math.inf if variable.min is None else variable.min,
+        most=math.inf if variable.max is None else variable.max,
+    )
+
+
+def _bind_coefficient(choice: AskedParameter, where: str) -> Parameter:
+    """A parameter that is no variable of the FMU but named by a law."""
+    written = _with_units(choice)
+    start = written["start"]
+    unit = start.unit
+    if isinstance(start.value, str):
+        unit = choice.unit or parse_quantity(start.value, where=start.where)[1]
+    if unit is None:
+        raise BadInput(
+            f'{where}: a coefficient of laws has no unit, wanted unit = "Hz/V", for example; a '
+            'plain number has the unit "1"'
+        )
+    numbers = {key: in_unit(each, unit) for key, each in written.items()}
+    return replace(_parameter(choice, unit, numbers, where), role="coefficient")
+
+
+def _with_units(choice: AskedParameter) -> dict[str, Written]:
+    """What was said of a parameter, bare numbers in the unit of the entry."""
+    return {
+        key: written
+        if isinstance(written.value, str)
+        else Written(written.value, written.unit or choice.unit, written.where)
+        for key, written in choice.numbers.items()
+    }
+
+
+def _parameter(
+    choice: AskedParameter, unit: str, numbers: Mapping[str, float], where: str
+) -> Parameter:
     try:
         return Parameter(
             name=choice.name,
-            unit=variable.unit or choice.unit or "1",
+            unit=unit,
             lower=numbers["lower"],
             upper=numbers["upper"],
             start=numbers["start"],
@@ -501,8 +542,6 @@ def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Param
             scale=numbers.get("scale", 0.5 * (numbers["upper"] - numbers["lower"])),
             period=numbers.get("period"),
             prior_sigma=numbers.get("prior"),
-            least=-math.inf if variable.min is None else variable.min,
-            most=math.inf if variable.max is None else variable.max,
         )
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from error
@@ -550,28 +589,86 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
     if len(set(named)) < len(named):
         raise BadInput(f"{places.top}{places.parameters} {named} names one twice")
     own = {p.target for p in bound.parameters if p.experiments and not p.adds_to}
-    everywhere = {p.name for p in bound.parameters if not p.experiments and p.role == "model"}
+    everywhere = {p.name for p in bound.parameters if not p.experiments and p.moves_model}
     for name in sorted(own & everywhere):
         raise BadInput(
             f"{places.top}{places.parameters} '{name}' is fitted both with scope = \"experiment\" "
             "and for the whole campaign; wanted one of them"
         )
     fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
-    said: list[tuple[str, Mapping[str, object]]] = [
-        (f"experiment '{e.label}'", e.settings) for e in bound.experiments
-    ]
-    if bound.sweep is not None:
-        said.append((places.sweep, bound.sweep.settings))
-    for table, measurement in bound.measurements.items():
-        name = places.measurement.format(table)
-        said += [(f"{name} {label}".strip(), own) for label, own in measurement.places]
-    tried = bound.alternatives[0]
-    for name in (*fitted, *tried):
-        role = "fitted" if name in fitted else "an alternative"
-        also = {places.alternatives: tried} if name in fitted else {}
-        also |= {places.start: bound.setup.start_values} if name in everywhere else {}
+    tried, laws = bound.alternatives[0], bound.setup.laws.formulas
+    said = list(_settings_by_place(bound, places))
+    roles = dict.fromkeys(laws, "is given by a law")
+    roles |= dict.fromkeys(tried, "is an alternative") | dict.fromkeys(fitted, "is fitted")
+    for name, role in roles.items():
+        also: dict[str, Mapping[str, object]] = {}
+        if name in fitted or name in laws:
+            also[places.alternatives] = tried
+        if name in everywhere or name in laws:
+            also[places.start] = bound.setup.start_values
+        if name in fitted:
+            also[places.laws.rstrip(":")] = laws
         for place, settings in (*said, *also.items()):
             if name in settings:
                 raise BadInput(
-                    f"{places.top}'{name}' is {role} and also set by {place}; wanted one of them"
+                    f"{places.top}'{name}' {role} and also set by {place}; wanted one of them"
                 )
+
+
+def _settings_by_place(
+    bound: BoundCampaign, places: Places
+) -> Iterator[tuple[str, Mapping[str, Scalar]]]:
+    """What everything that was measured sets, by its name in complaints."""
+    for e in bound.experiments:
+        yield f"experiment '{e.label}'", e.settings
+    if bound.sweep is not None:
+        yield places.sweep, bound.sweep.settings
+    for table, measurement in bound.measurements.items():
+        name = places.measurement.format(table)
+        for label, own in measurement.places:
+            yield f"{name} {label}".strip(), own
+
+
+def with_laws(bound: BoundCampaign, binder: Binder, places: Places) -> BoundCampaign:
+    """A campaign whose laws are bound to the FMU: units of all that they name, and finite values.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        binder: of the campaign to its FMU.
+        places: what complaints name its parts by.
+
+    Raises:
+        BadInput: a law of a variable that cannot be set, that names what there is not, whose
+            dimension is not that of the variable, or that has no value somewhere.
+    """
+    laws, variables = bound.setup.laws, binder.variables
+    if not laws.formulas:
+        return bound
+    controls = dict(binder.control_units)
+    for measurement in bound.measurements.values():
+        for name, unit in measurement.control_units.items():
+            if name not in variables and controls.setdefault(name, unit) != unit:
+                raise BadInput(
+                    f"{laws.source} the control quantity '{name}' is in {unit} and in "
+                    f"{controls[name]}; wanted one unit"
+                )
+    targets = {
+        name: binder.real(name, f"{laws.source} {name}", SETTABLE, "set").unit or ""
+        for name in laws.formulas
+    }
+    made = laws.with_units(
+        targets,
+        Known(
+            parameters={p.target: p.unit for p in bound.parameters if p.moves_model},
+            variables={n: variables[n].unit or "1" for n in laws.names if n in variables},
+            controls=controls,
+        ),
+    )
+    setup = replace(bound.setup, laws=made)
+    common = {**setup.start_values, **bound.alternatives[0]}
+    made.check(
+        ((place, {**common, **own}) for place, own in _settings_by_place(bound, places)),
+        {p.target: p.start for p in bound.parameters if p.moves_model and not p.adds_to},
+    )
+    notes = (*bound.notes, *(law.words for law in made.bound))
+    return replace(bound, setup=setup, notes=notes)

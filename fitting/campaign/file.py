@@ -291,9 +291,9 @@ class WrittenParameter(Keys):
     """A fitted FMU parameter; ``unit`` belongs to every bare number of the entry."""
 
     name: Text
-    """A Real parameter of the FMU."""
+    """A Real parameter of the FMU, or a coefficient that a law names."""
     unit: Text | None = None
-    """Of the bare numbers in this table; without it the FMU's."""
+    """Of the bare numbers in this table; without it the FMU's, which has none of a coefficient."""
     scope: Annotated[Text, OneOf(("campaign", "experiment"))] = "campaign"
     """With "campaign" one value, with "experiment" every experiment has one of its own."""
     lower: Value
@@ -546,6 +546,11 @@ class WrittenCampaign(Keys):
     """A measured frequency response."""
     parameters: Annotated[tuple[WrittenParameter, ...], listed("one [[parameters]] table or more")]
     """The FMU parameters that are fitted."""
+    laws: Mapping[str, Text] = field(default_factory=dict)
+    """FMU variable: the formula that it follows, of parameters, constants and control quantities
+    (columns and settings that are no variable of the FMU), as f1 = "a0 + a1*V"."""
+    constants: Mapping[str, Value] = field(default_factory=dict)
+    """Numbers that laws name, with their units."""
     derived: WrittenDerived = WrittenDerived()
     """What else is reported."""
     alternatives: Mapping[str, Values] = field(default_factory=dict)

@@ -68,7 +68,7 @@ def is_shared(parameter: Parameter) -> bool:
     Args:
         parameter: a fitted parameter.
     """
-    return parameter.role == "model" and not parameter.experiments
+    return parameter.moves_model and not parameter.experiments
 
 
 def series_names(bounds: Sequence[BoundCampaign]) -> tuple[str, ...]:

@@ -43,6 +43,10 @@ class BoundMeasurement(Protocol):
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
         """Label and settings of everything that was measured."""
 
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """Units of those settings that no variable of the FMU holds, for laws."""
+
     def within(self, setup: Setup, series: str) -> Self:
         """The same as part of a series that is driven so.
 

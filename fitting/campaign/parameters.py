@@ -27,9 +27,10 @@ class Parameter:
     experiment that it belongs to (``further``: and others that share it). It is the value of the
     FMU's ``variable`` (the name, where empty), or, with ``adds_to``, is added to those variables.
     ``prior_sigma`` is the standard deviation of a Gaussian prior about ``reference``; without it
-    only box and Tikhonov term hold the value. ``role`` "scale" is no variable of the FMU but the
-    logarithm of a factor on the scale. ``least`` and ``most`` are what the model itself allows, as
-    it declares it: the box says where to look, these say what there is.
+    only box and Tikhonov term hold the value. ``role`` "coefficient" is no variable of the FMU but
+    one of the laws that variables follow, "scale" the logarithm of a factor on the scale. ``least``
+    and ``most`` are what the model itself allows, as it declares it: the box says where to look,
+    these say what there is.
 
     Raises:
         BadInput: bounds reversed, start outside, a number not finite, scale, period or prior_sigma
@@ -81,6 +82,11 @@ class Parameter:
     def target(self) -> str:
         """The FMU variable that holds the value (without ``adds_to``)."""
         return self.variable or self.name
+
+    @property
+    def moves_model(self) -> bool:
+        """Whether the model depends on it: not so the scale."""
+        return self.role != "scale"
 
     @property
     def experiments(self) -> tuple[str, ...]:
@@ -210,7 +216,7 @@ def everywhere(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     Args:
         parameters: the fitted parameters.
     """
-    return tuple(p for p in parameters if not p.experiments and p.role == "model")
+    return tuple(p for p in parameters if not p.experiments and p.moves_model)
 
 
 def canonical(parameters: Sequence[Parameter], values: FloatArray) -> FloatArray:

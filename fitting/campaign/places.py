@@ -21,6 +21,8 @@ class Places:
     sweep: str
     measurement: str
     alternatives: str
+    laws: str
+    constants: str
 
     def of_parameter(self, name: str) -> str:
         """Where one parameter was said.
@@ -45,6 +47,8 @@ def places_of_file(path: Path) -> Places:
         sweep="[sweep.set]",
         measurement="[{}]",
         alternatives="[alternatives]",
+        laws="[laws]",
+        constants="[constants]",
     )
 
 
@@ -62,4 +66,6 @@ def places_of_series(name: str) -> Places:
         sweep="the sweep's settings",
         measurement="the measurement {}",
         alternatives="alternatives",
+        laws="laws:",
+        constants="constants:",
     )

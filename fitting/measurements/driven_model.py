@@ -49,7 +49,7 @@ class DrivenModel:
     @cached_property
     def _acting(self) -> dict[str | None, list[int]]:
         """Positions of the FMU's parameters that act in an experiment, by its label; None: all."""
-        model = [(i, q) for i, q in enumerate(self.parameters) if q.role == "model"]
+        model = [(i, q) for i, q in enumerate(self.parameters) if q.moves_model]
         everywhere = [i for i, q in model if not q.experiments]
         acting: dict[str | None, list[int]] = {None: everywhere}
         for i, parameter in model:
@@ -77,12 +77,15 @@ class DrivenModel:
     def values(
         self, p: FloatArray, label: str | None, settings: Mapping[str, Scalar]
     ) -> dict[str, Scalar]:
-        """Start values: campaign's, plan's, alternative's, experiment's, then the fitted ones.
+        """Start values: campaign's, plan's, alternative's, experiment's, the fitted ones, laws'.
 
         Args:
             p: parameters (n,), each in its own unit.
             label: of the experiment, None for a sweep.
-            settings: values of FMU variables, by name.
+            settings: values of FMU variables and of control quantities, by name.
+
+        Raises:
+            NoScale: a law has no finite value there.
         """
         drive = self.setup.drive
         values: dict[str, Scalar] = {**self.setup.start_values, **self.plan.settings}
@@ -90,7 +93,10 @@ class DrivenModel:
         values.update(self.alternative)
         values.update(settings)
         acting = [(self.parameters[i], float(p[i])) for i in self.columns(label)]
-        values.update({q.target: value for q, value in acting if not q.adds_to})
+        own = [(q, value) for q, value in acting if not q.adds_to]
+        values.update({q.target: value for q, value in own if q.role == "model"})
+        coefficients = {q.target: value for q, value in own if q.role == "coefficient"}
+        values = self.setup.laws.applied(values, coefficients)
         for parameter, value in acting:
             for name in parameter.adds_to:
                 values[name] = float(values[name]) + value

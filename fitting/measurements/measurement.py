@@ -126,6 +126,11 @@ class Measurement(Protocol):
         """Label and settings of everything that was measured, one for each run of its own."""
         ...
 
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """Units of those settings that no variable of the FMU holds, for laws."""
+        ...
+
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Drives, at parameters p (n,), by which the plan of its series is measured.
 
@@ -269,6 +274,11 @@ class MeasurementKind:
     def line_width_hz(self) -> float | None:
         """Its data show no line."""
         return None
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """Every setting is a variable of the FMU."""
+        return {}
 
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """No drive to measure a plan by."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,18 @@ if TYPE_CHECKING:  # takes a while to load: only where a unit is met
     import pint
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+
+#: Powers of base dimensions by their names, as "[time]".
+Dimension = Mapping[str, float]
+_BASE_UNITS = {
+    "[length]": "m",
+    "[mass]": "kg",
+    "[time]": "s",
+    "[current]": "A",
+    "[temperature]": "K",
+    "[substance]": "mol",
+    "[luminosity]": "cd",
+}
 
 #: Characters of a quantity; the patterns take their time over longer ones.
 LONGEST = 400
@@ -125,6 +138,33 @@ def base_unit(unit: str) -> str:
     """
     found = _unit(unit)
     return unit if found is None else f"{_registry().get_base_units(found)[1]:~P}"
+
+
+def dimension_of(unit: str, *, where: str) -> Dimension:
+    """Powers of the base dimensions of a unit: "Hz" -> {"[time]": -1}; angles are plain numbers.
+
+    Args:
+        unit: as it was written.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: there is no such unit.
+    """
+    found = _unit(unit)
+    if found is None:
+        raise BadInput(f"{where}: there is no unit {unit!r}")
+    return {str(name): float(str(power)) for name, power in found.dimensionality.items()}
+
+
+def dimension_words(dimension: Dimension) -> str:
+    """A dimension in SI base units, for complaints: {"[time]": -1.0} -> "s^-1".
+
+    Args:
+        dimension: powers of base dimensions.
+    """
+    powers = {_BASE_UNITS.get(name, name): power for name, power in dimension.items()}
+    words = [unit if power == 1.0 else f"{unit}^{power:g}" for unit, power in powers.items()]
+    return "·".join(words) or "a plain number"
 
 
 def same_kind(unit: str, other: str) -> bool:

@@ -138,7 +138,7 @@ def _candidates(parameters: Sequence[Parameter]) -> list[Twin]:
 
 def _turns(parameter: Parameter) -> list[tuple[float, float]]:
     """Signs and shifts of one parameter."""
-    if parameter.prior_sigma is not None or parameter.role != "model" or parameter.experiments:
+    if parameter.prior_sigma is not None or not parameter.moves_model or parameter.experiments:
         return [(1.0, 0.0)]
     if parameter.period is not None:
         return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
@@ -151,7 +151,7 @@ def _orders(parameters: Sequence[Parameter]) -> Iterator[tuple[int, ...]]:
     """Exchanges within the groups of like parameters, those of several groups combined."""
     groups: list[list[int]] = []
     for i, p in enumerate(parameters):
-        if p.prior_sigma is None and p.role == "model" and p.period is None and not p.experiments:
+        if p.prior_sigma is None and p.moves_model and p.period is None and not p.experiments:
             mine = next((g for g in groups if all(_alike(p, parameters[j]) for j in g)), None)
             if mine is None:
                 groups.append([i])

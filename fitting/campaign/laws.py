@@ -1,0 +1,300 @@
+"""Laws: variables of the FMU that follow formulas of control quantities, with coefficients to fit.
+
+    [laws]
+    f1 = "a0 + a1*V + a2*V**2"        a0, a1, a2: [[parameters]];  V: a control quantity
+
+A law names parameters (its coefficients, or variables of the FMU that are fitted), constants, and
+control quantities: whatever else places of measurements set, be it a variable of the FMU or not.
+It is worked out in SI base units, so that every number may be written in its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput, NoScale
+from fitting.text.formula import Formula, alike
+from fitting.text.tables import did_you_mean
+from fitting.text.units import convert, dimension_of, dimension_words, parse_quantity
+from fitting.text.written import Written, as_written
+
+#: Label and settings of something that was measured.
+Place = tuple[str, Mapping[str, Scalar]]
+
+
+@dataclass(frozen=True)
+class InBase:
+    """How numbers in a unit become numbers in SI base units: times ``factor``, plus ``offset``."""
+
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def to_base(self, value: float) -> float:
+        """A number of the unit in base units.
+
+        Args:
+            value: in the unit.
+        """
+        return value * self.factor + self.offset
+
+    def from_base(self, value: float) -> float:
+        """A number in base units in the unit.
+
+        Args:
+            value: in base units.
+        """
+        return (value - self.offset) / self.factor
+
+
+def in_base(unit: str, where: str) -> InBase:
+    """How numbers in a unit become numbers in SI base units.
+
+    Args:
+        unit: that exists.
+        where: what opens complaints.
+
+    Raises:
+        BadInput: there is no such unit, or it is a logarithmic one.
+    """
+    offset = convert(0.0, unit, None, where=where)
+    return InBase(convert(1.0, unit, None, where=where) - offset, offset)
+
+
+@dataclass(frozen=True)
+class Law:
+    """A formula that a variable of the FMU, ``target``, follows.
+
+    ``units`` are those of all its names, ``constants`` the values of those that are constant;
+    ``unit`` is that of the target, empty where the FMU declares none.
+
+    Raises:
+        BadInput: it names nothing, or its dimension is not that of the target.
+    """
+
+    target: str
+    formula: Formula
+    _: KW_ONLY
+    units: Mapping[str, str]
+    constants: Mapping[str, float] = field(default_factory=dict)
+    unit: str = ""
+    scales: Mapping[str, InBase] = field(init=False, repr=False, compare=False)
+    result: InBase = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        where = self.formula.where
+        found = self.formula.dimension(self.units)
+        if self.unit and not alike(found, dimension_of(self.unit, where=where)):
+            raise BadInput(
+                f"{where}: '{self.formula.text}' is {_in(dimension_words(found))}, wanted "
+                f"{self.unit}, the unit of '{self.target}'"
+            )
+        scales = {name: in_base(unit, where) for name, unit in self.units.items()}
+        object.__setattr__(self, "scales", scales)
+        object.__setattr__(self, "result", in_base(self.unit, where) if self.unit else InBase())
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Names that have to be given a value."""
+        return tuple(name for name in self.formula.names if name not in self.constants)
+
+    def value(self, values: Mapping[str, Scalar]) -> float:
+        """The target's value in its unit; NaN or infinite where the formula has none.
+
+        Args:
+            values: of all names that are not constant, in their units.
+        """
+        given = {**values, **self.constants}
+        base = {name: self.scales[name].to_base(float(given[name])) for name in self.formula.names}
+        return self.result.from_base(float(self.formula.value(base)))
+
+    @property
+    def words(self) -> str:
+        """The law as a sentence."""
+        constants = ", ".join(
+            f"{name} = {value:g} {'' if self.units[name] == '1' else self.units[name]}".rstrip()
+            for name, value in self.constants.items()
+        )
+        said = f"'{self.target}' follows the law {self.formula.text}"
+        return f"{said} with {constants}." if constants else f"{said}."
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Formulas that variables of the FMU follow, of parameters, constants and control quantities.
+
+        ff.Laws({"f1": "a0 + a1*V", "f2": "b0"})
+
+    Args:
+        formulas: By the FMU's variables: numbers, names, pi, + - * / ** and sqrt, exp, log, cos,
+            sin, tan, acos, asin, atan.
+        constants: Numbers that they name: plain ones, or texts with a unit as "1 H".
+        source: What complaints name them by.
+        bound: The same with all units, beside an FMU.
+        controls: Units of the control quantities that no variable of the FMU holds.
+
+    Raises:
+        BadInput: what is no formula, a formula that names nothing, a constant that is no number or
+            that no formula names.
+    """
+
+    formulas: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, float | str | Written] = field(default_factory=dict)
+    _: KW_ONLY
+    source: str = "laws:"
+    bound: tuple[Law, ...] = ()
+    controls: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, formula in self.parsed.items():
+            if not formula.names:
+                raise BadInput(
+                    f"{formula.where}: '{formula.text}' names nothing; wanted a parameter or a "
+                    f"control quantity in it (fixed values of '{name}' are start values)"
+                )
+        for name in self.numbers:
+            if name not in self.names:
+                hint = did_you_mean(name, sorted(self.names))
+                raise BadInput(f"{self.source} the constant '{name}' is named by no law{hint}")
+
+    @cached_property
+    def parsed(self) -> dict[str, Formula]:
+        """Formulas by the FMU's variables."""
+        return {
+            name: Formula(text, f"{self.source} {name}") for name, text in self.formulas.items()
+        }
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """All names in them."""
+        return frozenset(name for formula in self.parsed.values() for name in formula.names)
+
+    @cached_property
+    def numbers(self) -> dict[str, tuple[float, str]]:
+        """Constants by name: a number and its unit, "1" for a plain number."""
+        return {name: _number(name, value, self.source) for name, value in self.constants.items()}
+
+    def with_units(self, targets: Mapping[str, str], known: Known) -> Laws:
+        """The same, bound to an FMU.
+
+        Args:
+            targets: units of the FMU's variables that follow a law, empty where it declares none.
+            known: what names can stand for.
+
+        Raises:
+            BadInput: a name that stands for nothing, a dimension that is not the target's.
+        """
+        units = {**known.variables, **known.controls, **known.parameters}
+        units |= {name: unit for name, (_, unit) in self.numbers.items()}
+        for formula in self.parsed.values():
+            for name in formula.names:
+                if name not in units:
+                    raise BadInput(
+                        f"{formula.where}: '{name}' is neither a parameter nor a constant, and no "
+                        f"measurement sets it{did_you_mean(name, sorted(units))}"
+                    )
+        bound = tuple(
+            Law(
+                target,
+                formula,
+                units={name: units[name] for name in formula.names},
+                constants={n: self.numbers[n][0] for n in formula.names if n in self.numbers},
+                unit=targets[target],
+            )
+            for target, formula in self.parsed.items()
+        )
+        return replace(self, bound=bound, controls=known.controls)
+
+    def applied(
+        self, values: Mapping[str, Scalar], coefficients: Mapping[str, float]
+    ) -> dict[str, Scalar]:
+        """Start values with what the laws say of them, without the control quantities.
+
+        Args:
+            values: of the FMU's variables and of control quantities, by name.
+            coefficients: parameters that are no variables of the FMU, by name.
+
+        Raises:
+            BadInput: a control quantity has no value there.
+            NoScale: a law has no finite value there.
+        """
+        known = {**values, **coefficients}
+        found = {law.target: _finite(law, known) for law in self.bound}
+        kept = {name: value for name, value in values.items() if name not in self.controls}
+        return {**kept, **found}
+
+    def check(self, places: Iterable[Place], starts: Mapping[str, float]) -> None:
+        """Every law has a finite value at every place, and every control quantity more than one.
+
+        Args:
+            places: what complaints name a measurement by, and its settings.
+            starts: start values of the parameters by name.
+
+        Raises:
+            BadInput: a control quantity that is not set at a place, or the same at all; a law that
+                has no finite value.
+        """
+        known = list(places)
+        for place, settings in known:
+            try:
+                self.applied(settings, starts)
+            except BadInput as error:
+                raise BadInput(f"{error} ({place})") from error
+        for name, unit in self.controls.items():
+            values = [float(settings[name]) for _, settings in known if name in settings]
+            users = [law for law in self.bound if name in law.formula.names]
+            if users and len(set(values)) == 1:
+                raise BadInput(
+                    f"{users[0].formula.where}: the control quantity '{name}' is {values[0]:g} "
+                    f"{unit} everywhere; wanted two values or more, or a constant"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What names in laws can stand for, beside constants, each with its unit.
+
+    ``parameters`` are coefficients or fitted variables, ``variables`` those of the FMU, which
+    measurements or start values set, ``controls`` quantities that no variable holds.
+    """
+
+    parameters: Mapping[str, str]
+    variables: Mapping[str, str]
+    controls: Mapping[str, str]
+
+
+def _number(name: str, value: float | str | Written, source: str) -> tuple[float, str]:
+    written = value if isinstance(value, Written) else as_written(value, f"{source} {name}")
+    found, unit = written.value, written.unit
+    if isinstance(found, str):
+        found, unit = parse_quantity(found, where=written.where)
+    if isinstance(found, bool):
+        raise BadInput(f"{written.where}: found {found!r}, wanted a number")
+    return float(found), unit or "1"
+
+
+def _finite(law: Law, known: Mapping[str, Scalar]) -> float:
+    for name in law.needed:
+        if name not in known:
+            raise BadInput(
+                f"{law.formula.where}: names '{name}', which has no value there; wanted a "
+                "parameter, a constant or a control quantity that every measurement sets"
+            )
+    value = law.value(known)
+    if not np.isfinite(value):
+        at = ", ".join(
+            f"{name} = {float(known[name]):.6g} {law.units[name]}".removesuffix(" 1")
+            for name in law.needed
+        )
+        raise NoScale(
+            f"{law.formula.where}: '{law.formula.text}' has no finite value at {at or 'all'}"
+        )
+    return value
+
+
+def _in(words: str) -> str:
+    return words if words == "a plain number" else f"in {words}"

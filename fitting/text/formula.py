@@ -1,0 +1,224 @@
+"""Formulas that people write: arithmetic of numbers and names, read without being run as code.
+
+The grammar is Python's, parsed by its own `ast` and cut down to what a formula needs; a library of
+expressions would bring an evaluator of a whole language, and none of them knows units.
+"""
+
+from __future__ import annotations
+
+import ast
+import keyword
+import operator
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, shown
+from fitting.text.tables import did_you_mean
+from fitting.text.units import Dimension, dimension_of, dimension_words
+
+#: Characters of a formula.
+LONGEST = 1000
+OPERATORS: Mapping[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+FUNCTIONS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
+    "sqrt": np.sqrt,
+    "exp": np.exp,
+    "log": np.log,
+    "cos": np.cos,
+    "sin": np.sin,
+    "tan": np.tan,
+    "acos": np.arccos,
+    "asin": np.arcsin,
+    "atan": np.arctan,
+}
+CONSTANTS: Mapping[str, float] = {"pi": float(np.pi)}
+GRAMMAR = f"numbers, names, pi, + - * / ** and {', '.join(FUNCTIONS)}"
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula as it was written, ``where`` opens complaints about it.
+
+    Raises:
+        BadInput: no formula, or one that holds more than the grammar allows.
+    """
+
+    text: str
+    where: str
+
+    def __post_init__(self) -> None:
+        self._check(self._tree)
+
+    @cached_property
+    def _tree(self) -> ast.expr:
+        text = self.text.strip()
+        if len(text) > LONGEST:
+            raise BadInput(f"{self.where}: {len(text)} characters, wanted {LONGEST} at most")
+        try:
+            return ast.parse(text, mode="eval").body
+        except (SyntaxError, ValueError, MemoryError, RecursionError):
+            words = (w for w in re.findall(r"[A-Za-z_]\w*", text) if keyword.iskeyword(w))
+            if taken := next(words, ""):
+                raise BadInput(
+                    f"{self.where}: found {shown(text)}, where no name can be '{taken}'; wanted "
+                    "another name for it"
+                ) from None
+            raise BadInput(
+                f"{self.where}: found {shown(text)}, wanted a formula of {GRAMMAR}"
+            ) from None
+
+    def _check(self, node: ast.expr) -> None:
+        match node:
+            case ast.Constant(value=value) if type(value) in (int, float):
+                return
+            case ast.Name() | ast.Attribute(value=ast.Name() | ast.Attribute()):
+                return
+            case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=inner):
+                self._check(inner)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+                self._check(left)
+                self._check(right)
+            case ast.Call(func=ast.Name(id=name), args=[inner], keywords=[]):
+                if name not in FUNCTIONS:
+                    hint = did_you_mean(name, list(FUNCTIONS))
+                    raise BadInput(f"{self.where}: there is no function '{name}'{hint}")
+                self._check(inner)
+            case _:
+                part = shown(ast.unparse(node))
+                raise BadInput(f"{self.where}: found {part}, wanted a formula of {GRAMMAR}")
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names in it, in the order in which they first stand there."""
+        found: list[str] = []
+        _collect(self._tree, found)
+        return tuple(name for name in dict.fromkeys(found) if name not in CONSTANTS)
+
+    def value(self, values: Mapping[str, float | FloatArray]) -> FloatArray:
+        """Its value, NaN or infinite where it has none.
+
+        Args:
+            values: of all its names, numbers or arrays of one shape.
+        """
+        with np.errstate(all="ignore"):
+            return np.asarray(_value(self._tree, values), dtype=float)
+
+    def dimension(self, units: Mapping[str, str]) -> Dimension:
+        """Powers of the base dimensions that its value has; an angle counts as a plain number.
+
+        Args:
+            units: of all its names.
+
+        Raises:
+            BadInput: a sum of unlike things, a function or a power of what has a unit.
+        """
+        known = {name: dimension_of(units[name], where=self.where) for name in self.names}
+        return self._dimension(self._tree, known)
+
+    def _dimension(self, node: ast.expr, known: Mapping[str, Dimension]) -> Dimension:
+        match node:
+            case ast.Constant():
+                return {}
+            case ast.Name() | ast.Attribute():
+                return known.get(ast.unparse(node), {})
+            case ast.UnaryOp(operand=inner):
+                return self._dimension(inner, known)
+            case ast.Call(func=ast.Name(id=name), args=[inner]):
+                found = self._dimension(inner, known)
+                if name == "sqrt":
+                    return {key: 0.5 * power for key, power in found.items()}
+                self._plain(found, inner, f"in {name}(...)")
+                return {}
+            case ast.BinOp(left=left, op=op, right=right):
+                one, two = self._dimension(left, known), self._dimension(right, known)
+                return self._combined(node, one, two, op)
+        raise TypeError(ast.unparse(node))  # the check lets nothing else pass
+
+    def _combined(
+        self, node: ast.BinOp, one: Dimension, two: Dimension, op: ast.operator
+    ) -> Dimension:
+        if isinstance(op, ast.Mult | ast.Div):
+            sign = 1.0 if isinstance(op, ast.Mult) else -1.0
+            powers = {k: one.get(k, 0.0) + sign * two.get(k, 0.0) for k in (*one, *two)}
+            return {key: power for key, power in powers.items() if abs(power) > 1e-9}
+        if isinstance(op, ast.Pow):
+            return self._power(node, one, two)
+        if not alike(one, two):
+            raise BadInput(
+                f"{self.where}: '{ast.unparse(node)}' adds {dimension_words(one)} and "
+                f"{dimension_words(two)}; wanted one dimension"
+            )
+        return one
+
+    def _power(self, node: ast.BinOp, one: Dimension, two: Dimension) -> Dimension:
+        self._plain(two, node.right, "as a power")
+        if not one:
+            return {}
+        names: list[str] = []
+        _collect(node.right, names)
+        exponent = float(_value(node.right, CONSTANTS)) if not names else float("nan")
+        if not np.isfinite(exponent):
+            raise BadInput(
+                f"{self.where}: '{ast.unparse(node)}' is a power of {dimension_words(one)}; wanted "
+                "a number as its exponent"
+            )
+        return {key: exponent * power for key, power in one.items() if exponent != 0.0}
+
+    def _plain(self, found: Dimension, node: ast.expr, place: str) -> None:
+        if found:
+            raise BadInput(
+                f"{self.where}: '{ast.unparse(node)}' {place} is in {dimension_words(found)}; "
+                "wanted a plain number there"
+            )
+
+
+def alike(one: Dimension, two: Dimension) -> bool:
+    """Whether two dimensions are the same.
+
+    Args:
+        one: powers of base dimensions.
+        two: likewise.
+    """
+    return all(abs(one.get(k, 0.0) - two.get(k, 0.0)) < 1e-9 for k in (*one, *two))
+
+
+def _collect(node: ast.expr, found: list[str]) -> None:
+    """Names in a part, the function's own apart."""
+    match node:
+        case ast.Name() | ast.Attribute():
+            found.append(ast.unparse(node))
+        case ast.UnaryOp(operand=inner):
+            _collect(inner, found)
+        case ast.Call(args=[inner]):
+            _collect(inner, found)
+        case ast.BinOp(left=left, right=right):
+            _collect(left, found)
+            _collect(right, found)
+
+
+def _value(node: ast.expr, values: Mapping[str, float | FloatArray]) -> FloatArray:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return np.asarray(number, dtype=float)
+        case ast.Name() | ast.Attribute():
+            name = ast.unparse(node)
+            return np.asarray(values[name] if name in values else CONSTANTS[name], dtype=float)
+        case ast.UnaryOp(op=ast.USub(), operand=inner):
+            return np.negative(_value(inner, values))
+        case ast.UnaryOp(operand=inner):
+            return _value(inner, values)
+        case ast.Call(func=ast.Name(id=name), args=[inner]):
+            return FUNCTIONS[name](_value(inner, values))
+        case ast.BinOp(left=left, op=op, right=right):
+            return OPERATORS[type(op)](_value(left, values), _value(right, values))
+    raise TypeError(ast.unparse(node))  # the check lets nothing else pass
