@@ -16,8 +16,10 @@ from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.likelihood.ranges import output_ranges
 from fitting.inference.verdict import Verdict
+from fitting.text.arrays import FloatArray
 from tests.support import closed_form, single_line
 from tests.support.datasets import dataset
+from tests.support.whitened import Z95, learnt, parameter, whitened
 
 
 def known(objective: Objective, start: list[float], budget: int = 10**6) -> Knowledge:
@@ -178,3 +180,31 @@ def test_the_range_of_an_output_is_searched_not_sampled() -> None:
     found = output_ranges(response, closed_form.string_parameters(), 1, [np.zeros(3)])["hump"]
     assert found.high == pytest.approx(1.0, abs=1e-5)
     assert list(found.depends) == [True, True, False]
+
+
+def test_outputs_along_a_profile_are_those_of_its_parameters() -> None:
+    """Also at the end of a range that was reached with one parameter held there.
+
+    The data know a + b to 0.07 and leave b open: where b is brought to its end, a follows.
+    """
+
+    def rows(p: FloatArray) -> FloatArray:
+        total = p[0] + p[1]
+        return np.array([(total - 1.0) / 0.1, (total - 1.02) / 0.1])
+
+    objective = whitened(
+        rows,
+        parameter("a", -50.0, 50.0, start=0.5),
+        parameter("b", -3.0, 3.0, start=0.5),
+        alone=lambda p: float(p[1]),
+        total=lambda p: float(p[0] + p[1]),
+    )
+    knowledge = learnt(objective)
+    found = {**knowledge.parameters, **knowledge.derived}
+    for profile in found.values():
+        a, b = np.array(profile.path["a"]), np.array(profile.path["b"])
+        np.testing.assert_allclose(profile.path["total"], a + b, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(profile.path["alone"], b, rtol=0.0, atol=1e-9)
+    assert found["alone"].ends == ("bound", "bound")
+    half = Z95 * 0.1 / np.sqrt(2.0)
+    np.testing.assert_allclose(found["total"].interval95, (1.01 - half, 1.01 + half), rtol=2e-3)

@@ -32,7 +32,7 @@ from fitting.text.arrays import FloatArray
 #: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.
 ROOT_68, ROOT_95 = 1.0, 1.959964
 #: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
-STEPS, POINTS, REFINEMENTS = 10, 40, 12
+STEPS, POINTS, REFINEMENTS = 10, 40, 20
 #: A step of sqrt(Dchi^2) across the threshold that is no crossing, once the points are close.
 JUMP = 0.5
 #: A crossing is found where sqrt(Dchi^2) is this close to its threshold.
@@ -218,7 +218,9 @@ class _BranchTracer:
                 continue
             misses = max(0, misses - 1)
             if self._root() > ROOT_95:
-                return (yield from self._crossed())
+                end = yield from self._crossed()
+                if end:
+                    return end
             step = min(self.longest, self._next(step))
         return "lost"
 
@@ -272,8 +274,10 @@ class _BranchTracer:
         return float(np.clip((mark + 0.5 * CLOSE - self._root()) / slope, 0.2 * step, 2.0 * step))
 
     def _crossed(self) -> Task[str]:
-        """Narrow the crossing down; the word for it."""
+        """Narrow the crossing down; the word for it, none where the walk goes on beyond it."""
         continuous = yield from self._refine()
+        if not continuous and (yield from self._regained()):
+            return ""
         inside, outside = self._bracket()
         if not continuous:
             return "lost"
@@ -286,6 +290,20 @@ class _BranchTracer:
             self.quantity.constraint(outside.value, step),
         )
         return "held" if self.held else "crossed"
+
+    def _regained(self) -> Task[bool]:
+        """Whether the point outside was one of another valley, and this one fits there as well."""
+        inside, outside = self._bracket()
+        if inside is None:
+            return False
+        gap = abs(outside.value - inside.value)
+        found = yield from self._profiled(outside.value, gap, self.places[id(inside)])
+        if found is None or found.chi_square - self.optimum.least > ROOT_95**2:
+            return False
+        self.points = [point for point in self.points if point.root <= ROOT_95]
+        self.here = found
+        self._keep(found)
+        return True
 
     def _bracket(self) -> tuple[ProfilePoint | None, ProfilePoint]:
         """The last point inside before the first outside, None for the optimum itself."""
