@@ -32,7 +32,7 @@ from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.text.arrays import FloatArray
 
 #: Evaluations of a search, in those of Algorithm 2, after which no further screen is begun.
-BUDGET_SHARE = 3.0
+BUDGET_SHARE = 12.0
 #: J of a minimum, in units of the least, from which lowering it at the last nu is in vain; and the
 #: share of the noise that a descent may leave.
 HOPELESS, LEFT = 2.0, 0.1

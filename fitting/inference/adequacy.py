@@ -112,16 +112,17 @@ def adequacy_sentences(
 
 
 def misfit_sentence(adequacy: Adequacy) -> str:
-    """That the model does not describe the data, and why.
+    """That the model does not describe the data, as far as was searched, and why.
 
     Args:
         adequacy: of the rows of known noise.
     """
     return (
         f"The model does not describe the data: chi^2 = {adequacy.chi_square:.3g} on "
-        f"{adequacy.freedom:.3g} degrees of freedom, {adequacy.chi_square / adequacy.freedom:.3g} "
-        "times what the noise explains. No value is called determined; wanted another model, "
-        "another drift, or the noise that the data have."
+        f"{adequacy.freedom:.3g} degrees of freedom at the best parameters that were found, "
+        f"{adequacy.chi_square / adequacy.freedom:.3g} times what the noise explains. No value is "
+        "called determined; wanted narrower boxes or a nearer start, if better parameters were "
+        "missed, else another model, another drift, or the noise that the data have."
     )
 
 

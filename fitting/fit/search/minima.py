@@ -27,8 +27,8 @@ from fitting.text.arrays import FloatArray
 
 #: Points of the first screen, a power of two; each further one doubles what was screened.
 SCREENED = 64
-#: Descents from the best points of a screen; screens at most, 1,024 points in all.
-DESCENTS, SCREENS = 8, 5
+#: Descents from the best points of a screen; screens at most, 4,096 points in all.
+DESCENTS, SCREENS = 8, 7
 #: Decrease of chi square that counts as something lower, and as a share of it.
 WORTH, WORTH_SHARE = 1.0, 1e-2
 #: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
