@@ -37,6 +37,33 @@ def reconstructing(campaign: Path, folder: Path, *words: str, ignored: int = 0) 
         yield job
 
 
+#: Sends SIGTERM while code that is made of text runs, as dataclasses do when a module is imported.
+IN_TEXT = """
+import os, signal, sys
+
+def send(frame, event, argument):
+    asked = signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, None)
+    if frame.f_code.co_filename == "<string>" and asked:
+        os.kill(os.getpid(), signal.SIGTERM)
+        len("")  # the signal is dealt with at a call
+
+sys.settrace(send)
+"""
+
+
+def test_an_end_while_modules_are_imported_has_the_exit_code_of_any_other(tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(IN_TEXT)
+    ended = subprocess.run(
+        [sys.executable, "-m", "fitting", "check", "none.fmu"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stderr) == (130, "fmu-fit: interrupted\n")
+
+
 def test_an_end_during_the_fit_is_reported_and_gone_on_from(campaign: Path, tmp_path: Path) -> None:
     kept = tmp_path / "out" / checkpoint.NAME
     with reconstructing(campaign, tmp_path, "--no-profiles") as job:
