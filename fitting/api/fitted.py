@@ -19,7 +19,7 @@ from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
-from fitting.fit.options import Options
+from fitting.fit.options import ESTIMATORS, LIKELIHOOD, Options
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.evaluator import MISFITS
@@ -38,10 +38,11 @@ from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import quantity, span
+from fitting.text.notation import number, quantity, span
 from fitting.text.tables import did_you_mean
 
 __all__ = [
+    "ESTIMATORS",
     "LEVELS_FILE",
     "MISFITS",
     "Fit",
@@ -77,9 +78,12 @@ class Tikhonov:
         tolerance: Levels end early where |x_(l+1) - x_l| + |J_fit - J_reg| falls to it.
         misfit: "slack": |r| with slack variables; "absolute": |r| as it is; "squares": r^2.
         quick: Looser tolerances of each solve.
+        estimator: Whose estimate is reported as the value: "likelihood": the most likely one;
+            "algorithm2": the paper's, the end of the last level. Errors, intervals and verdicts are
+            the likelihood's.
 
     Raises:
-        BadInput: a number out of its range, an unknown misfit.
+        BadInput: a number out of its range, an unknown misfit or estimator.
 
     Source: the paper, Algorithm 2.
     """
@@ -90,6 +94,7 @@ class Tikhonov:
     tolerance: float = 2.22e-16
     misfit: str = "slack"
     quick: bool = False
+    estimator: str = LIKELIHOOD
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.nu < math.inf:
@@ -104,6 +109,10 @@ class Tikhonov:
             raise BadInput(
                 f"Tikhonov: misfit is {self.misfit!r}, wanted one of {', '.join(MISFITS)}"
             )
+        if self.estimator not in ESTIMATORS:
+            raise BadInput(
+                f"Tikhonov: estimator is {self.estimator!r}, wanted one of {', '.join(ESTIMATORS)}"
+            )
 
     @classmethod
     def of(cls, options: Options) -> Tikhonov:
@@ -113,7 +122,14 @@ class Tikhonov:
             options: As a campaign has them.
         """
         s = options.schedule
-        return cls(s.nu_start, s.beta, s.levels, s.tolerance, options.solve.misfit)
+        return cls(
+            nu=s.nu_start,
+            beta=s.beta,
+            levels=s.levels,
+            tolerance=s.tolerance,
+            misfit=options.solve.misfit,
+            estimator=options.estimator,
+        )
 
     def options(self, starts: int, seed: int) -> Options:
         """All settings of a search.
@@ -133,14 +149,19 @@ class Tikhonov:
             seed=seed,
         )
         solve = SolveSettings(misfit=self.misfit)
-        return Options(schedule, quick_settings(solve) if self.quick else solve)
+        return Options(
+            schedule=schedule,
+            solve=quick_settings(solve) if self.quick else solve,
+            estimator=self.estimator,
+        )
 
 
 @dataclass(frozen=True, repr=False)
 class Value:
     """One parameter or derived output: what the data say of it, all numbers in ``unit``.
 
-    ``value`` is the most likely one; it and ``std`` are nan where the data leave it open on a side.
+    ``value`` is the most likely one, or the paper's if that was asked for (`Tikhonov.estimator`);
+    it and ``std`` are nan where the data leave it open on a side. Errors are the likelihood's.
     ``verdict`` is one of `Verdict`, with a ``reason``; ``range`` is what it could be without any
     data, ``stopped_at`` the most likely point all the same, ``algorithm2`` the end of Algorithm 2
     (nan for values of single experiments). ``profile`` is its profile likelihood, None where none
@@ -202,8 +223,17 @@ class Value:
             open_ = self.interval95 if math.isfinite(self.interval95[0]) else self.range
             text = f"{self.name}: {self.verdict}, {span(*open_, self.unit)}"
         else:
-            text = f"{self.name} = {quantity(self.value, self.std, self.unit)}, {self.verdict}"
+            text = f"{self.name} = {self._reported()}, {self.verdict}"
         return text.replace("\u00a0", " ")
+
+    def _reported(self) -> str:
+        """The value with its error; of two estimators, each by its own name."""
+        best = quantity(self.stopped_at, self.std, self.unit)
+        if self.value == self.stopped_at:
+            return best
+        return f"{number(self.value, 7)} {self.unit}".rstrip() + (
+            f" by Algorithm 2 (most likely {best})"
+        )
 
 
 class Valued(ABC):
@@ -536,7 +566,7 @@ def _value(
         verdict=found.identifiable,
         reason="" if isinstance(found, OffsetResult) else found.reason,
         range=box,
-        stopped_at=found.value,
+        stopped_at=found.value if found.is_most_likely else found.most_likely,
         algorithm2=math.nan if isinstance(found, OffsetResult) else found.algorithm2,
         reference=0.0 if isinstance(found, OffsetResult) else found.reference,
         interval95=found.ci95,

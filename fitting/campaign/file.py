@@ -54,6 +54,7 @@ from fitting.text.units import checked_accuracy
 from fitting.text.written import Written
 
 MISFITS = ("slack", "absolute", "squares")
+LIKELIHOOD, ALGORITHM2 = ESTIMATORS = ("likelihood", "algorithm2")
 DRIFT_MODELS = ("linear", "offsets", "walk")
 OUTLIERS = ("keep", "huber")
 CRITERIA = ("target", "D", "A")
@@ -406,7 +407,7 @@ class WrittenDerived(Keys):
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuationSettings(Keys):
-    """Algorithm 2: nu_start, factor beta, number of nu, tolerance, misfit form, starts, seed."""
+    """Algorithm 2: its weights nu, tolerance, misfit and starts; whose estimate is reported."""
 
     nu_start: Weight = 0.1
     """First nu, zero or more."""
@@ -424,6 +425,9 @@ class ContinuationSettings(Keys):
     search."""
     seed: WholeNumber = 1
     """Of the search."""
+    estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD
+    """Whose estimate is reported as the value: "likelihood": the most likely one; "algorithm2":
+    the paper's, at the last nu. Errors and intervals are the likelihood's."""
 
     def __post_init__(self) -> None:
         if self.beta >= 1.0:

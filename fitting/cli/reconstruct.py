@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import fitting as ff
 from fitting.api.fitted import (
+    ESTIMATORS,
     LEVELS_FILE,
     MISFITS,
     KeptLevels,
@@ -68,6 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='a value from elsewhere to test, as lambda="0.8604 MHz" or "0.8604 MHz +- 1 kHz"',
     )
     parser.add_argument("--misfit", choices=MISFITS, help="form of the misfit (the campaign's)")
+    parser.add_argument(
+        "--estimator",
+        choices=ESTIMATORS,
+        help="whose estimate is reported; errors are the likelihood's (the campaign's)",
+    )
     parser.add_argument("--seed", type=seed(), help="seed of the search (the campaign's)")
     parser.add_argument(
         "--starts",
@@ -172,7 +178,8 @@ def _way_on(args: argparse.Namespace, memory: KeptLevels) -> str:
 def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
     """As the campaign says, but for what the options change."""
     method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
-    return method if args.misfit is None else replace(method, misfit=args.misfit)
+    asked = {name: getattr(args, name) for name in ("misfit", "estimator")}
+    return replace(method, **{name: value for name, value in asked.items() if value is not None})
 
 
 def _starts(args: argparse.Namespace) -> int | None:
@@ -231,7 +238,16 @@ def _in_words(state: Progress) -> str:
 
 def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
-    for name in ("out", "workers", "accuracy", "misfit", "seed", "starts", "bootstrap"):
+    for name in (
+        "out",
+        "workers",
+        "accuracy",
+        "misfit",
+        "estimator",
+        "seed",
+        "starts",
+        "bootstrap",
+    ):
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", str(value)]

@@ -1,20 +1,24 @@
-"""How a problem is solved: schedule of nu and settings of each solve."""
+"""How a problem is solved, and what of it is reported."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign import ContinuationSettings
+from fitting.campaign.file import ALGORITHM2, ESTIMATORS, LIKELIHOOD
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
+
+__all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of"]
 
 
 @dataclass(frozen=True)
 class Options:
-    """Schedule of nu and settings of each solve."""
+    """Schedule of nu, settings of each solve, and whose estimate is reported as the value."""
 
     schedule: Schedule = field(default_factory=Schedule)
     solve: SolveSettings = field(default_factory=SolveSettings)
+    estimator: str = LIKELIHOOD
 
 
 def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
@@ -36,4 +40,4 @@ def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
     if quick:
         schedule = replace(schedule, starts=1)
         solve = quick_settings(solve)
-    return Options(schedule, solve)
+    return Options(schedule, solve, chosen.estimator)

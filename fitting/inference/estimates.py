@@ -1,13 +1,15 @@
-"""Most likely values with the errors of the problem linearised at its solution: no profiles."""
+"""Values with the errors of the problem linearised at its solution: no profiles."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, search_bounds, to_model
 from fitting.fit.differences import central
+from fitting.fit.options import ALGORITHM2, LIKELIHOOD
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.ranges import output_ranges
@@ -22,16 +24,34 @@ SEEN = 0.1
 LINEARISED = "no profile was walked"
 
 
-def parameter_results(solution: Solution, best: FloatArray) -> dict[str, ParameterResult]:
+@dataclass(frozen=True)
+class Estimates:
+    """Both estimates of all parameters (n,), each in its unit, and which of them is reported.
+
+    `best` is the most likely point, `paper` the end of Algorithm 2.
+    """
+
+    best: FloatArray
+    paper: FloatArray
+    estimator: str = LIKELIHOOD
+
+    @property
+    def reported(self) -> FloatArray:
+        """The one that stands as the value."""
+        return self.paper if self.estimator == ALGORITHM2 else self.best
+
+
+def parameter_results(solution: Solution, found: Estimates) -> dict[str, ParameterResult]:
     """Value, error and provenance of every parameter of the whole campaign, by name.
 
     Args:
         solution: end of the fit.
-        best: most likely parameters, shape (n,), each in its unit.
+        found: both estimates.
     """
     results = {}
-    shown = canonical(solution.parameters, best)
-    paper = canonical(solution.parameters, solution.final.parameters)
+    shown = canonical(solution.parameters, found.best)
+    paper = canonical(solution.parameters, found.paper)
+    reported = canonical(solution.parameters, found.reported)
     for i, parameter in enumerate(solution.parameters):
         if parameter.experiments:
             continue
@@ -39,10 +59,10 @@ def parameter_results(solution: Solution, best: FloatArray) -> dict[str, Paramet
         gradient[i] = parameter.scale
         std, shrinkage = solution.errors.of(gradient)
         results[parameter.name] = ParameterResult(
-            value=float(shown[i]),
+            value=float(reported[i]),
             unit=parameter.unit,
             std=std if shrinkage >= SEEN else float("nan"),
-            ci95=_interval(parameter, float(best[i]), float(shown[i]), std),
+            ci95=_interval(parameter, float(found.best[i]), float(shown[i]), std),
             reference=parameter.reference,
             start=parameter.start,
             lower=parameter.lower,
@@ -50,6 +70,8 @@ def parameter_results(solution: Solution, best: FloatArray) -> dict[str, Paramet
             shrinkage=shrinkage,
             identifiable=_word(shrinkage),
             algorithm2=float(paper[i]),
+            most_likely=float(shown[i]),
+            period=parameter.period,
             reason=LINEARISED,
         )
     return results
@@ -70,13 +92,13 @@ def _interval(parameter: Parameter, raw: float, shown: float, std: float) -> tup
 
 
 def derived_results(
-    solution: Solution, best: FloatArray, units: Mapping[str, str], seed: int
+    solution: Solution, found: Estimates, units: Mapping[str, str], seed: int
 ) -> dict[str, DerivedResult]:
-    """Derived outputs at the best, with errors from their gradient and range over the box.
+    """Derived outputs as reported, with errors from their gradient and range over the box.
 
     Args:
         solution: end of the fit, where they are linearised.
-        best: most likely parameters, shape (n,), each in its unit.
+        found: both estimates.
         units: of the outputs, by name.
         seed: of the random numbers.
     """
@@ -89,43 +111,42 @@ def derived_results(
     everything = [x, np.clip(np.zeros(x.size), lower, upper), *around.nodes]
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     ranges = output_ranges(response, parameters, seed, everything)
-    [here] = response.derived_many([best])
+    reported, likely = response.derived_many([found.reported, found.best])
     results = {}
-    for name, values in here.items():
+    for name, values in reported.items():
         means = np.array([mean(answer[name]) for answer in answers])
         gradient = around.quotients(list(means[2:]))
         box = (ranges[name].low, ranges[name].high)
-        results[name] = _derived(solution, values, gradient, means, units.get(name, ""), box)
+        std, shrinkage = _error(solution, gradient)
+        best = mean(likely[name])
+        if not np.isfinite(best):
+            shrinkage = 0.0
+        std = std if shrinkage >= SEEN else float("nan")
+        value = mean(values)
+        results[name] = DerivedResult(
+            value=value,
+            unit=units.get(name, ""),
+            values=tuple(map(float, values)),
+            mean=value,
+            spread=float(np.std(values, ddof=1)) if values.size > 1 else 0.0,
+            std=std,
+            ci95=_within(box, best, std),
+            reference=float(means[1]),
+            shrinkage=shrinkage,
+            identifiable=_word(shrinkage),
+            box=box,
+            algorithm2=float(means[0]),
+            most_likely=best,
+            reason=LINEARISED,
+        )
     return results
 
 
-def _derived(
-    solution: Solution,
-    values: FloatArray,
-    gradient: FloatArray,
-    means: FloatArray,
-    unit: str,
-    box: tuple[float, float],
-) -> DerivedResult:
-    value = mean(values)
-    known = bool(np.all(np.isfinite(gradient)) and np.isfinite(value))
-    std, shrinkage = solution.errors.of(gradient) if known else (float("nan"), 0.0)
-    std = std if shrinkage >= SEEN else float("nan")
-    return DerivedResult(
-        value=value,
-        unit=unit,
-        values=tuple(map(float, values)),
-        mean=value,
-        spread=float(np.std(values, ddof=1)) if values.size > 1 else 0.0,
-        std=std,
-        ci95=_within(box, value, std),
-        reference=float(means[1]),
-        shrinkage=shrinkage,
-        identifiable=_word(shrinkage),
-        box=box,
-        algorithm2=float(means[0]),
-        reason=LINEARISED,
-    )
+def _error(solution: Solution, gradient: FloatArray) -> tuple[float, float]:
+    """(standard deviation, shrinkage) of an output; unknown where it has no slope."""
+    if not np.all(np.isfinite(gradient)):
+        return float("nan"), 0.0
+    return solution.errors.of(gradient)
 
 
 def _within(box: tuple[float, float], value: float, std: float) -> tuple[float, float]:
@@ -138,45 +159,45 @@ def _within(box: tuple[float, float], value: float, std: float) -> tuple[float, 
     return min(low, value), max(high, value)
 
 
-def offset_results(solution: Solution, best: FloatArray) -> tuple[OffsetResult, ...]:
+def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, ...]:
     """One record per parameter of an experiment: what it adds up to there, with its error.
 
     Steps of a random walk are reported as the offset that they have led to.
 
     Args:
         solution: end of the fit, where they are linearised.
-        best: most likely parameters, shape (n,), each in its unit.
+        found: both estimates.
     """
-    parameters, values = solution.parameters, best
+    parameters = solution.parameters
     own = [p for p in parameters if p.experiments]
-    found = []
+    results = []
     for i, p in enumerate(parameters):
         if p.experiment is None:
             continue
-        gradient = np.zeros(len(parameters))
-        value = 0.0
+        gradient, adds = np.zeros(len(parameters)), np.zeros(len(parameters))
         for k, q in enumerate(parameters):
             if p.experiment in q.experiments and _goes_to(q) == _goes_to(p):
-                gradient[k] = q.scale
-                value += float(values[k])
+                gradient[k], adds[k] = q.scale, 1.0
+        best = float(adds @ found.best)
         std, shrinkage = solution.errors.of(gradient)
         later = [q.experiment for q in own if q is not p and _goes_to(q) == _goes_to(p)]
-        found.append(
+        results.append(
             OffsetResult(
                 parameter=p.name,
                 experiments=tuple(label for label in p.experiments if label not in later),
                 variables=_goes_to(p),
-                value=value,
+                value=float(adds @ found.reported),
                 unit=p.unit,
                 std=std,
-                ci95=(value - 1.96 * std, value + 1.96 * std),
+                ci95=(best - 1.96 * std, best + 1.96 * std),
                 prior=p.prior_sigma or float("nan"),
                 shrinkage=shrinkage,
                 identifiable=_word(shrinkage),
-                fitted=float(values[i]),
+                fitted=float(found.reported[i]),
+                most_likely=best,
             )
         )
-    return tuple(found)
+    return tuple(results)
 
 
 def _goes_to(parameter: Parameter) -> tuple[str, ...]:

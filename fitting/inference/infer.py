@@ -26,7 +26,12 @@ from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
 )
-from fitting.inference.estimates import derived_results, offset_results, parameter_results
+from fitting.inference.estimates import (
+    Estimates,
+    derived_results,
+    offset_results,
+    parameter_results,
+)
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.nu_choice import choose_nu
@@ -34,7 +39,14 @@ from fitting.inference.mistakes import agreement_of
 from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
-from fitting.inference.warnings import Kind, Warned, fit_warnings, verdict_sentences, warned
+from fitting.inference.warnings import (
+    Kind,
+    Warned,
+    estimator_sentences,
+    fit_warnings,
+    verdict_sentences,
+    warned,
+)
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
@@ -49,7 +61,7 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `warnings` what a reader must know;
-    `most_likely` (n,) are all parameters as they are reported; `agreement` is that of the peaks
+    `reported` (n,) are all parameters as they are reported; `agreement` is that of the peaks
     with the sweep, a series each. `fit` is the one that all of it is about: not the one that was
     given, where a lower J was found on the way.
     """
@@ -63,7 +75,7 @@ class Inference:
     status: Status
     message: str
     warnings: tuple[Warned, ...]
-    most_likely: FloatArray
+    reported: FloatArray
     agreement: tuple[SweepAgreement, ...] = ()
 
 
@@ -109,9 +121,10 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     # one estimator: its errors are as wide as its own residuals make them
     errors = solution.errors.widened(inflation / solution.errors.inflation)
     solution = replace(solution, errors=errors)
-    parameters = parameter_results(solution, best)
-    derived = derived_results(solution, best, request.units, fit.options.schedule.seed)
-    offsets = offset_results(solution, best)
+    estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
+    parameters = parameter_results(solution, estimates)
+    derived = derived_results(solution, estimates, request.units, fit.options.schedule.seed)
+    offsets = offset_results(solution, estimates)
     joint = consistency(problem, solution) if problem.is_joint else None
     profiles = knowledge.profiles if knowledge is not None else {}
     describes = adequacy is None or adequacy.describes
@@ -122,6 +135,8 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     agreement = request.agreement
     if agreement is None:
         agreement = agreement_of(problem, solution)
+    named: dict[str, ParameterResult | DerivedResult | OffsetResult]
+    named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
     status, message = _status(fit, adequacy)
     return Inference(
@@ -135,13 +150,14 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         message=message,
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
+            *warned(Kind.ESTIMATOR, estimator_sentences(fit.options, named)),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
             *fit_warnings(fit, offsets, agreement, best, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
-        most_likely=best,
+        reported=estimates.reported,
         agreement=agreement,
     )
 

@@ -10,16 +10,40 @@ from fitting.inference.verdict import Verdict
 Floats = tuple[float, ...]
 
 
+class _Reported:
+    """What any value can be asked: whose it is, and whether it lies in its interval."""
+
+    value: float
+    most_likely: float
+    ci95: tuple[float, float]
+    period: float | None = None
+
+    @property
+    def is_most_likely(self) -> bool:
+        """Whether the reported value is the likelihood's, of which error and interval are."""
+        return math.isnan(self.most_likely) or self.value == self.most_likely
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether the reported value lies outside the 95 % interval, which is the likelihood's."""
+        low, high = self.ci95
+        turns = (0.0,) if self.period is None else (-self.period, 0.0, self.period)
+        return not self.is_most_likely and all(
+            self.value + turn < low or self.value + turn > high for turn in turns
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
-class ParameterResult:
+class ParameterResult(_Reported):
     """One fitted parameter.
 
-    `value` is the most likely one (canonical: periodic ones in [0, period)), `algorithm2` the
-    paper's, the end of Algorithm 2. `std` is half the 68 % interval of the profile likelihood,
-    `ci95` its 95 % interval, `identifiable` the verdict with its `reason` and `precision` (see
-    `Profile`). Without profiles ("linearised only") `std`, `ci95` and `shrinkage`, the share of the
-    variance that comes from the data, are those of the problem linearised at the end of
-    Algorithm 2. `std` is NaN where the verdict leaves no value.
+    `value` is what is reported (canonical: periodic ones in [0, period)): the `most_likely` one,
+    unless the campaign asks for `algorithm2`, the paper's, the end of Algorithm 2. Error, interval
+    and verdict are the likelihood's in any case: `std` is half the 68 % interval of the profile
+    likelihood, `ci95` its 95 % interval, `identifiable` the verdict with its `reason` and
+    `precision` (see `Profile`). Without profiles ("linearised only") `std`, `ci95` and `shrinkage`,
+    the share of the variance that comes from the data, are those of the problem linearised at the
+    end of Algorithm 2. `std` is NaN where the verdict leaves no value.
     """
 
     value: float
@@ -33,12 +57,14 @@ class ParameterResult:
     shrinkage: float
     identifiable: Verdict
     algorithm2: float
+    most_likely: float = math.nan
+    period: float | None = None
     precision: float = math.nan
     reason: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
-class DerivedResult:
+class DerivedResult(_Reported):
     """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
 
     `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
@@ -58,6 +84,7 @@ class DerivedResult:
     identifiable: Verdict
     box: tuple[float, float]
     algorithm2: float
+    most_likely: float = math.nan
     precision: float = math.nan
     reason: str = ""
 
@@ -68,17 +95,19 @@ class DerivedResult:
             if math.isnan(low):
                 return "has no value at any parameters tried"
             return f"{self.identifiable} by these data ({low:.6g} to {high:.6g})"
+        if not self.is_most_likely:
+            return f"{self.value:.9g} (most likely {self.most_likely:.9g} ± {self.std:.2g})"
         return f"{self.value:.9g} ± {self.std:.2g}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffsetResult:
+class OffsetResult(_Reported):
     """A fitted value of one state of the sample, such as its offset from the interpolated drift.
 
     It belongs to `experiments` (those of one time share it) and is added to `variables`; `prior` is
     the standard deviation it was given (NaN: none). `fitted` is the value of `parameter` itself:
-    of a random walk it is the last step, while `value` is all steps together. Both are at the most
-    likely point where there is one; `std` and `ci95` are linearised.
+    of a random walk it is the last step, while `value` is all steps together. Both are of the
+    reported estimator; `std` and `ci95` are linearised, about the `most_likely` value.
     """
 
     parameter: str
@@ -92,3 +121,4 @@ class OffsetResult:
     shrinkage: float
     identifiable: Verdict
     fitted: float
+    most_likely: float = math.nan

@@ -16,6 +16,7 @@ from fitting.fit.fit import Fit
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many
+from fitting.fit.options import LIKELIHOOD, Options
 from fitting.fit.path import AlternativeResult, named
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
@@ -34,7 +35,7 @@ from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, probability
+from fitting.text.notation import hertz, number, probability, span
 from fitting.text.units import convert
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
@@ -49,6 +50,7 @@ class Kind(Enum):
     """What a warning is about."""
 
     VERDICT = "how far the data determine a value"
+    ESTIMATOR = "whose values are reported"
     EXCHANGE = "equal fits elsewhere"
     AGREEMENT = "campaigns that contradict each other"
     PEAKS = "weak peaks"
@@ -160,6 +162,31 @@ def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> 
         if value.identifiable is Verdict.UNKNOWN:
             unknown.setdefault(value.reason, []).append(name)
     said += [f"Not known: {', '.join(names)} ({why})." for why, names in unknown.items()]
+    return said
+
+
+def estimator_sentences(
+    options: Options, values: Mapping[str, ParameterResult | DerivedResult | OffsetResult]
+) -> list[str]:
+    """That the values are Algorithm 2's and the errors are not, and which of them do not agree.
+
+    Args:
+        options: of the fit.
+        values: as they are reported, by name.
+    """
+    if options.estimator == LIKELIHOOD:
+        return []
+    said = [
+        "Values are those of Algorithm 2, as asked for. Standard deviations, intervals and "
+        "verdicts are those of the likelihood, about its most likely values, which stand beside."
+    ]
+    for name, value in values.items():
+        if value.identifiable.has_value and value.is_outside:
+            shown = f"{number(value.value, 7)} {value.unit}".rstrip()
+            said.append(
+                f"{name} = {shown}, of Algorithm 2, lies outside the 95 % interval of the "
+                f"likelihood, {span(*value.ci95, value.unit)}."
+            )
     return said
 
 

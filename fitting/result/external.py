@@ -87,17 +87,19 @@ def _test(result: Result, text: str) -> ExternalTest:
             f"these data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
         )
     own = _towards(found, value)
-    sigmas = (found.value - value) / math.hypot(own, std)
+    best = found.value if found.is_most_likely else found.most_likely  # whose error it is
+    named = name if found.is_most_likely else f"The most likely {name}"
+    sigmas = (best - value) / math.hypot(own, std)
     verdict = "agrees with" if abs(sigmas) <= 3.0 else "contradicts"
     return ExternalTest(
         name=name,
         value=value,
         std=std,
         unit=found.unit,
-        found=found.value,
+        found=best,
         found_std=own,
         sigmas=sigmas,
-        sentence=f"{name} = {quantity(found.value, own, found.unit)} {verdict} {outside}: they are "
+        sentence=f"{named} = {quantity(best, own, found.unit)} {verdict} {outside}: they are "
         f"{abs(sigmas):.3g} standard deviations apart.",
     )
 
@@ -116,7 +118,8 @@ def _no_such(name: str, known: Sequence[str]) -> BadInput:
 def _towards(found: ParameterResult | DerivedResult, value: float) -> float:
     """Standard deviation on the side of the external value: intervals may be asymmetric."""
     low, high = found.ci95
-    side = (found.value - low if value < found.value else high - found.value) / 1.96
+    best = found.value if found.is_most_likely else found.most_likely
+    side = (best - low if value < best else high - best) / 1.96
     return side if math.isfinite(side) and side > 0.0 else found.std
 
 

@@ -45,7 +45,7 @@ def job_of(problem: Problem, identity: Identity, options: Options) -> str:
     content = {
         "files": _files(problem),
         "fmu": identity.sha256,
-        "options": to_plain(options),
+        "options": to_plain({"schedule": options.schedule, "solve": options.solve}),
         "accuracy": problem.accuracy,
         "version": fitting.__version__,
         "versions": {name: version(name) for name in ("numpy", "scipy")},
@@ -82,6 +82,7 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
             "tolerance": schedule.tolerance,
             "starts": schedule.starts,
             "misfit": solve.misfit,
+            "estimator": options.estimator,
             "peak_noise": " ".join(dict.fromkeys(t.noise_origin for t in problem.data.tones)),
             "optimality_absolute": solve.absolute,
             "optimality_relative": solve.relative,

@@ -89,7 +89,7 @@ def result_through(
 
 def _reported(fit: Fit, inference: Inference) -> FloatArray:
     """The reported values, as the model takes them."""
-    return canonical(fit.problem.parameters, inference.most_likely)
+    return canonical(fit.problem.parameters, inference.reported)
 
 
 def _other_signals(misfit: float, accuracy: float) -> list[str]:

@@ -156,6 +156,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ff.Tikhonov(beta=1.0), "beta is 1.0"),
     (lambda: ff.Tikhonov(levels=0), "levels is 0"),
     (lambda: ff.Tikhonov(misfit="cubes"), "misfit is 'cubes'"),
+    (lambda: ff.Tikhonov(estimator="mean"), "estimator is 'mean'"),
     (lambda: ff.Noise(relative=1.5), "relative 1.5"),
     (lambda: ff.Fmu("absent.fmu"), "absent.fmu"),
     (lambda: ff.Fmu("NoSuchModel"), "NoSuchModel"),

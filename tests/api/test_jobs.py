@@ -13,6 +13,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import fitting as ff
+from fitting.campaign import ContinuationSettings
+from fitting.fit.options import options_of
+from fitting.result.external import with_external
 from fitting.result.result import read_result
 
 
@@ -34,6 +37,34 @@ def test_a_report_is_what_the_command_writes(fit: ff.Fit, tmp_path: Path) -> Non
     named = {name: ff.profile(fit, [name]).values for name in ("width_plus",)}
     assert named["width_plus"]["width_plus"].profile is not None
     assert named["width_plus"]["theta"].profile is None
+
+
+def test_the_estimate_of_algorithm_2_is_the_value_where_asked_for(fit: ff.Fit) -> None:
+    method = ff.Tikhonov.of(options_of(ContinuationSettings(estimator="algorithm2")))
+    assert method == ff.Tikhonov(estimator="algorithm2")
+    asked = replace(fit.record, options=method.options(starts=1, seed=1))
+    papers = ff.Fit(fit.problem, asked, 0.0)
+    for name in ("width_plus", "Q_plus"):
+        own, paper = fit[name], papers[name]
+        assert paper.value == paper.algorithm2 == own.algorithm2
+        assert own.value != own.algorithm2
+        assert paper.stopped_at == own.value
+        assert paper.std == own.std
+        assert paper.interval() == own.interval()
+        assert paper.interval(0.68) == own.interval(0.68)
+        assert "by Algorithm 2 (most likely" in repr(paper)
+    assert "most likely" in repr(papers)
+    assert "most likely" not in repr(fit)
+    assert papers.result.fitted_values == pytest.approx(
+        dict(zip(fit.problem.names, fit.x, strict=True))
+    )
+    # a value from elsewhere is held against what the error is of
+    tests = [
+        with_external(each.result, ["width_plus=94.2 Hz +- 1 Hz"]).external[0]
+        for each in (fit, papers)
+    ]
+    assert tests[0].sigmas == tests[1].sigmas
+    assert "The most likely width_plus = " in tests[1].sentence
 
 
 def test_what_was_not_profiled_keeps_its_linearised_verdict(fit: ff.Fit) -> None:

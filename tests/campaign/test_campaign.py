@@ -332,6 +332,12 @@ READING = [
         "unknown key 'betta'; did you mean 'beta'?",
     ),
     (TOML, "beta = 0.1", "beta = 1.5", "[continuation] beta: found 1.5, wanted a factor below 1"),
+    (
+        TOML,
+        "nu_start = 0.1",
+        'estimator = "mean"',
+        "[continuation] estimator: found 'mean', wanted one of \"likelihood\"",
+    ),
     (TOML, "nu_start = 0.1", "nu_start = -1", "[continuation] nu_start: found -1"),
     (TOML, "starts = 3", "starts = 0", "starts: found 0, wanted a whole number from 1 to 1000"),
     (TOML, "reflection = [false, true]", "reflection = true", "wanted a list of values to try"),

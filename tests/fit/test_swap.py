@@ -79,13 +79,14 @@ def campaign(folder: Path, fmu: Path, misfit: str) -> Path:
     ("reset", "misfit"), [("RESET_WORKS", "slack"), ("RESET_DOES_NOTHING", "squares")]
 )
 def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
-    reset: str, misfit: str, tmp_path: Path
+    reset: str, misfit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = campaign(tmp_path, build_c_fmu(tmp_path, reset=reset), misfit)
     out = tmp_path / "out"
     words = ["reconstruct", str(path), "--out", str(out), "--workers", "2", "--no-report"]
     # profiles are walked for one of the two: stepping an input takes its time
-    assert main([*words, *(["--no-profiles"] if misfit == "slack" else [])]) == 0
+    further = ["--no-profiles", "--estimator", "algorithm2"] if misfit == "slack" else []
+    assert main([*words, *further]) == 0
     found = read_result(out / "result.json")
     eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2 * math.pi)
     width = DAMPING / MASS / (2 * math.pi)
@@ -93,5 +94,12 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     assert found.derived["line_width"].value == pytest.approx(width, rel=1e-6)
     word = "linearised only" if misfit == "slack" else "determined"
     assert found.derived["line_width"].identifiable == word
+    papers = misfit == "slack"
+    estimator = "algorithm2" if papers else "likelihood"
+    assert found.provenance.settings["estimator"] == estimator
+    for parameter in found.parameters.values():
+        assert parameter.value == (parameter.algorithm2 if papers else parameter.most_likely)
+    told = " ".join(capsys.readouterr().out.split())
+    assert ("Values are those of Algorithm 2, as asked for" in told) == papers
     plan = " ".join(found.provenance.plan)
     assert ("reset and reused" in plan) == (reset == "RESET_WORKS")

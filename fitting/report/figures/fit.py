@@ -8,9 +8,9 @@ from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.shown import ShownCampaign
-from fitting.report.words.values import box_words
+from fitting.report.words.values import box_words, reported_words
 from fitting.result.result import Result
-from fitting.text.notation import listed, number, plain, quantity, unit_text
+from fitting.text.notation import listed, number, plain, unit_text
 
 PER_ROW = 3
 #: Parameters of one unit that share a panel of corrections.
@@ -118,4 +118,4 @@ def _in_words(derived: DerivedResult) -> str:
     if not derived.identifiable.has_value:
         words = f"{derived.identifiable} by these data ({box_words(derived)} within"
         return f"{words} the box of the parameters)"
-    return f"{derived.identifiable}, {quantity(derived.value, derived.std, derived.unit)}"
+    return f"{derived.identifiable}, {reported_words(derived)}"

@@ -241,5 +241,8 @@ def _short_words(derived: DerivedResult) -> str:
     """Two lines: never a value with a small error where the data do not give one."""
     if not derived.identifiable.has_value:
         return f": {derived.identifiable} by these data,\nin its box {box_words(derived)}"
+    if not derived.is_most_likely:
+        value = number(derived.value, 7)
+        return f" = {value} {derived.unit} by Algorithm 2\n{derived.identifiable} by these data"
     value = quantity(derived.value, derived.std, derived.unit)
     return f" = {value}\n{derived.identifiable} by these data"

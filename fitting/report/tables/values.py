@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
@@ -15,8 +15,16 @@ from fitting.report.words.values import verdict_words
 from fitting.result.result import Result
 from fitting.text.notation import markup, number, span, unit_text
 
+#: Said where values and errors are of two estimators.
+BESIDE = (
+    "Values are the paper's estimate, the end of Algorithm 2, as asked for. Std, interval and "
+    "verdict are the likelihood's, about its most likely values."
+)
 Parameter = tuple[str, ParameterResult]
 Output = tuple[str, DerivedResult]
+Found = TypeVar("Found", Parameter, Output)
+#: Head of the column of the paper's estimate.
+PAPERS = "Algorithm 2"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +54,14 @@ class Value:
         if self.open or not math.isfinite(self.found.value):
             return Cell("–")
         return Cell(number(self.found.value, self.digits), value=self.found.value)
+
+    @property
+    def most_likely(self) -> Cell:
+        """The likelihood's, as shown beside the value of another estimator."""
+        best = self.found.value if self.found.is_most_likely else self.found.most_likely
+        if self.open or not math.isfinite(best):
+            return Cell("–")
+        return Cell(number(best, self.digits), value=best)
 
 
 #: Colour of every verdict.
@@ -121,10 +137,12 @@ def values_of(result: Valued) -> list[Value]:
     return found
 
 
+MOST_LIKELY: Column[Value] = Column("most likely", lambda v: v.most_likely)
 VALUES: tuple[Column[Value], ...] = (
     Column("parameter", lambda v: symbol(v.name), role="name"),
     Column("value", lambda v: v.value),
     Column("unit", lambda v: unit_text(v.found.unit)),
+    MOST_LIKELY,
     Column("std", lambda v: v.found.std, digits=2),
     Column("prior", lambda v: v.reference, digits=6),
     Column(
@@ -142,13 +160,13 @@ def values_table(result: Valued, title: str) -> Table:
         result: of a reconstruction, or what was inferred of a fit.
         title: over the table.
     """
-    return tabulate(title, VALUES, values_of(result))
+    return _of_values(title, VALUES, values_of(result))
 
 
 INTERVALS = (
-    *VALUES[:4],
+    *VALUES[:5],
     Column[Value]("95 % interval", lambda v: Cell("–") if v.open else interval(v.found.ci95)),
-    *VALUES[4:],
+    *VALUES[5:],
 )
 
 
@@ -159,7 +177,14 @@ def interval_table(result: Valued, title: str) -> Table:
         result: of a reconstruction, or what was inferred of a fit.
         title: over the table.
     """
-    return tabulate(title, INTERVALS, values_of(result))
+    return _of_values(title, INTERVALS, values_of(result))
+
+
+def _of_values(title: str, columns: Sequence[Column[Value]], rows: Sequence[Value]) -> Table:
+    """The table; most likely values have a column where others are reported."""
+    if all(row.found.is_most_likely for row in rows):
+        return tabulate(title, [c for c in columns if c is not MOST_LIKELY], rows)
+    return tabulate(title, columns, rows, BESIDE)
 
 
 PARAMETERS: tuple[Column[Parameter], ...] = (
@@ -171,7 +196,7 @@ PARAMETERS: tuple[Column[Parameter], ...] = (
     Column("reference", lambda row: row[1].reference),
     Column("start", lambda row: row[1].start),
     Column("box", lambda row: f"{number(row[1].lower)} to {number(row[1].upper)}"),
-    Column("Algorithm 2", lambda row: row[1].algorithm2),
+    Column(PAPERS, lambda row: row[1].algorithm2),
     Column("by the data", lambda row: verdict(row[1].identifiable)),
 )
 
@@ -182,10 +207,13 @@ def parameter_table(result: Result) -> Table:
     Args:
         result: of a reconstruction.
     """
+    rows = list(result.parameters.items())
+    if not all(p.is_most_likely for _, p in rows):
+        return tabulate("Fitted parameters", _beside(PARAMETERS, 8), rows, BESIDE)
     return tabulate(
         "Fitted parameters",
         PARAMETERS,
-        result.parameters.items(),
+        rows,
         "Value, std and interval are those of the likelihood of the stated noise: the most likely "
         "value, half its 68 % interval, and its 95 % interval; where no profiles were walked both "
         "errors are linearised. Algorithm 2 minimises a sum of absolute deviations with a "
@@ -228,7 +256,7 @@ DERIVED: tuple[Column[Output], ...] = (
     Column("95 % interval", lambda row: _if_known(row[1], interval(row[1].ci95))),
     Column("at the reference", lambda row: row[1].reference, digits=9),
     Column("range over the box", lambda row: interval(row[1].box)),
-    Column("Algorithm 2", lambda row: row[1].algorithm2),
+    Column(PAPERS, lambda row: row[1].algorithm2),
     Column("by the data", lambda row: verdict(row[1].identifiable)),
 )
 
@@ -239,14 +267,21 @@ def derived_table(result: Result) -> Table:
     Args:
         result: of a reconstruction.
     """
-    return tabulate(
-        "Derived outputs",
-        DERIVED,
-        result.derived.items(),
+    rows = list(result.derived.items())
+    note = (
         "Spread is the standard deviation over the experiments (drift), std the uncertainty of the "
         "mean. Where the data do not determine a value, no error is given: the range over the box "
-        "of the parameters says what it could be.",
+        "of the parameters says what it could be."
     )
+    if not all(d.is_most_likely for _, d in rows):
+        return tabulate("Derived outputs", _beside(DERIVED, 9), rows, f"{BESIDE} {note}")
+    return tabulate("Derived outputs", DERIVED, rows, note)
+
+
+def _beside(columns: Sequence[Column[Found]], digits: int) -> list[Column[Found]]:
+    """Columns with the most likely value in place of Algorithm 2's, which is the value."""
+    likely: Column[Found] = Column("most likely", lambda row: row[1].most_likely, digits=digits)
+    return [likely if column.name == PAPERS else column for column in columns]
 
 
 def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
@@ -306,10 +341,10 @@ def offset_table(result: Result) -> Table | None:
     """
     if not result.offsets:
         return None
-    return tabulate(
-        "Values of single experiments",
-        OFFSETS,
-        result.offsets,
+    note = (
         "Offsets are counted from the drift interpolated between the values before and after the "
-        "series; the prior of a random walk is that of its last step.",
+        "series; the prior of a random walk is that of its last step."
     )
+    if not all(o.is_most_likely for o in result.offsets):
+        note = f"{BESIDE} {note}"
+    return tabulate("Values of single experiments", OFFSETS, result.offsets, note)

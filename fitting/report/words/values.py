@@ -51,6 +51,19 @@ def box_words(derived: DerivedResult) -> str:
     return span(low / factor, high / factor, unit)
 
 
+def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
+    """A value with its error; where they are not of one estimator, each by its own name.
+
+    Args:
+        found: value with its verdict.
+    """
+    if found.is_most_likely:
+        return quantity(found.value, found.std, found.unit)
+    outside = ", outside the 95 % interval of the likelihood" if found.is_outside else ""
+    best = quantity(found.most_likely, found.std, found.unit)
+    return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
+
+
 def verdict_words(found: ParameterResult | DerivedResult | OffsetResult, digits: int) -> str:
     """What the data say of a value, in the cell of a table.
 
@@ -75,6 +88,8 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult, digits:
     words = said.get(verdict, f"{verdict}: {found.reason}")
     if verdict is Verdict.OPEN and math.isfinite(found.value):
         words += f", stopped at {number(found.value, digits)}"
+    if verdict.has_value and found.is_outside:
+        words += "; the value lies outside its 95 % interval"
     return words
 
 
@@ -85,7 +100,7 @@ def value_sentence(name: str, value: ParameterResult | DerivedResult) -> str:
         name: of the value.
         value: the value.
     """
-    verdict, shown = value.identifiable, quantity(value.value, value.std, value.unit)
+    verdict, shown = value.identifiable, reported_words(value)
     if verdict is Verdict.DETERMINED:
         return f"{plain(name)} is determined by these data {value.reason}: {shown}."
     if verdict is Verdict.LINEARISED:
