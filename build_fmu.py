@@ -1,6 +1,6 @@
 """Build the FMUs of ``fmu_src/``: the same sources and options give the same bytes.
 
-    python build_fmu.py [--out DIR] [--model NAME ...] [--set NAME=VALUE ...]
+    python build_fmu.py [--out DIR] [--model NAME ...] [--modes N] [--set NAME=VALUE ...]
 
 pythonfmu does the building; what it leaves to chance is settled here. Every FMU is assembled twice:
 first under a blank name, then under the name that is the digest of that content. The name goes into
@@ -135,14 +135,12 @@ def fmu_bytes(
     source: Path = SOURCE,
 ) -> bytes:
     """Return the archive of one FMU; raises ``BuildError`` as ``build`` does."""
-    modules = model_modules(source)
-    if model not in modules:
-        raise BuildError(f"there is no model {model!r}; there are {', '.join(modules)}")
-    with _loaded(source, modules[model]) as module:
+    module_name = _module_of(model, source)
+    with _loaded(source, module_name) as module:
         model_class = getattr(module, model)
         overrides = checked_start_values(model_class, start_values or {})
         _try_start(model_class, overrides)
-        job = _Job(model, source, modules[model], overrides)
+        job = _Job(model, source, module_name, overrides)
 
         def entries(identity: _Identity) -> list[_Entry]:
             with tempfile.TemporaryDirectory(prefix="build_fmu_") as folder:
@@ -166,9 +164,23 @@ def _try_start(model_class: type[ModelSlave], overrides: Mapping[str, StartValue
 
 
 def model_modules(source: Path = SOURCE) -> dict[str, str]:
-    """Return the models of a source package: class name -> module name."""
+    """Return the models that are built where none is named: class name -> module name."""
     with _loaded(source, None) as package:
         return dict(package.MODELS)
+
+
+def _module_of(model: str, source: Path) -> str:
+    """Return the module of a model, which may be of a family with a number in the name."""
+    with _loaded(source, None) as package:
+        models, families = dict(package.MODELS), dict(package.FAMILIES)
+    if model in models:
+        return str(models[model])
+    names = list(models)
+    for family, (module, least, most) in families.items():
+        if model in (f"{family}{number}" for number in range(least, most + 1)):
+            return str(module)
+        names.append(f"{family}{least} to {family}{most}")
+    raise BuildError(f"there is no model {model!r}; there are {', '.join(names)}")
 
 
 # --- loading the sources without leaving a trace -------------------------------------------------
@@ -296,7 +308,9 @@ def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
         keep_trailing_newline=True,
     )
     binaries = Path(pythonfmu.__file__).parent / "resources" / "binaries"
-    return environment.select_template([f"{job.model}.html.j2", "base.html.j2"]).render(
+    family = job.model.rstrip("0123456789")
+    templates = [f"{name}.html.j2" for name in (job.model, family, "base")]
+    return environment.select_template(templates).render(
         model=job.model,
         description=model_class.description,
         version=model_class.version,
@@ -352,6 +366,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--model", nargs="+", action="extend", metavar="NAME", help="models to build (all)"
     )
     parser.add_argument(
+        "--modes",
+        metavar="N",
+        help="number of modes of a model that is named without it: --model CoupledModes --modes 3",
+    )
+    parser.add_argument(
         "--set",
         nargs="+",
         action="extend",
@@ -362,12 +381,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         start_values = dict(_assignment(text) for text in options.set)
-        for path in build_all(options.model, options.out, start_values):
+        models = _numbered(options.model, options.modes)
+        for path in build_all(models, options.out, start_values):
             print(path)
     except BuildError as error:
         print(f"build_fmu.py: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _numbered(models: Sequence[str] | None, modes: str | None) -> Sequence[str] | None:
+    """Return the names of models, those of a family with the number of modes at their end."""
+    with _loaded(SOURCE, None) as package:
+        families = dict(package.FAMILIES)
+    named = [name for name in models or () if name in families]
+    if modes is not None and not named:
+        counted = ", ".join(families)
+        raise BuildError(f"--modes {modes}: wanted is a --model that it counts: {counted}")
+    for name in named:
+        _, least, most = families[name]
+        if modes is None:
+            raise BuildError(f"--model {name}: needs --modes, a number from {least} to {most}")
+        if modes not in map(str, range(least, most + 1)):
+            raise BuildError(
+                f"--modes {modes}: {name} has a number of modes from {least} to {most}"
+            )
+    return None if models is None else [f"{m}{modes}" if m in families else m for m in models]
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -7,8 +7,13 @@ that has libpython.
 
 from __future__ import annotations
 
-#: Model name (the FMU's ``modelName`` and ``modelIdentifier``) -> module of this package.
+#: Models that are built where none is named: name (the FMU's ``modelName`` and
+#: ``modelIdentifier``) -> module of this package.
 MODELS: dict[str, str] = {
     "CoupledOscillator": "coupled_oscillator",
     "DuffingOscillator": "duffing_oscillator",
 }
+
+#: Models built on demand, with a number of modes at the end of their name: what stands before it ->
+#: (module, least, most).
+FAMILIES: dict[str, tuple[str, int, int]] = {"CoupledModes": ("coupled_modes", 1, 9)}

@@ -6,23 +6,13 @@ import cmath
 from collections.abc import Sequence
 from typing import ClassVar
 
+from .driven_slave import PERIODIC_START, checked_substep, fixed, steady, substep_parameter
 from .model_error import ModelError
 from .oscillator_equations import Parameters
 from .oscillator_linear import LinearSolver
 from .oscillator_rk4 import RungeKuttaSolver
 from .oscillator_single import FULL, LEFT_OUT, QUASI_STATIC, SingleModeSolver, error
-from .two_mode_slave import (
-    DERIVED,
-    DISPLACEMENTS,
-    INPUT,
-    PERIODIC_START,
-    PHYSICAL,
-    TwoModeSlave,
-    checked_substep,
-    fixed,
-    steady,
-    substep_parameter,
-)
+from .two_mode_slave import DERIVED, DISPLACEMENTS, INPUT, PHYSICAL, TwoModeSlave
 from .variables import Accuracy, Variable
 
 EXACT, ENVELOPE, RK4 = 0, 1, 2

@@ -5,24 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+from .driven_slave import PERIODIC_START, checked_substep, fixed, parameter, substep_parameter
 from .duffing_envelope import EnvelopeSolver, Settings
 from .duffing_equations import Cubic, check_cubic, shift
 from .duffing_rk4 import DuffingRungeKutta
 from .duffing_slow import frame_frequency
 from .model_error import ModelError
 from .oscillator_equations import Parameters
-from .two_mode_slave import (
-    DERIVED,
-    DISPLACEMENTS,
-    INPUT,
-    PERIODIC_START,
-    PHYSICAL,
-    TwoModeSlave,
-    checked_substep,
-    fixed,
-    parameter,
-    substep_parameter,
-)
+from .two_mode_slave import DERIVED, DISPLACEMENTS, INPUT, PHYSICAL, TwoModeSlave
 from .variables import Accuracy, Variable
 
 ENVELOPE, RK4 = 1, 2  # the numbers that they have in CoupledOscillator

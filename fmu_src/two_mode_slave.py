@@ -1,4 +1,4 @@
-"""What the FMUs of two hybridised modes share: their variable table and the course of a run."""
+"""What the FMUs of two hybridised modes share: their variable table and their parameters."""
 
 from __future__ import annotations
 
@@ -6,71 +6,26 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from .model_error import ModelError
+from .driven_slave import STATUS, DrivenSlave, fixed, moving, parameter, steady
 from .oscillator_equations import AT_REST, TWO_PI, Parameters, check, coupling, damping, physical
-from .slave import STATUS_MESSAGE, ModelSlave
 from .variables import Variable
 
 if TYPE_CHECKING:
     from typing import Protocol
 
-    class Solver(Protocol):
-        """The motion between changes of parameters."""
+    from .driven_slave import Solver
+
+    class TwoModeSolver(Solver, Protocol):
+        """The motion of two modes between changes of parameters."""
 
         p: Parameters
-        b: float
-
-        @property
-        def grows(self) -> bool:
-            """Whether the motion must be watched for leaving the range of numbers."""
-            ...
-
-        def start(self, t: float, state: Any, b: float) -> None:
-            """Begin at ``t`` s from a state (None: on the periodic orbit) with input ``b``."""
-            ...
-
-        def advance(self, t: float) -> None:
-            """Move on to ``t`` s."""
-            ...
 
         def displacement(self, t: float) -> tuple[float, float]:
             """Return q~1, q~2 at ``t`` s."""
             ...
 
-        def with_input(self, b: float, t: float) -> None:
-            """Hold the input at ``b`` from ``t`` s on."""
-            ...
 
-        def snapshot(self) -> dict[str, Any]:
-            """Return what must be stored, beside the parameters, to continue bit for bit."""
-            ...
-
-        def restore(self, snapshot: dict[str, Any]) -> None:
-            """Take up a snapshot of a solver with the same parameters and offsets."""
-            ...
-
-
-S = TypeVar("S", bound="Solver")
-
-
-def parameter(name: str, start: Any, unit: str | None, description: str, **more: Any) -> Variable:
-    """Return a Real parameter that may be changed between steps."""
-    return Variable(name, "Real", "parameter", "tunable", description, start, unit, **more)
-
-
-def fixed(name: str, kind: str, start: Any, description: str, **more: Any) -> Variable:
-    """Return a parameter that is settled at initialisation."""
-    return Variable(name, kind, "parameter", "fixed", description, start, **more)
-
-
-def moving(name: str, description: str) -> Variable:
-    """Return a displacement."""
-    return Variable(name, "Real", "output", "continuous", description, unit="m", nominal=1e-11)
-
-
-def steady(name: str, unit: str | None, description: str, nominal: float) -> Variable:
-    """Return an output that depends on the parameters only."""
-    return Variable(name, "Real", "output", "discrete", description, unit=unit, nominal=nominal)
+S = TypeVar("S", bound="TwoModeSolver")
 
 
 #: The physical parameters, in the order of ``Parameters``.
@@ -126,13 +81,6 @@ PHYSICAL = (
     parameter("g2", 1.0, None, "gain of the drive on mode q2_hybrid"),
 )
 
-PERIODIC_START = fixed(
-    "periodic_start",
-    "Boolean",
-    False,
-    "true: start on the periodic orbit, without a transient; false: start at rest",
-)
-
 INPUT = Variable(
     "b",
     "Real",
@@ -172,22 +120,12 @@ DERIVED = (
     steady("width_minus", "Hz", "line width of mode 2, full width of |q~2|^2: D22/(2 pi)", 100.0),
     steady("Q_plus", None, "quality factor eta_plus/width_plus; NaN without damping", 1e5),
     steady("Q_minus", None, "quality factor eta_minus/width_minus; NaN without damping", 1e5),
-    Variable(
-        STATUS_MESSAGE,
-        "String",
-        "output",
-        "discrete",
-        "why the simulation failed, empty while it has not",
-    ),
+    STATUS,
 )
 
 
-class TwoModeSlave(ModelSlave, Generic[S]):
+class TwoModeSlave(DrivenSlave[S], Generic[S]):
     """Base of the FMUs: a model says how its solver is made and how it takes new parameters."""
-
-    def __init__(self, **kwargs: Any) -> None:
-        super().__init__(**kwargs)
-        self._solver: S | None = None
 
     # -- what a model provides ------------------------------------------------------------------
 
@@ -201,41 +139,25 @@ class TwoModeSlave(ModelSlave, Generic[S]):
 
     # -- the course of a run --------------------------------------------------------------------
 
-    def begin(self, t: float) -> None:
-        """Start at rest or on the periodic orbit."""
+    def first_solver(self, t: float) -> S:
+        """Return the solver, started at rest or on the periodic orbit."""
         p = self._parameters()
         periodic = self.value("periodic_start")
-        self._warn(check(p, periodic))
+        self.warn_all(check(p, periodic))
         solver = self.new_solver(p, (0.0, 0.0))
         solver.start(t, None if periodic else AT_REST, self.value("b"))
-        self._solver = solver
+        return solver
 
-    def change(self, t: float) -> None:
-        """Go on from the present state and drive phases with new parameters."""
+    def next_solver(self, solver: S, t: float) -> S:
+        """Return the solver that goes on from ``t`` s with new parameters, in state and phase."""
         p = self._parameters()
-        self._warn(check(p, periodic_start=False))
-        self._solver = self.retuned(self.running(), p, t)
+        self.warn_all(check(p, periodic_start=False))
+        return self.retuned(solver, p, t)
 
-    def step(self, t: float, end: float) -> None:
-        """Hold the input and move; a growing oscillation is watched."""
-        solver = self.running()
-        b = self.value("b")
-        if b != solver.b:
-            if not math.isfinite(b):
-                raise ModelError(f"b = {b!r} m/s2 is not a finite number")
-            solver.with_input(b, t)
-        solver.advance(end)
-        if solver.grows:
-            self._check_range(solver, end)
-
-    def _check_range(self, solver: S, end: float) -> None:
-        """Raise ModelError where the motion at ``end`` s is no number any more."""
-        try:
-            total = sum(solver.displacement(end))
-        except OverflowError:
-            total = math.inf
-        if not math.isfinite(total):
-            raise ModelError(f"the growing oscillation left the range of numbers before {end!r} s")
+    def restored_solver(self, motion: dict[str, Any]) -> S:
+        """Return the solver that a snapshot was taken of, without its state."""
+        offsets = motion["offsets"]
+        return self.new_solver(self._parameters(), (offsets[0], offsets[1]))
 
     def moving_outputs(self) -> Sequence[float]:
         """Return the displacements in both coordinates."""
@@ -264,44 +186,5 @@ class TwoModeSlave(ModelSlave, Generic[S]):
         )
         return *uncoupled, *(TWO_PI * w for w in matrix), *widths, *factors
 
-    def motion(self) -> dict[str, Any]:
-        """Return the solver's state."""
-        return self.running().snapshot()
-
-    def resume(self, motion: dict[str, Any]) -> None:
-        """Take up a solver's state."""
-        offsets = motion["offsets"]
-        self._solver = self.new_solver(self._parameters(), (offsets[0], offsets[1]))
-        self._solver.restore(motion)
-
-    def running(self) -> S:
-        """Return the solver of the run."""
-        if self._solver is None:
-            raise ModelError("the simulation has not been initialised")
-        return self._solver
-
     def _parameters(self) -> Parameters:
         return Parameters(*(self.value(name) for name in Parameters._fields))
-
-    def _warn(self, sentences: list[str]) -> None:
-        for sentence in sentences:
-            self.warn(sentence)
-
-
-def substep_parameter(number: int) -> Variable:
-    """Return the parameter of the solver ``rk4``, which has this number."""
-    return fixed(
-        "rk4_substep",
-        "Real",
-        0.0,
-        f"longest substep of solver {number}; 0: a fortieth of the shortest period",
-        unit="s",
-        minimum=0.0,
-    )
-
-
-def checked_substep(substep: float) -> float:
-    """Return the substep of ``rk4`` in s; raise ModelError if it is no time."""
-    if not (0.0 <= substep < math.inf):
-        raise ModelError(f"rk4_substep = {substep!r} s: 0 or a positive time is wanted")
-    return substep

@@ -1,0 +1,403 @@
+"""The solvers ``exact`` and ``envelope`` of N modes: periodic part by sidebands, plus a transient.
+
+Without a pump the transient and the turning of the drive are carried in 50 digits, so that the sum
+of a large orbit and a transient that nearly cancels it, as at the start from rest, keeps the digits
+of a double. With a pump the transient is a series in doubles, good to rounding of the orbit.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from .model_error import ModelError
+from .modes_equations import Parameters, matrices
+from .modes_motion import Propagator, PumpedPropagator, generator
+from .modes_stability import check_stable
+from .modes_steady import Frame, steady_state
+from .oscillator_phase import Frequency, kept_phase
+from .oscillator_precise import Precise, in_precise_arithmetic
+
+if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 or later
+    from .modes_steady import Steady
+
+    #: Displacements, then velocities over 2 pi (envelope: imaginary parts of analytic signals).
+    State = tuple[Decimal, ...]
+    #: Cycles added to tone 1, tone 2 and pump by retuning.
+    Offsets = tuple[float, float, float]
+
+TWO_PI = 2.0 * math.pi
+FOUR_PI_SQUARED = TWO_PI * TWO_PI
+NO_OFFSETS = (0.0, 0.0, 0.0)
+#: A transient that has fallen to this part of its start is lost beside any number.
+DECAYED = Decimal("1e-43")
+#: Sidebands below this part of the largest one are left out of the sum.
+NO_LINE = 1e-19
+ZERO = Decimal(0)
+
+
+def at_rest(n: int) -> State:
+    """Return the state of n modes at rest."""
+    return (ZERO,) * (2 * n)
+
+
+class Pumped(NamedTuple):
+    """A tone's periodic motion: frequency, offset, and (k, (z_k, z_k'/2 pi)) of its sidebands."""
+
+    u: Frequency
+    offset: float
+    lines: list[tuple[int, list[complex]]]
+
+
+class ModesSolver:
+    """N modes between changes of their parameters, exactly or in a rotating frame."""
+
+    def __init__(self, p: Parameters, envelope: bool, offsets: Offsets = NO_OFFSETS) -> None:
+        """Check stability; responses and propagators are made when first needed."""
+        self.p, self.envelope, self.offsets = p, envelope, offsets
+        self.n = len(p.f)
+        self.matrices = matrices(p)
+        self.frame = Frame(self.matrices, centre_of(p) if envelope else None, p.pump_hz)
+        # the full equations are those that grow
+        check_stable(self.frame._replace(centre=None), self.fastest_hz)
+        self._responses: dict[float, Steady] = {}
+        self._periodic: list[Pumped] = []
+        self._motion: _ExactMotion | _PumpedMotion | None = None
+        self.b = 0.0
+
+    @property
+    def fastest_hz(self) -> float:
+        """The highest frequency of the system's own."""
+        return max(self.matrices.eta[-1], *(abs(d) for d in self.p.d))
+
+    def response(self, u: float) -> Steady:
+        """Return the response to cos(2 pi u t), over (2 pi)^2, in s^2."""
+        if u not in self._responses:
+            self._responses[u] = steady_state(self.frame, self.p.g, u)
+        return self._responses[u]
+
+    def full_response(self, u: float) -> Steady:
+        """Return what ``response`` does, of the full equations."""
+        if not self.envelope:
+            return self.response(u)
+        return steady_state(self.frame._replace(centre=None), self.p.g, u)
+
+    # -- the course of a run --------------------------------------------------------------------
+
+    def start(self, t: float, state: State | None, b: float) -> None:
+        """Begin at ``t`` s from a state (None: on the periodic orbit) with input ``b``."""
+        if b and self.envelope:
+            raise ModelError(
+                f"b = {b!r}: the rotating frame of solver 1 (envelope) cannot carry an arbitrary "
+                "input; use solver 0 (exact) or 2 (rk4)"
+            )
+        self.b = b
+        self._motion = None
+        for u, size, _ in self.p.tones:
+            if size:
+                self.response(u)  # refused now rather than when it is read
+        if state is not None:
+            self._motion = self._new_motion(t)
+            self._motion.begin(state)
+
+    def _new_motion(self, t: float) -> _ExactMotion | _PumpedMotion:
+        return _PumpedMotion(self, t) if self.p.pumped else _ExactMotion(self, t)
+
+    @property
+    def grows(self) -> bool:
+        """Whether a transient can leave the range of a double."""
+        return self._motion is not None and min(self.p.d) < 0.0
+
+    def advance(self, t: float) -> None:
+        """Carry the transient on to ``t`` s."""
+        if self._motion is not None:
+            self._motion.advance(t)
+            if self._motion.decayed():
+                self._motion = None
+
+    def displacement(self, t: float) -> list[float]:
+        """Return the displacements at ``t`` s."""
+        if self._motion is None:
+            return [z.real for z in self.orbit(t, self.b)[: self.n]]
+        return [float(x) for x in self._motion.total()[: self.n]]
+
+    def full_state(self, t: float) -> State:
+        """Return displacements and velocities over 2 pi (envelope: analytic signals)."""
+        if self._motion is not None:
+            return tuple(self._motion.total())
+        z = self.orbit(t, self.b)
+        if self.envelope:
+            z = [*z[: self.n], *(-1j * x for x in z[: self.n])]
+        return tuple(Decimal(x.real) for x in z)
+
+    def with_input(self, b: float, t: float) -> None:
+        """Hold the input at ``b`` from ``t`` s on."""
+        if self.envelope:
+            self.start(t, self.full_state(t), b)  # refuses
+        if self._motion is None:
+            self._motion = self._new_motion(t)
+        self._motion.change_input(b)
+        self.b = b
+
+    def retuned(self, p: Parameters, t: float) -> ModesSolver:
+        """Return the solver for new parameters, with state and drive phases kept at ``t`` s."""
+        solver = ModesSolver(p, self.envelope, kept_offsets(self.offsets, self.p, p, t))
+        solver.start(t, self.full_state(t), self.b)
+        return solver
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        motion = None if self._motion is None else self._motion.snapshot()
+        return {"motion": motion, "b": self.b, "offsets": list(self.offsets)}
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Take up a snapshot of a solver with the same parameters and offsets."""
+        self.start(0.0, None, snapshot["b"])
+        if snapshot["motion"] is not None:
+            self._motion = self._new_motion(snapshot["motion"]["t"])
+            self._motion.restore(snapshot["motion"])
+
+    # -- the periodic part ----------------------------------------------------------------------
+
+    def orbit(self, t: float, b: float) -> list[complex]:
+        """Return z and z'/(2 pi) of the analytic signals whose real parts are the periodic part."""
+        total = [0j] * (2 * self.n)
+        pump = self.pump_cycles(t)
+        for tone in self._drives(b):
+            base = tone.u.cycles(t) + tone.offset
+            for k, y in tone.lines:
+                turn = cmath.rect(1.0, TWO_PI * ((base + k * pump) % 1.0))
+                total = [x + a * turn for x, a in zip(total, y)]
+        return total
+
+    def pump_cycles(self, t: float) -> float:
+        """Return the pump's phase at ``t`` s in cycles."""
+        p = self.p
+        return Frequency(p.pump_hz).cycles(t) + self.offsets[2] + p.pump_phase / TWO_PI
+
+    def _drives(self, b: float) -> list[Pumped]:
+        """Return the motion under the active tones and the held input, a tone of 0 Hz."""
+        if not self._periodic:
+            self._periodic = [
+                self._lines(u, cmath.rect(size, phase), offset)
+                for (u, size, phase), offset in self.driven
+            ]
+        return [*self._periodic, self._lines(0.0, complex(b), 0.0)] if b else self._periodic
+
+    @property
+    def driven(self) -> list[tuple[tuple[float, float, float], float]]:
+        """Active tones (frequency, amplitude, phase) with their offsets."""
+        return [(tone, o) for tone, o in zip(self.p.tones, self.offsets) if tone[1]]
+
+    def _lines(self, u: float, amplitude: complex, offset: float) -> Pumped:
+        """Return the motion under a tone of complex amplitude, without lines that are rounding."""
+        found = self.response(u)
+        lines = []
+        for k in range(-found.below, len(found.sidebands) - found.below):
+            z = [amplitude * x / FOUR_PI_SQUARED for x in found.sideband(k)]
+            speed = 1j * (u + k * self.p.pump_hz)
+            lines.append((k, [*z, *(speed * x for x in z)]))
+        sizes = [max(map(abs, y[: self.n])) for _, y in lines]
+        least = NO_LINE * max(sizes)
+        return Pumped(Frequency(u), offset, [x for x, s in zip(lines, sizes) if s >= least])
+
+
+def centre_of(p: Parameters) -> float:
+    """Return the frequency of the rotating frame: the mean of the active tones, or of the modes."""
+    active = [u for u, size, _ in p.tones if size]
+    return sum(active) / len(active) if active else sum(p.f) / len(p.f)
+
+
+def kept_offsets(offsets: Offsets, before: Parameters, after: Parameters, t: float) -> Offsets:
+    """Return the cycles with which tones and pump of new frequencies continue their phases."""
+    return (
+        kept_phase(offsets[0], before.u1, after.u1, t),
+        kept_phase(offsets[1], before.u2, after.u2, t),
+        kept_phase(offsets[2], before.pump_hz, after.pump_hz, t),
+    )
+
+
+class _Turning(NamedTuple):
+    """A tone in 50 digits: its response times its amplitude, frequency and turning."""
+
+    response: list[Precise]
+    u: Decimal
+    turning: Propagator
+
+
+class _ExactMotion:
+    """The transient of the unpumped modes beside the turning drive, in 50 digits."""
+
+    def __init__(self, solver: ModesSolver, t: float) -> None:
+        self.t, self.b = t, solver.b
+        self._made = generator(solver.frame)
+        self._flow = Propagator(self._made.still)
+        self._n = solver.n
+        with in_precise_arithmetic():
+            self._tones: list[_Turning] = []
+            self._turns: list[Precise] = []
+            for (u, size, phase), offset in solver.driven:
+                amplitude = _precise(cmath.rect(size, phase) / FOUR_PI_SQUARED)
+                response = [amplitude * x for x in solver.response(u).sidebands[0]]
+                exact = Decimal(u)
+                turning = Propagator([[ZERO, -exact], [exact, ZERO]])
+                self._tones.append(_Turning(response, exact, turning))
+                cycles = Frequency(u).cycles(t) + offset
+                self._turns.append(_precise(cmath.rect(1.0, TWO_PI * cycles)))
+            self._still = self._static(solver)
+        self._free: list[Decimal] = [ZERO] * (2 * self._n)
+        self._first = ZERO
+
+    def _static(self, solver: ModesSolver) -> list[Decimal]:
+        """Return the displacements that a unit input holds."""
+        if solver.envelope:
+            return [ZERO] * (2 * self._n)
+        still = solver.response(0.0).sidebands[0]
+        return [*(x.re / Decimal(FOUR_PI_SQUARED) for x in still), *([ZERO] * self._n)]
+
+    def begin(self, state: State) -> None:
+        """Start from displacements and velocities over 2 pi."""
+        with in_precise_arithmetic():
+            orbit = self._orbit()
+            self._set([a - b for a, b in zip(self._scaled(state), orbit)])
+
+    def _set(self, free: list[Decimal]) -> None:
+        self._free = free
+        self._first = max(abs(x) for x in free)
+
+    def _scaled(self, state: Sequence[Decimal]) -> list[Decimal]:
+        """Return the state as the generator has it: velocities over its scale."""
+        scale = self._made.scale
+        if not scale:
+            return list(state)
+        return [*state[: self._n], *(w / scale for w in state[self._n :])]
+
+    def _orbit(self) -> list[Decimal]:
+        """Return the periodic part as the generator has it."""
+        scale = self._made.scale
+        b = Decimal(self.b)
+        total = [b * x for x in self._still]
+        for tone, turn in zip(self._tones, self._turns):
+            for i, x in enumerate(tone.response):
+                z = x * turn
+                total[i] += z.re
+                total[self._n + i] += -z.im * tone.u / scale if scale else z.im
+        return total
+
+    def advance(self, t: float) -> None:
+        """Move on to ``t`` s."""
+        with in_precise_arithmetic():
+            dt = Decimal(t) - Decimal(self.t)
+            if dt:
+                self._free = self._flow.moved(self._free, dt)
+                for i, tone in enumerate(self._tones):
+                    turn = self._turns[i]
+                    self._turns[i] = Precise(*tone.turning.moved((turn.re, turn.im), dt))
+        self.t = t
+
+    def decayed(self) -> bool:
+        """Return whether nothing is left."""
+        return max(map(abs, self._free)) <= DECAYED * self._first
+
+    def total(self) -> list[Decimal]:
+        """Return displacements and velocities over 2 pi."""
+        with in_precise_arithmetic():
+            y = [a + b for a, b in zip(self._free, self._orbit())]
+            scale = self._made.scale
+            return [*y[: self._n], *(w * scale for w in y[self._n :])] if scale else y
+
+    def change_input(self, b: float) -> None:
+        """Hold another input, from the same displacements."""
+        with in_precise_arithmetic():
+            less = Decimal(self.b) - Decimal(b)
+            self._set([x + less * s for x, s in zip(self._free, self._still)])
+        self.b = b
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state in all digits, as text."""
+        return {
+            "t": self.t,
+            "free": [str(x) for x in self._free],
+            "first": str(self._first),
+            "turns": [[str(z.re), str(z.im)] for z in self._turns],
+        }
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Take up a snapshot."""
+        self._free = [Decimal(x) for x in snapshot["free"]]
+        self._first = Decimal(snapshot["first"])
+        self._turns = [Precise(Decimal(a), Decimal(b)) for a, b in snapshot["turns"]]
+
+
+class _PumpedMotion:
+    """The transient of pumped modes, in doubles."""
+
+    def __init__(self, solver: ModesSolver, t: float) -> None:
+        self.t, self._solver = t, solver
+        self.b = solver.b
+        made = generator(solver.frame)
+        self._scale = float(made.scale)
+        fastest = solver.fastest_hz
+        if solver.frame.centre is not None:
+            fastest = max(fastest, 2.0 * solver.frame.centre)
+        self._flow = PumpedPropagator(made, solver.p.pump_hz, fastest)
+        self._free = [0.0] * (2 * solver.n)
+        self._first = 0.0
+
+    def begin(self, state: State) -> None:
+        """Start from displacements and velocities over 2 pi."""
+        self._set([float(a) - b for a, b in zip(state, self._orbit(self.b))])
+
+    def _set(self, free: list[float]) -> None:
+        self._free = free
+        self._first = max(abs(x) for x in self._scaled())
+
+    def _scaled(self) -> list[float]:
+        n, scale = self._solver.n, self._scale
+        return [*self._free[:n], *(w / scale if scale else w for w in self._free[n:])]
+
+    def _orbit(self, b: float) -> list[float]:
+        """Return displacements and velocities over 2 pi of the periodic part."""
+        n = self._solver.n
+        z = self._solver.orbit(self.t, b)
+        if self._solver.envelope:
+            return [*(x.real for x in z[:n]), *(x.imag for x in z[:n])]
+        return [x.real for x in z]
+
+    def advance(self, t: float) -> None:
+        """Move on to ``t`` s."""
+        span, psi = t - self.t, TWO_PI * (self._solver.pump_cycles(self.t) % 1.0)
+        if span > 0.0:
+            n, scale = self._solver.n, self._scale
+            y = self._flow.moved(self._scaled(), span, psi)
+            self._free = [*y[:n], *(w * scale if scale else w for w in y[n:])]
+        self.t = t
+
+    def decayed(self) -> bool:
+        """Return whether nothing is left."""
+        return max(abs(x) for x in self._scaled()) <= float(DECAYED) * self._first
+
+    def total(self) -> list[Decimal]:
+        """Return displacements and velocities over 2 pi."""
+        return [Decimal(a + b) for a, b in zip(self._free, self._orbit(self.b))]
+
+    def change_input(self, b: float) -> None:
+        """Hold another input, from the same displacements and velocities."""
+        before, after = self._orbit(self.b), self._orbit(b)
+        self._set([x + old - new for x, old, new in zip(self._free, before, after)])
+        self.b = b
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state."""
+        return {"t": self.t, "free": list(self._free), "first": self._first}
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Take up a snapshot."""
+        self._free, self._first = list(snapshot["free"]), snapshot["first"]
+
+
+def _precise(z: complex) -> Precise:
+    return Precise(z.real, z.imag)
