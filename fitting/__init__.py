@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from fitting.campaign.binding import Drive, Setup
     from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
+    from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweep
     from fitting.measurements.kinds import read_campaign
+    from fitting.measurements.wiring import Wiring
     from fitting.text.errors import BadInput, FmuFailure
 
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
@@ -47,12 +49,16 @@ _HOMES = {
     "campaign.laws": ("Laws",),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
+    "measurements.complex_sweep": ("ComplexCurve", "ComplexSweep"),
+    "measurements.wiring": ("Wiring",),
     "text.errors": ("BadInput", "FmuFailure"),
 }
 
 __all__ = [
     "Accuracy",
     "BadInput",
+    "ComplexCurve",
+    "ComplexSweep",
     "Drive",
     "Fit",
     "Fmu",
@@ -70,6 +76,7 @@ __all__ = [
     "Tikhonov",
     "Tones",
     "Value",
+    "Wiring",
     "__version__",
     "check",
     "design",

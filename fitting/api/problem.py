@@ -30,6 +30,7 @@ from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
 from fitting.fmu.models import provide_fmu
+from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.text.arrays import FloatArray, Scalar
@@ -38,6 +39,8 @@ from fitting.text.units import checked_accuracy
 
 __all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
+#: What a program gives as measured.
+Measured = Tones | Sweep | ComplexSweep | Measurement
 #: Makes the model of one discrete alternative.
 Respond = Callable[[Mapping[str, Scalar]], Response]
 
@@ -52,7 +55,7 @@ class Problem:
     Args:
         fmu: The FMU, its path, or the name of a model that is shipped.
         parameters: What is looked for, one or several.
-        measurements: `Tones` and `Sweep`, or records of a further kind
+        measurements: `Tones`, `Sweep` and `ComplexSweep`, or records of a further kind
             (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
@@ -66,7 +69,7 @@ class Problem:
         self,
         fmu: Fmu | str | Path,
         parameters: Sequence[Parameter] | Parameter,
-        measurements: Sequence[Tones | Sweep | Measurement] | Tones | Sweep | Measurement,
+        measurements: Sequence[Measured] | Measured,
         *,
         derived: Sequence[str] | str = (),
         alternatives: Mapping[str, Sequence[Scalar]] | None = None,

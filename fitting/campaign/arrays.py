@@ -448,6 +448,7 @@ class _Series:
             parameters=(
                 *bind_parameters(self.data.parameters, binder, self.places, labels),
                 *free_scale(sweep, self.data.noise),
+                *(p for m in further.values() for p in m.parameters),
             ),
             derived=tuple(self.data.derived),
             alternatives=self._alternatives(),

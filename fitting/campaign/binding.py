@@ -249,6 +249,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
             *bind_parameters(file.parameters, binder, places, labels),
             *drift.parameters,
             *free_scale(sweep, noise),
+            *(p for m in further.values() for p in m.parameters),
         ),
         derived=file.derived.outputs,
         alternatives=bind_alternatives(file.alternatives, binder),

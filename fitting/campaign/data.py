@@ -115,9 +115,10 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
     except BadInput as error:
         complaints += error.args
     measurements = {}
-    for name, table in file.further.items():
+    for name, tables in file.further.items():
         try:
-            measurements[name] = table.read()
+            kind, first = type(tables[0]), tables[0]
+            measurements[name] = kind.read_together(tables) if kind.REPEATED else first.read()
         except BadInput as error:
             complaints += error.args
     if complaints:

@@ -13,7 +13,7 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
 from fitting.campaign.kind import MeasurementTable
@@ -590,10 +590,15 @@ class WrittenCampaign(Keys):
                 )
 
     @property
-    def further(self) -> Mapping[str, MeasurementTable]:
+    def further(self) -> Mapping[str, tuple[MeasurementTable, ...]]:
         """Tables of further kinds of measurements, by their names."""
-        found = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return {name: table for name, table in found.items() if isinstance(table, MeasurementTable)}
+        found: dict[str, tuple[MeasurementTable, ...]] = {}
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            tables = value if isinstance(value, tuple) else (value,)
+            if tables and all(isinstance(table, MeasurementTable) for table in tables):
+                found[name] = tables
+        return found
 
 
 @functools.cache
@@ -611,10 +616,18 @@ def campaign_with(kinds: tuple[type[MeasurementTable], ...]) -> type[WrittenCamp
     names = [*WrittenCampaign.__dataclass_fields__, *(kind.TABLE for kind in kinds)]
     if len(set(names)) < len(names):
         raise ValueError(f"tables {', '.join(names)}: one of them twice")
-    own = [(kind.TABLE, kind | None, field(default=None)) for kind in kinds]
+    own = [_field_of(kind) for kind in kinds]
     return make_dataclass(
         "WrittenCampaign", own, bases=(WrittenCampaign,), frozen=True, kw_only=True
     )
+
+
+def _field_of(kind: type[MeasurementTable]) -> tuple[str, Any, Any]:
+    """Name, type and default of a kind's table in the record of a campaign file."""
+    if not kind.REPEATED:
+        return kind.TABLE, kind | None, field(default=None)
+    tables = Annotated[tuple[kind, ...], listed(f"one [[{kind.TABLE}]] table or more")]  # type: ignore[valid-type]
+    return kind.TABLE, tables, field(default=())
 
 
 def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ()) -> WrittenCampaign:

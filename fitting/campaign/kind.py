@@ -22,6 +22,7 @@ from fitting.text.keys import Keys
 if TYPE_CHECKING:  # they take what is read here
     from fitting.campaign.binder import Binder
     from fitting.campaign.binding import Setup
+    from fitting.campaign.parameters import Parameter
 
 
 class BoundMeasurement(Protocol):
@@ -47,7 +48,11 @@ class BoundMeasurement(Protocol):
     def control_units(self) -> Mapping[str, str]:
         """Units of those settings that no variable of the FMU holds, for laws."""
 
-    def within(self, setup: Setup, series: str) -> Self:
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What is fitted beside the FMU's parameters, as the delay of a cable."""
+
+    def within(self, setup: Setup, series: str) -> BoundMeasurement:
         """The same as part of a series that is driven so.
 
         Args:
@@ -78,13 +83,27 @@ class ReadMeasurement(Protocol):
 class MeasurementTable(Keys):
     """A table of campaign.toml that tells of one measurement: a frozen record of its keys.
 
-    ``TABLE`` is its name in the file.
+    ``TABLE`` is its name in the file. With ``REPEATED`` it is an array of tables, [[TABLE]], which
+    are read and fitted together.
     """
 
     TABLE: ClassVar[str]
+    REPEATED: ClassVar[bool] = False
 
     def read(self) -> ReadMeasurement:
         """Its files, read and checked.
+
+        Raises:
+            BadInput: one line with file, row, column or key, what was found, what is wanted.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def read_together(cls, tables: Sequence[Self]) -> ReadMeasurement:
+        """The files of all its tables in a campaign, where it is ``REPEATED``.
+
+        Args:
+            tables: one or more, in the order of the file.
 
         Raises:
             BadInput: one line with file, row, column or key, what was found, what is wanted.

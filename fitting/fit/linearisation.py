@@ -197,10 +197,11 @@ def linearise(
     noise: FloatArray,
     prior: FloatArray,
     weighed: FloatArray | None = None,
+    solved: int = 0,
 ) -> Linearisation:
     """The problem at a point, its noise widened where the residuals are larger.
 
-    inflation^2 = max(1, r^T V^-1 r/(m - n)).
+    inflation^2 = max(1, r^T V^-1 r/(m - n - s)), s what is solved inside the rows.
 
     Args:
         residuals: r at the point, shape (m,).
@@ -209,10 +210,11 @@ def linearise(
         prior: standard deviations in x without data, shape (n,).
         weighed: covariance by which the rows count in place of V, where some weigh less than their
             noise (a sweep whose residuals hang together: `fitting.signal.residual_tests`).
+        solved: number s of unknowns that the rows are solved for inside.
     """
     m, n = matrix.shape
     white = whitened(residuals, noise)
-    inflation = max(1.0, float(np.sqrt(np.sum(white**2) / max(m - n, 1))))
+    inflation = max(1.0, float(np.sqrt(np.sum(white**2) / max(m - n - solved, 1))))
     counted = noise if weighed is None else weighed
     return Linearisation(
         rows=whitened(residuals, counted) / inflation,
@@ -249,15 +251,17 @@ def information(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(white, -1, -2) @ white)
 
 
-def row_sigmas(sigmas: FloatArray, residuals: FloatArray) -> FloatArray:
+def row_sigmas(sigmas: FloatArray, residuals: FloatArray, solved: int = 0) -> FloatArray:
     """Standard deviation of every row; where it is not known, the scatter of such rows themselves.
 
     Args:
         sigmas: relative, shape (m,); zero where not known.
         residuals: shape (m,).
+        solved: number of unknowns that the rows of unknown noise are solved for inside.
     """
     unknown = ~(sigmas > 0.0)
     filled = np.array(sigmas, dtype=float)
     if np.any(unknown):
-        filled[unknown] = float(np.sqrt(np.mean(residuals[unknown] ** 2)))
+        freedom = max(int(np.count_nonzero(unknown)) - solved, 1)
+        filled[unknown] = float(np.sqrt(np.sum(residuals[unknown] ** 2) / freedom))
     return np.asarray(np.maximum(filled, SMALLEST_SIGMA))

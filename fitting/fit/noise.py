@@ -53,7 +53,7 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
         point: where the rows were evaluated.
     """
     data = objective.data
-    sigma = row_sigmas(data.sigma, point.residuals)
+    sigma = row_sigmas(data.sigma, point.residuals, data.solved_of(known=False))
     columns = [
         error * _along_scale(data, point, series)
         for series, error in enumerate(data.scale_sigmas)

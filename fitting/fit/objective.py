@@ -21,7 +21,7 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.fit.differences import Stencil, central
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.measurement import Evaluation, Measurement, Response
+from fitting.measurements.measurement import Evaluation, Measurement, Response, Values
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
@@ -59,7 +59,7 @@ class Point:
     parameters: FloatArray
     residuals: FloatArray
     chis: tuple[float, ...]
-    scaled: tuple[FloatArray, ...]
+    scaled: tuple[Values, ...]
     scale_bias: float
     runs: int = 0
     squares: float = float("nan")
@@ -136,7 +136,7 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         parameters=p,
         residuals=rows,
         chis=tuple(scale.value for scale in scales),
-        scaled=tuple(np.asarray(chi[m.series] * q.values) for m, q in answers),
+        scaled=tuple(m.scaled(q, chi[m.series]) for m, q in answers),
         scale_bias=max(scale.bias for scale in scales),
         runs=evaluation.runs,
         squares=squares,

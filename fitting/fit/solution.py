@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
 from fitting.fit.linearisation import Linearisation, linearise
@@ -14,7 +15,6 @@ from fitting.fit.objective import Objective, Point, weights
 from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.symmetry import secants
-from fitting.measurements.dataset import Dataset
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
 
@@ -74,14 +74,21 @@ def solution_of(
     nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
     initial, final = evaluator.whole([begun, x])
     matrix = evaluator.jacobian(x)
-    structure = _curve_structure(objective.data, final, matrix)
+    structure = curve_structure(objective, final, matrix)
     noise = noise_of(objective, final)
     widened = noise
     if structure is not None:
         widened = noise.widened(objective.data.curve_rows, structure.widening)
     seen, secant_points = secants(evaluator, x, matrix)
     prior = prior_sigmas(parameters, nu)
-    errors = linearise(final.residuals, seen, noise.covariance, prior, widened.covariance)
+    errors = linearise(
+        final.residuals,
+        seen,
+        noise.covariance,
+        prior,
+        widened.covariance,
+        objective.data.solved_inside,
+    )
     tikhonov_weights = weights(objective, nu, misfit)
     return Solution(
         objective=objective,
@@ -123,12 +130,30 @@ def negligible(solution: Solution, misfit: str) -> float:
     return max(noise, min(unresolved, UNRESOLVED_SHARE * reached))
 
 
-def _curve_structure(data: Dataset, final: Point, matrix: FloatArray) -> Structure | None:
-    """Structure of the residuals along curves; a scale taken from them is one more unknown."""
+def curve_structure(objective: Objective, final: Point, matrix: FloatArray) -> Structure | None:
+    """Structure of the residuals along curves; what they are solved for inside is fitted, too.
+
+    Args:
+        objective: response, parameters and data.
+        final: where the fit ended.
+        matrix: dr/dx there, shape (m, n).
+    """
+    data = objective.data
     mine = data.curve_rows
     rows, columns = final.residuals[mine], matrix[mine]
     if not rows.size:
         return None
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
         columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
-    return residual_structure(rows, columns)
+    return residual_structure(rows, np.column_stack([columns, _solved(objective, final)[mine]]))
+
+
+def _solved(objective: Objective, point: Point) -> FloatArray:
+    """Derivatives of all rows by what measurements are solved for inside, (m, s)."""
+    data = objective.data
+    if data.solved_inside == 0:
+        return np.empty((point.residuals.size, 0))
+    [answer] = objective.response.evaluate_many([point.parameters])
+    pairs = zip(data.measurements, answer.predictions, strict=True)
+    blocks = [m.solved_columns(prediction) for m, prediction in pairs]
+    return np.asarray(block_diag(*blocks))

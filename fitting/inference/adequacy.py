@@ -1,10 +1,11 @@
 """Does the model describe the data at all? Chi square of the rows whose noise is known.
 
-    chi^2 = r^T V^-1 r at the most likely point        freedom = m - tr(W C W^T)
+    chi^2 = r^T V^-1 r at the most likely point        freedom = m - s - tr(W C W^T)
 
-over rows of declared or measured noise; where noise is taken from the scatter of the residuals
-themselves, chi square says nothing. The model is said not to describe the data where chi square is
-both several times its degrees of freedom and too improbable for chance:
+over rows of declared or measured noise, s the unknowns that are solved for inside them; where
+noise is taken from the scatter of the residuals themselves, chi square says nothing. The model is
+said not to describe the data where chi square is both several times its degrees of freedom and too
+improbable for chance:
 
     chi^2/freedom > RATIO = 4        P(chi^2 or more) < IMPROBABLE = 1e-4
 
@@ -43,11 +44,16 @@ def adequacy_of(optimum: Optimum) -> Adequacy:
     rows = (root @ here.sample.rows[:m])[known] * likelihood.inflation
     matrix = (root @ here.matrix[:m])[known] * likelihood.inflation
     noise = (root @ root.T)[np.ix_(known, known)]
-    return judged(rows, matrix, noise, data_covariance(optimum, stated=True))
+    solved = likelihood.objective.data.solved_of(known=True)
+    return judged(rows, matrix, noise, data_covariance(optimum, stated=True), solved)
 
 
 def judged(
-    rows: FloatArray, matrix: FloatArray, noise: FloatArray, covariance: FloatArray
+    rows: FloatArray,
+    matrix: FloatArray,
+    noise: FloatArray,
+    covariance: FloatArray,
+    solved: int = 0,
 ) -> Adequacy:
     """Whether residuals are what their noise explains.
 
@@ -56,12 +62,13 @@ def judged(
         matrix: their derivatives in x, shape (m, n).
         noise: their covariance, shape (m, m).
         covariance: of x, shape (n, n), from all data.
+        solved: number of unknowns that the rows are solved for inside.
     """
     if not rows.size:
         return Adequacy(chi_square=np.nan, freedom=0.0, p_value=np.nan, describes=True)
     white, slopes = whitened(rows, noise), whitened(matrix, noise)
     square = float(white @ white)
-    freedom = float(rows.size - np.trace(slopes @ covariance @ slopes.T))
+    freedom = float(rows.size - solved - np.trace(slopes @ covariance @ slopes.T))
     if freedom < 0.5:  # as many unknowns as rows: nothing is left to judge by
         return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
     p_value = float(gammaincc(0.5 * freedom, 0.5 * square))
@@ -79,7 +86,8 @@ def is_redundant(optimum: Optimum) -> bool:
     """
     likelihood = optimum.likelihood
     priors = np.count_nonzero(likelihood.inverse_prior_sigma)
-    return bool(likelihood.whitening.shape[0] + priors > len(likelihood.parameters))
+    rows = likelihood.whitening.shape[0] - likelihood.objective.data.solved_inside
+    return bool(rows + priors > len(likelihood.parameters))
 
 
 def adequacy_sentences(

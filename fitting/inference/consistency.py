@@ -32,6 +32,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
 from fitting.measurements.measurement import Measurement
+from fitting.measurements.sweep import Sweep
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
@@ -119,9 +120,8 @@ def _scale_kind(bound: BoundCampaign) -> str:
 def _swept(measurements: Sequence[Measurement], point: Point, series: str) -> tuple[float, ...]:
     """A series' sweep as the model gives it at a point, scaled."""
     pairs = zip(measurements, point.scaled, strict=True)
-    return tuple(
-        float(a) for m, scaled in pairs if m.series == series and m.is_curve for a in scaled
-    )
+    mine = (scaled for m, scaled in pairs if m.series == series and isinstance(m, Sweep))
+    return tuple(float(a) for scaled in mine for a in scaled.real)
 
 
 def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:

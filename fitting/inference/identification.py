@@ -13,11 +13,11 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
+from fitting.fit.solution import curve_structure
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.determine import BUDGET, InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Response
-from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 
@@ -131,7 +131,5 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     rows = np.linalg.solve(
         evaluator.likelihood.whitening, optimum.expansion.matrix[: noise.sigma.size]
     )
-    found = residual_structure(point.residuals[curves], np.asarray(rows[curves]))
-    sigma = noise.sigma.copy()
-    sigma[curves] *= found.widening
-    return RowNoise(sigma, noise.common)
+    found = curve_structure(objective, point, np.asarray(rows))
+    return noise if found is None else noise.widened(curves, found.widening)

@@ -414,9 +414,10 @@ def scale_sentences(campaigns: Sequence[BoundCampaign], scale_bias: float) -> li
     """
     said: list[str] = []
     sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
-    if len(campaigns) == 1 and not sweeps:
+    compared = any(bound.experiments for bound in campaigns)
+    if len(campaigns) == 1 and not sweeps and compared:
         said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
-    elif len(campaigns) == 1 and sweeps[0].scale == "maximum":
+    elif len(campaigns) == 1 and sweeps and sweeps[0].scale == "maximum":
         said += maximum_warnings(laboratory_maximum(sweeps[0].frequency_hz, sweeps[0].amplitude_v))
     wanted = min((bound.setup.accuracy for bound in campaigns), default=math.inf)
     if scale_bias > wanted:

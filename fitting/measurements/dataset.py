@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.measurements.measurement import Measurement, Prediction, Scale
+from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.tones import Tones
 from fitting.text.arrays import FloatArray, IntArray
 
@@ -59,6 +59,19 @@ class Dataset:
         """Relative standard deviation of each residual row, (m,); zero where unknown."""
         return np.concatenate([m.sigma for m in self.measurements])
 
+    def solved_of(self, *, known: bool) -> int:
+        """Number of unknowns that measurements are solved for inside their rows.
+
+        Args:
+            known: of those whose noise is known, else of those where it is not.
+        """
+        return sum(m.solved_inside for m in self.measurements if bool(np.all(m.sigma > 0)) == known)
+
+    @property
+    def solved_inside(self) -> int:
+        """Number of all unknowns that measurements are solved for inside their rows."""
+        return sum(m.solved_inside for m in self.measurements)
+
     @cached_property
     def measured_rows(self) -> FloatArray:
         """What chi multiplies in each row where the model fits, (m,): dr/d ln chi = r + it."""
@@ -89,14 +102,15 @@ class Dataset:
         """The measurements that are peaks of tones."""
         return tuple(m for m in self.measurements if isinstance(m, Tones))
 
-    def peaks(self, values: Sequence[FloatArray]) -> FloatArray:
+    def peaks(self, values: Sequence[Values]) -> FloatArray:
         """Those of some arrays, one per measurement, that belong to tones: (n_peaks,).
 
         Args:
             values: an array (rows,) per measurement.
         """
         pairs = zip(self.measurements, values, strict=True)
-        return np.concatenate([np.empty(0), *(v for m, v in pairs if isinstance(m, Tones))])
+        mine = (v.real for m, v in pairs if isinstance(m, Tones))
+        return np.concatenate([np.empty(0), *mine])
 
     def scales(self, predictions: Sequence[Prediction], free: Sequence[float]) -> tuple[Scale, ...]:
         """Scale of every series.

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign import Setup
+from fitting.campaign.parameters import Parameter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.plan import Plan
@@ -104,6 +105,16 @@ class Measurement(Protocol):
     @property
     def takes_scale_from_rows(self) -> bool:
         """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
+        ...
+
+    @property
+    def solved_inside(self) -> int:
+        """Number of real unknowns that `residuals` solves for: its rows are worth so many less."""
+        ...
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What is fitted beside the FMU's parameters, as the delay of a cable."""
         ...
 
     @property
@@ -206,6 +217,23 @@ class Measurement(Protocol):
         """
         ...
 
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives (rows, solved_inside) of the rows by what is solved inside.
+
+        Args:
+            prediction: of the measurement, without scale.
+        """
+        ...
+
+    def scaled(self, prediction: Prediction, chi: float) -> Values:
+        """What stands beside the measured values, (n,), in their unit.
+
+        Args:
+            prediction: of the measurement, without scale.
+            chi: scale, laboratory over simulation.
+        """
+        ...
+
     def unexplained(self, residuals: FloatArray) -> str:
         """What says that rows (rows,) do not follow the data at all; empty where they do.
 
@@ -261,6 +289,16 @@ class MeasurementKind:
         return False
 
     @property
+    def solved_inside(self) -> int:
+        """Nothing."""
+        return 0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Nothing beside the FMU's."""
+        return ()
+
+    @property
     def has_free_scale(self) -> bool:
         """It has no scale."""
         return False
@@ -303,6 +341,14 @@ class MeasurementKind:
     def scale(self, prediction: Prediction) -> Scale | None:
         """It says nothing of the scale."""
         return None
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """None: nothing is solved inside."""
+        return np.empty((self.rows, 0))
+
+    def scaled(self, prediction: Prediction, chi: float) -> Values:
+        """The prediction times the scale."""
+        return cast(Values, np.asarray(chi * prediction.values))
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Nothing is told from the residuals alone."""

@@ -35,6 +35,9 @@ def campaign_schema(kinds: Sequence[type[MeasurementTable]] = KINDS) -> str:
     for kind in kinds:
         table = json_schema(kind, description=_first_paragraph(kind))
         table.pop("$schema")
+        if kind.REPEATED:
+            said = table.pop("description")
+            table = {"type": "array", "minItems": 1, "items": table, "description": said}
         schema["properties"][kind.TABLE] = table
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 

@@ -14,6 +14,7 @@ from fitting.fit.solution import Solution
 from fitting.inference.infer import Inference
 from fitting.inference.sweep_line import line_of_sweep
 from fitting.inference.warnings import Warned
+from fitting.measurements.sweep import Sweep
 from fitting.result.result import (
     Cost,
     Deviations,
@@ -151,7 +152,7 @@ def _peaks(problem: Problem, solution: Solution) -> tuple[Peak, ...]:
 def _sweep(problem: Problem, solution: Solution) -> SweepCurves | None:
     if problem.sweep is None:
         return None
-    [k] = [k for k, m in enumerate(problem.measurements) if m.is_curve]
+    [k] = [k for k, m in enumerate(problem.measurements) if isinstance(m, Sweep)]
     return SweepCurves(
         frequency_hz=tuple(map(float, problem.sweep.frequency_hz)),
         measured_v=tuple(map(float, problem.sweep.amplitude_v)),

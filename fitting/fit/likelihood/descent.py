@@ -286,8 +286,7 @@ def most_likely(
     m = likelihood.whitening.shape[0]
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
-    prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
-    free = Linearisation(rows=data, matrix=best.matrix[:m], prior=prior).degrees_of_freedom
+    free = freedom_of(likelihood, best)
     inflation = max(widening, inflation_of(chi_square, free))
     if inflation > 1.0:
         wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)
@@ -403,6 +402,19 @@ def _best_of(
         if found.chi_square < best.chi_square - (PROMISE if converged else 0.0) or begin is best:
             best, converged = found, end is not None
     return best, converged
+
+
+def freedom_of(likelihood: Likelihood, end: Expansion) -> float:
+    """Degrees of freedom that the rows of the data keep: less what is solved for inside them.
+
+    Args:
+        likelihood: of the data.
+        end: rows and slopes at the point where the fit ended.
+    """
+    m = likelihood.whitening.shape[0]
+    prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
+    here = Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
+    return max(0.5, here.degrees_of_freedom - likelihood.objective.data.solved_inside)
 
 
 def inflation_of(chi_square: float, free: float) -> float:

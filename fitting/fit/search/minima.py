@@ -17,11 +17,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import UNIFORM_WIDTH
-from fitting.fit.likelihood.descent import Descent, Expansion, expansion_at, inflation_of, lower
+from fitting.fit.likelihood.descent import (
+    Descent,
+    Expansion,
+    expansion_at,
+    freedom_of,
+    inflation_of,
+    lower,
+)
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
-from fitting.fit.linearisation import Linearisation
 from fitting.fit.search.box import Box
 from fitting.text.arrays import FloatArray
 
@@ -178,8 +183,7 @@ def screened(
 def _explained(likelihood: Likelihood, end: Expansion) -> bool:
     m = likelihood.whitening.shape[0]
     rows = end.sample.rows[:m]
-    prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
-    free = Linearisation(rows=rows, matrix=end.matrix[:m], prior=prior).degrees_of_freedom
+    free = freedom_of(likelihood, end)
     return inflation_of(float(rows @ rows), free) == 1.0
 
 

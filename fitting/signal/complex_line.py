@@ -1,0 +1,92 @@
+"""One resonance in complex data by linear least squares: where a fit begins, what is plausible.
+
+    S(u) exp(i 2 pi u tau) = (a0 + a1 u)/(1 + b u)
+
+holds a damped mode seen through any complex gain and constant background; u = -1/b is its pole,
+eta + i w/2 for responses that count phases as exp(+i 2 pi u t). tau is a cable's delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.text.arrays import ComplexArray, FloatArray
+
+#: Least squares with new weights: Sanathanan and Koerner's denominator settles by then.
+ROUNDS = 4
+#: Delays that are tried about the first guess: their number each way, and how many in 1/span.
+TRIED, PER_SPAN = 32, 8
+#: Times that delays are tried four times as close about the best one.
+CLOSER = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComplexLine:
+    """A mode in complex data: `eta_hz` and full width `width_hz`, behind a delay `delay_s`.
+
+    The width is negative where phases are counted as exp(-i 2 pi u t). `left` is what is left, root
+    mean square over the largest modulus, `misfit` over that of the data about their mean.
+    """
+
+    eta_hz: float
+    width_hz: float
+    delay_s: float
+    misfit: float
+    left: float
+
+
+def complex_line(
+    frequency_hz: FloatArray, values: ComplexArray, delay_s: float | None = 0.0
+) -> ComplexLine:
+    """The mode that complex values follow.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz, rising.
+        values: measured (n,), any unit.
+        delay_s: known delay, s; None: it is looked for.
+
+    Source: C. Sanathanan and J. Koerner, IEEE Trans. Autom. Control 8 (1963) 56.
+    """
+    f, s = frequency_hz, values / float(np.max(np.abs(values)))
+    if delay_s is not None:
+        return _line(f, s, delay_s)
+    span = float(np.ptp(f))
+    guess = _mean_delay(f, s)
+    steps = np.arange(-TRIED, TRIED + 1) / (PER_SPAN * span)
+    misfits = [_line(f, s, guess + step).left for step in steps]
+    best = guess + float(steps[int(np.argmin(misfits))])
+    for closer in range(1, CLOSER + 1):
+        near = best + np.arange(-4, 5) / (PER_SPAN * span * 4.0**closer)
+        best = float(near[int(np.argmin([_line(f, s, float(tau)).left for tau in near]))])
+    return _line(f, s, best)
+
+
+def _mean_delay(f: FloatArray, s: ComplexArray) -> float:
+    """Delay by the mean turn between neighbours, s; a resonance changes it by 1/span at most."""
+    steps = np.diff(f)
+    near = steps <= 1.5 * float(np.median(steps))
+    turn = np.angle(np.sum((s[1:] * np.conj(s[:-1]))[near]))
+    return float(-turn / (2.0 * np.pi * np.mean(steps[near])))
+
+
+def _line(f: FloatArray, s: ComplexArray, delay_s: float) -> ComplexLine:
+    middle, half = 0.5 * float(f[0] + f[-1]), 0.5 * float(f[-1] - f[0])
+    x = (f - middle) / half
+    z = s * np.exp(2j * np.pi * (f - middle) * delay_s)
+    columns = np.column_stack([np.ones_like(z), x, -x * z])
+    weights = np.ones_like(x)
+    for _ in range(ROUNDS):
+        top, slope, bottom = np.linalg.lstsq(columns * weights[:, None], z * weights, rcond=None)[0]
+        weights = 1.0 / np.maximum(np.abs(1.0 + bottom * x), 1e-12)
+    rms = float(np.sqrt(np.mean(np.abs((top + slope * x) / (1.0 + bottom * x) - z) ** 2)))
+    spread = float(np.sqrt(np.mean(np.abs(z - np.mean(z)) ** 2)))
+    pole = middle - half / bottom if bottom != 0.0 else complex(middle, np.inf)
+    return ComplexLine(
+        eta_hz=float(pole.real),
+        width_hz=2.0 * float(pole.imag),
+        delay_s=delay_s,
+        misfit=rms / max(spread, 1e-300),
+        left=rms,
+    )
