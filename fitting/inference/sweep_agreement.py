@@ -121,11 +121,15 @@ class _Both:
         self.solution, self.sweep, self.place = solution, sweep, place
         data = solution.objective.data
         rows = np.arange(solution.final.residuals.size)
-        mine = data.series_of_rows == data.series.index(sweep.series)
+        series = data.series.index(sweep.series)
+        mine = data.series_of_rows == series
         self.peaks = mine & (rows < data.curve_rows.start)
-        noise = noise_of(solution.objective, solution.final).covariance
-        self.covariance = noise[np.ix_(self.peaks, self.peaks)]
         self.measured = data.measured_rows[self.peaks]
+        sigma = noise_of(solution.objective, solution.final).sigma[self.peaks]
+        # the error of the scale moves all peaks together as they were measured, not as a fit has
+        # them that a contradiction has bent
+        common = data.scale_sigmas[series] * self.measured
+        self.covariance = np.diag(sigma**2) + np.outer(common, common)
         self.bounds = search_bounds(solution.parameters)
         self.prior = prior_sigmas(solution.parameters)
         self.held = np.array(

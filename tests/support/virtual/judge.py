@@ -45,7 +45,7 @@ NAMED: Mapping[str, re.Pattern[str]] = {
         "factor 2": r"twice|peak to peak|factor of (2|two|a half)",
         "20 log": r"\bdB\b|decibel|to the power|squares, read",
         "saturation": r"saturat|is clipped",
-        "background": r"on a background|crosstalk",
+        "background": r"on a background|with a (complex|constant) background|crosstalk",
         "bad point": r"one point of the sweep|outlier",
         "mislabelled tones": r"changed places|exchanged|mislabel|swapped",
         "second drive": r"undeclared drive|none of the declared tones|second drive",
