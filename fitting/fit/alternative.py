@@ -192,6 +192,8 @@ def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, Float
             continue
         places.append(minimum.x)
         kept.append(minimum)
+    if not kept:
+        return []
     points = evaluate_many(objective, [minimum.x for minimum in kept])
     least = min([outcome.chains[0].steps[-1].j_fit, *(point.j_fit for point in points)])
     enough = HOPELESS * least + LEFT * float(np.sum(objective.data.sigma))
