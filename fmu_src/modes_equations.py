@@ -65,8 +65,9 @@ class Matrices(NamedTuple):
     """C and C_p over (2 pi)^2 in 50 digits and as doubles, and what bounds them.
 
     ``eta`` are the eigenfrequencies of C, rising, in Hz, ``shapes`` their vectors as columns;
-    ``lowest`` and ``highest`` bound the eigenvalues of C, ``pump_norm`` the 2-norm of C_p, and
-    ``relative_pump`` that of C^-1/2 C_p C^-1/2.
+    ``lowest`` and ``highest`` bound the eigenvalues of C, ``narrowest`` and ``widest`` are the
+    least and the largest d, ``pump_norm`` bounds the 2-norm of C_p, ``relative_pump`` that of
+    C^-1/2 C_p C^-1/2.
     """
 
     stiffness: Exact
@@ -77,6 +78,8 @@ class Matrices(NamedTuple):
     shapes: list[list[float]]
     lowest: float
     highest: float
+    narrowest: float
+    widest: float
     pump_norm: float
     relative_pump: float
 
@@ -107,6 +110,8 @@ def matrices(p: Parameters) -> Matrices:
         shapes,
         lowest,
         highest,
+        min(p.d),
+        max(p.d),
         frobenius(pump_values) * (1.0 + 1e-12),
         _relative(pump_values, values, shapes),
     )

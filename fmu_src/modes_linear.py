@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .model_error import ModelError
 from .modes_equations import Parameters, matrices
-from .modes_motion import Propagator, PumpedPropagator, generator
-from .modes_stability import check_stable
+from .modes_motion import PeriodTable, Propagator, PumpedPropagator, generator
+from .modes_stability import MOST_PERIODS, check_stable
 from .modes_steady import Frame, steady_state
 from .oscillator_phase import Frequency, kept_phase
 from .oscillator_precise import Precise, in_precise_arithmetic
@@ -333,7 +333,11 @@ class _ExactMotion:
 
 
 class _PumpedMotion:
-    """The transient of pumped modes, in doubles."""
+    """The transient of pumped modes, in doubles.
+
+    It is followed to the next beginning of a pump period and from there carried by the table of
+    that period, unless the period is so long that the table would take more time than it saves.
+    """
 
     def __init__(self, solver: ModesSolver, t: float) -> None:
         self.t, self._solver = t, solver
@@ -344,20 +348,30 @@ class _PumpedMotion:
         if solver.frame.centre is not None:
             fastest = max(fastest, 2.0 * solver.frame.centre)
         self._flow = PumpedPropagator(made, solver.p.pump_hz, fastest)
+        self._by_period = fastest <= MOST_PERIODS * solver.p.pump_hz
+        self._table: PeriodTable | None = None
+        #: the transient as the generator has it: now, and where a period began
         self._free = [0.0] * (2 * solver.n)
+        self._begun: tuple[float, list[float]] | None = None
         self._first = 0.0
 
     def begin(self, state: State) -> None:
         """Start from displacements and velocities over 2 pi."""
-        self._set([float(a) - b for a, b in zip(state, self._orbit(self.b))])
+        orbit = self._orbit(self.b)
+        self._set(self._times([float(a) - b for a, b in zip(state, orbit)], 1.0 / self._factor))
 
     def _set(self, free: list[float]) -> None:
-        self._free = free
-        self._first = max(abs(x) for x in self._scaled())
+        self._free, self._begun = free, None
+        self._first = max(map(abs, free))
 
-    def _scaled(self) -> list[float]:
-        n, scale = self._solver.n, self._scale
-        return [*self._free[:n], *(w / scale if scale else w for w in self._free[n:])]
+    @property
+    def _factor(self) -> float:
+        return self._scale or 1.0
+
+    def _times(self, y: list[float], factor: float) -> list[float]:
+        """Return y with its second half, the velocities, times a factor."""
+        n = self._solver.n
+        return [*y[:n], *(w * factor for w in y[n:])]
 
     def _orbit(self, b: float) -> list[float]:
         """Return displacements and velocities over 2 pi of the periodic part."""
@@ -369,34 +383,56 @@ class _PumpedMotion:
 
     def advance(self, t: float) -> None:
         """Move on to ``t`` s."""
-        span, psi = t - self.t, TWO_PI * (self._solver.pump_cycles(self.t) % 1.0)
-        if span > 0.0:
-            n, scale = self._solver.n, self._scale
-            y = self._flow.moved(self._scaled(), span, psi)
-            self._free = [*y[:n], *(w * scale if scale else w for w in y[n:])]
+        if t > self.t:
+            if self._begun is None:
+                self._follow(t)
+            if self._begun is not None:
+                self._from_table(t, *self._begun)
         self.t = t
+
+    def _follow(self, t: float) -> None:
+        """Integrate to ``t`` s, or to where a period begins before."""
+        cycles = self._solver.pump_cycles(self.t) % 1.0
+        rest = (1.0 - cycles) / self._solver.p.pump_hz
+        span = t - self.t
+        if self._by_period and rest <= span:
+            self._begun = self.t + rest, self._flow.moved(self._free, rest, TWO_PI * cycles)
+        else:
+            self._free = self._flow.moved(self._free, span, TWO_PI * cycles)
+
+    def _from_table(self, t: float, begun: float, y: list[float]) -> None:
+        if self._table is None:
+            self._table = PeriodTable(self._flow, 2 * self._solver.n)
+        # the pump's own phase says where in the period t is; the count only needs to be near
+        fraction = self._solver.pump_cycles(t) % 1.0
+        periods = round((t - begun) * self._solver.p.pump_hz - fraction)
+        self._free = self._table.after(y, max(periods, 0), fraction if periods >= 0 else 0.0)
 
     def decayed(self) -> bool:
         """Return whether nothing is left."""
-        return max(abs(x) for x in self._scaled()) <= float(DECAYED) * self._first
+        return max(map(abs, self._free)) <= float(DECAYED) * self._first
 
     def total(self) -> list[Decimal]:
         """Return displacements and velocities over 2 pi."""
-        return [Decimal(a + b) for a, b in zip(self._free, self._orbit(self.b))]
+        free = self._times(self._free, self._factor)
+        return [Decimal(a + b) for a, b in zip(free, self._orbit(self.b))]
 
     def change_input(self, b: float) -> None:
         """Hold another input, from the same displacements and velocities."""
-        before, after = self._orbit(self.b), self._orbit(b)
-        self._set([x + old - new for x, old, new in zip(self._free, before, after)])
+        change = [old - new for old, new in zip(self._orbit(self.b), self._orbit(b))]
+        self._set([x + y for x, y in zip(self._free, self._times(change, 1.0 / self._factor))])
         self.b = b
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state."""
-        return {"t": self.t, "free": list(self._free), "first": self._first}
+        begun = None if self._begun is None else [self._begun[0], list(self._begun[1])]
+        return {"t": self.t, "free": list(self._free), "first": self._first, "begun": begun}
 
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Take up a snapshot."""
         self._free, self._first = list(snapshot["free"]), snapshot["first"]
+        begun = snapshot["begun"]
+        self._begun = None if begun is None else (begun[0], list(begun[1]))
 
 
 def _precise(z: complex) -> Precise:

@@ -4,10 +4,10 @@ Both move y = (x, x'/(2 pi F)) of the full equations, F near the eigenfrequencie
 Im z) of the envelope's analytic signal z, by y' = 2 pi (G + G_p cos psi(t)) y.
 
 Without a pump, exp(2 pi G t) in 50 digits: nothing accumulates, no eigenvalue is needed, and modes
-may coincide, be overdamped, or lie at an exceptional point. With one there is no closed form; the
-series is summed to rounding over substeps of a third of a period, whatever the host's step is.
-(Floquet's propagator would have to be integrated over a whole pump period just so, which is longer
-than most runs that show a transient.)
+may coincide, be overdamped, or lie at an exceptional point. With one there is no closed form: a
+Taylor series is summed to rounding over substeps of a third of a period. Over a pump period that
+gives Floquet's propagator, once; from then on a time any number of periods later costs its powers,
+one matrix of the table and one substep.
 """
 
 from __future__ import annotations
@@ -140,12 +140,13 @@ class PumpedPropagator:
     def __init__(self, made: Generator, pump_hz: float, fastest_hz: float) -> None:
         self._still = _sparse(made.still)
         self._pumped = _sparse(made.pumped)
+        self.pump_hz = pump_hz
         self._speed = TWO_PI * pump_hz
-        self._substep = SUBSTEP_ANGLE / (TWO_PI * max(fastest_hz, pump_hz))
+        self.substep = SUBSTEP_ANGLE / (TWO_PI * max(fastest_hz, pump_hz))
 
     def moved(self, y: Sequence[float], span: float, psi: float) -> list[float]:
         """Return y after ``span`` s that begin at the pump's phase ``psi`` in rad."""
-        count = max(1, math.ceil(span / self._substep))
+        count = max(1, math.ceil(span / self.substep))
         h = span / count
         state = list(y)
         for k in range(count):
@@ -178,6 +179,47 @@ class PumpedPropagator:
             if factor > 1e-18:
                 weights.append(factor * turns[(m + 1) % 4])
         return total
+
+
+class PeriodTable:
+    """The propagators from the beginning of a pump period to its substeps, and their powers."""
+
+    def __init__(self, flow: PumpedPropagator, size: int) -> None:
+        self._flow = flow
+        self._count = max(1, math.ceil(1.0 / (flow.pump_hz * flow.substep)))
+        self._part = 1.0 / (flow.pump_hz * self._count)
+        columns = [[float(i == j) for j in range(size)] for i in range(size)]
+        self._steps = [columns]
+        for k in range(self._count):
+            psi = TWO_PI * k / self._count
+            columns = [flow.moved(column, self._part, psi) for column in columns]
+            self._steps.append(columns)
+        self._powers = [columns]
+
+    @property
+    def period(self) -> list[list[float]]:
+        """The propagator over one period that begins at the pump's phase 0."""
+        return [list(row) for row in zip(*self._steps[-1])]
+
+    def after(self, y: Sequence[float], periods: int, fraction: float) -> list[float]:
+        """Return y, at a phase of 0, whole periods and a fraction of one later."""
+        state, power = list(y), 0
+        while periods >> power:
+            if power == len(self._powers):
+                last = self._powers[-1]
+                self._powers.append([_combined(last, column) for column in last])
+            if periods >> power & 1:
+                state = _combined(self._powers[power], state)
+            power += 1
+        place = min(int(fraction * self._count), self._count - 1)
+        state = _combined(self._steps[place], state)
+        rest = (fraction - place / self._count) / self._flow.pump_hz
+        return self._flow.moved(state, rest, TWO_PI * place / self._count)
+
+
+def _combined(columns: Sequence[Sequence[float]], y: Sequence[float]) -> list[float]:
+    """Return the product of a matrix, given by its columns, and a vector."""
+    return [sum(map(mul, row, y)) for row in zip(*columns)]
 
 
 def _sparse(rows: Exact) -> Sparse:

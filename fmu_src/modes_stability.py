@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from .model_error import ModelError
 from .modes_matrices import frobenius, product
-from .modes_motion import PumpedPropagator, generator
+from .modes_motion import PeriodTable, PumpedPropagator, generator
 
 if TYPE_CHECKING:
     from .modes_equations import Matrices
@@ -61,17 +61,15 @@ def _conserves(m: Matrices, pump_hz: float) -> bool:
         return False
     q = 2.0 / (middle + math.sqrt(middle * middle - 4.0))
     r = 2.0 * t / (2.0 - t * (3.0 + q))
-    loss = sidebands * pump_hz * float(min(m.damping)) / m.highest
+    loss = sidebands * pump_hz * m.narrowest / m.highest
     return loss > 1.000001 * 0.25 * t * r * q ** (sidebands - 1)
 
 
 def _growth(frame: Frame, fastest_hz: float) -> float:
     """Return a number below 1 if the largest Floquet multiplier is, else that multiplier."""
     flow = PumpedPropagator(generator(frame), frame.pump_hz, fastest_hz)
-    n = 2 * len(frame.matrices.eta)
-    period = 1.0 / frame.pump_hz
-    columns = [flow.moved([float(i == j) for j in range(n)], period, 0.0) for i in range(n)]
-    matrix = [[complex(x) for x in row] for row in zip(*columns)]
+    table = PeriodTable(flow, 2 * len(frame.matrices.eta))
+    matrix = [[complex(x) for x in row] for row in table.period]
     logarithm, power = 0.0, 1.0
     for _ in range(SQUARINGS):
         size = frobenius(matrix)

@@ -82,8 +82,7 @@ class Frame(NamedTuple):
         square, carrier = self.square(v), abs(self.carrier(v))
         gap = max(square - m.highest, m.lowest - square)
         between = min(abs(eta * eta - square) for eta in m.eta) - 1e-12 * m.highest
-        widths = [float(d) for d in m.damping]
-        return max(gap, carrier * min(widths), between - carrier * max(widths))
+        return max(gap, carrier * m.narrowest, between - carrier * m.widest)
 
 
 class Steady(NamedTuple):
