@@ -1,0 +1,109 @@
+"""N coupled modes of the virtual laboratory: against 50 digits, and two modes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fitting.lab.modes import CoupledModes, Pump
+from fitting.lab.string import TwoModes, steady_state
+from tests.support import modes_reference as reference
+
+THREE = CoupledModes(
+    f_hz=(6.95e6, 7.01e6, 7.08e6),
+    d_hz=(100.0, 90.0, 140.0),
+    coupling_hz={(0, 1): 0.4e6, (1, 2): 0.3e6},
+    gains=(1.0, -0.5, 0.3),
+)
+SPLITTING = float(np.diff(THREE.eigenfrequencies_hz())[0])
+PUMPED = replace(
+    THREE,
+    pump=Pump(
+        frequency_hz=SPLITTING,
+        phase_rad=0.7,
+        depth_f=(1e-4, 0.0, -2e-4),
+        depth_coupling={(0, 1): 3e-2},
+    ),
+)
+
+
+def as_variables(modes: CoupledModes) -> dict[str, float]:
+    """The names that the equations have in tests.support.modes_reference."""
+    found: dict[str, float] = {}
+    for i, (f, d, g) in enumerate(zip(modes.f_hz, modes.d_hz, modes.gains, strict=True), start=1):
+        found |= {f"f{i}": f, f"d{i}": d, f"g{i}": g}
+    for i in (1, 2, 3):
+        for j in range(i + 1, 4):
+            found[f"lambda{i}{j}"] = modes.coupling_hz.get((i - 1, j - 1), 0.0)
+            if modes.pump:
+                depth = modes.pump.depth_coupling.get((i - 1, j - 1), 0.0)
+                found[f"depth_lambda{i}{j}"] = depth
+        if modes.pump:
+            found[f"depth_f{i}"] = modes.pump.depth_f[i - 1]
+            found["pump_hz"] = modes.pump.frequency_hz
+    return found
+
+
+@pytest.mark.parametrize("modes", [THREE, PUMPED], ids=["unpumped", "pumped"])
+def test_the_response_is_that_of_the_equations(modes: CoupledModes) -> None:
+    u = THREE.eigenfrequencies_hz()[0] + np.array([-150.0, 20.0])
+    variables = as_variables(modes)
+    sides = (0, 1, -1) if modes.pump else (0,)
+    for row, frequency in enumerate(u):
+        if modes.pump:
+            truth = reference.sidebands(variables, float(frequency), 6, 0.7)
+        else:
+            truth = {0: reference.phasors(variables, float(frequency))}
+        size = max(float(abs(x)) for x in truth[0])
+        for side in sides:
+            found = modes.response(u, side)[row]
+            for x, y in zip(found, truth[side], strict=True):
+                assert abs(x - complex(y)) <= 1e-9 * size
+
+
+def test_two_modes_are_the_string() -> None:
+    theta, plus, minus = 1.9498, 6.94026e6, 7.02760e6
+    c, s = math.cos(theta), math.sin(theta)
+    string = TwoModes(
+        theta_rad=theta, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=plus, eta_minus_hz=minus
+    )
+    t = string.transform()
+    modes = CoupledModes(
+        f_hz=(math.hypot(c * plus, s * minus), math.hypot(s * plus, c * minus)),
+        d_hz=(120.0, 90.0),
+        coupling_hz={(0, 1): math.sqrt(-s * c * (minus - plus) * (minus + plus))},
+        gains=tuple(map(float, t.T @ np.ones(2))),
+    )
+    u = plus + np.linspace(-300.0, 300.0, 11)
+    seen = modes.response(u) @ t.T
+    wanted = steady_state(string, u)
+    # rounding f and lambda moves the line by some 1e-9 of its width of 94 Hz, at Q = 7e4
+    assert np.abs(seen - wanted).max() <= 1e-9 * np.abs(wanted).max()
+
+
+def test_without_a_pump_there_are_no_sidebands() -> None:
+    assert not THREE.response(np.array([6.95e6]), 1).any()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"d_hz": (1.0, 2.0)}, "d_hz has 2 values, wanted 3"),
+        ({"gains": (1.0,)}, "gains has 1 values, wanted 3"),
+        ({"f_hz": (1.0, -2.0, 3.0)}, "must be positive"),
+        ({"coupling_hz": {(1, 0): 1.0}}, r"pair \(1, 0\)"),
+        ({"coupling_hz": {(0, 1): -1.0}}, "must not be negative"),
+        ({"coupling_hz": {(0, 1): 8e6}}, "no restoring force"),
+    ],
+)
+def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        replace(THREE, **changes)  # type: ignore[arg-type]
+
+
+def test_a_pump_needs_a_frequency() -> None:
+    with pytest.raises(ValueError, match=r"pump frequency 0\.0 Hz"):
+        Pump(frequency_hz=0.0)
