@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 from fitting.campaign import Setup
@@ -123,6 +123,22 @@ class DrivenModel:
             values[drive.frequency_names[0]] = _in_unit(tone_hz, drive.tone_unit)
             values.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))
         return values
+
+    def with_part(
+        self, part: float, values: Mapping[str, Scalar], signal: InputSignal | None
+    ) -> tuple[dict[str, Scalar], InputSignal | None]:
+        """Start values and input signal of a single tone with a part of the drive's amplitude.
+
+        Args:
+            part: of the amplitude.
+            values: start values under the tone, by name.
+            signal: that the tool applies to an input, None where the FMU drives itself.
+        """
+        if signal is not None:
+            tones = tuple((tone_hz, part * size, phase) for tone_hz, size, phase in signal.tones)
+            return dict(values), replace(signal, tones=tones)
+        name = self.setup.drive.amplitude_names[0]
+        return {**values, name: part * float(values[name])}, None
 
     def single_tone_window(self, tone_hz: float) -> Window:
         """Settling and samples under one tone.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.simulate.budget import Budget, Decision, PlanRecord, record_of
+from fitting.measurements.curve_plan import CurvePlan, Place, curve_decision
+from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord, record_of
 from fitting.simulate.words import decision_in_words, sum_in_words
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import FloatArray, Scalar
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Plan:
     was decided; `remarks` are sentences beside them. A sweep whose maximum sets the scale is
     simulated at `nodes_hz`: `maximum_bias` is what the maximum may be off by, `maximum_bend` (1/Hz)
     the third derivative of 1/A^2 over its second, which bounds that from three points (None: not
-    known).
+    known). `curves` tell how responses over frequency are simulated.
     """
 
     settle_s: float
@@ -31,6 +32,30 @@ class Plan:
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     maximum_bias: float | None = None
     maximum_bend: float | None = None
+    curves: tuple[CurvePlan, ...] = ()
+
+    def curve(self, place: Place, frequency_hz: FloatArray) -> CurvePlan | None:
+        """What was planned for a response at these frequencies; None: nothing was.
+
+        Args:
+            place: output and settings.
+            frequency_hz: where it is wanted, Hz.
+        """
+        found = (c for c in self.curves if c.place == place and c.holds(frequency_hz))
+        return next(found, None)
+
+    def with_curve(self, curve: CurvePlan) -> Plan:
+        """The plan with a further curve; one decision tells of all of them.
+
+        Args:
+            curve: how a response over frequency is simulated.
+        """
+        curves = (*self.curves, curve)
+        if self.budget is None:
+            return replace(self, curves=curves)
+        others = tuple(d for d in self.budget.decisions if d.kind != Kind.CURVE)
+        budget = Budget(self.budget.wanted, (*others, curve_decision(curves)))
+        return replace(self, curves=curves, budget=budget)
 
     @property
     def decisions(self) -> tuple[Decision, ...]:

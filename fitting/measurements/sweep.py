@@ -9,7 +9,7 @@ Residuals are relative to the maximum: the far wings of a resonance are noise, n
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -29,6 +29,7 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
+from fitting.measurements.response_curve import ResponseCurve, both
 from fitting.measurements.tones import PLATEAU
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.scale import (
@@ -44,7 +45,6 @@ from fitting.signal.scale import (
     nodes_around,
     refine_maximum,
 )
-from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
@@ -196,6 +196,21 @@ class Sweep(MeasurementKind):
         )
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with fewer runs for the maximum and for the points, where these are proven."""
+        model = replace(model, plan=self._fewer_nodes(model, points, workers))
+        if not self._needs_points:
+            return model.plan
+        top_hz = float(self.frequency_hz[int(np.argmax(self.amplitude_v))])
+        return self._curve(model).planned(self.frequency_hz, points, workers, top_hz)
+
+    @property
+    def _needs_points(self) -> bool:
+        """Whether the fit wants more of it than a maximum."""
+        return self.fitted or self.scaled_by not in ("maximum", "none")
+
+    def _fewer_nodes(
+        self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers
+    ) -> Plan:
         """The plan with three points about the maximum instead of five, where that is proven.
 
         1/A^2 is a quartic through the five points at every p; its third derivative over its second,
@@ -205,11 +220,8 @@ class Sweep(MeasurementKind):
         bias = plan.maximum_bias
         if len(plan.nodes_hz) != FINE_POINTS or bias is None:
             return plan
-        nodes = np.array(plan.nodes_hz)
-        found = [
-            bend_of(nodes, swept_amplitudes(model, self.settings, p, nodes, workers))
-            for p in points
-        ]
+        nodes, curve = np.array(plan.nodes_hz), self._curve(model)
+        found = [bend_of(nodes, np.abs(curve.simulated(p, nodes, workers))) for p in points]
         bend = SAFETY * max(bend for bend, _ in found)
         if not np.isfinite(bend):
             return plan
@@ -224,42 +236,47 @@ class Sweep(MeasurementKind):
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Amplitudes at the points that are needed, and the maximum; see `Measurement.predict`."""
-        needed = whole or self.fitted or self.scaled_by not in ("maximum", "none")
+        needed = whole or self._needs_points
         points = self.frequency_hz if needed else np.empty(0)
-        nodes = np.array(model.plan.nodes_hz)
-        first, group = model.groups(table, None)
-        requested = [
-            self._ask(model, table[k], np.concatenate([nodes, points]), batch, int(k))
-            for k in first
-        ]
-        yield
-        found = [self._read(batch, each) for each in requested]
-        searches = (
-            [MaximumSearch(nodes, a[: nodes.size], bend=model.plan.maximum_bend) for a in found]
-            if nodes.size
-            else []
+        phasors, maxima = yield from both(
+            self._curve(model).predict(table, points, batch), self._maxima(model, table, batch)
         )
-        for _ in range(SEARCH_ROUNDS if searches else 0):
+        return [Prediction(np.abs(row), top) for row, top in zip(phasors, maxima, strict=True)]
+
+    def _curve(self, model: DrivenModel) -> ResponseCurve:
+        return ResponseCurve(model, self.settings, self.setup.output)
+
+    def _maxima(
+        self, model: DrivenModel, table: FloatArray, batch: Batch
+    ) -> Generator[None, None, list[Maximum | None]]:
+        """The simulated maximum of every row of the table, None where it is not looked for."""
+        nodes, curve = np.array(model.plan.nodes_hz), self._curve(model)
+        if not nodes.size:
+            return [None] * len(table)
+        first, group = model.groups(table, None)
+        requested = [curve.ask(table[k], nodes, batch, int(k)) for k in first]
+        yield
+        searches = [
+            MaximumSearch(nodes, np.abs(curve.read(batch, each)), bend=model.plan.maximum_bend)
+            for each in requested
+        ]
+        for _ in range(SEARCH_ROUNDS):
             more = [s.wanted(model.plan.maximum_bias or self.setup.accuracy) for s in searches]
             if not any(m.size for m in more):
                 break
             further = [
-                self._ask(model, table[k], f, batch, int(k))
-                for k, f in zip(first, more, strict=True)
+                curve.ask(table[k], f, batch, int(k)) for k, f in zip(first, more, strict=True)
             ]
             yield
             searches = [
-                s.with_points(f, self._read(batch, each))
+                s.with_points(f, np.abs(curve.read(batch, each)))
                 for s, f, each in zip(searches, more, further, strict=True)
             ]
-        return [
-            Prediction(found[g][nodes.size :], searches[g].maximum if searches else None)
-            for g in group
-        ]
+        return [searches[g].maximum for g in group]
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
         """The run at the first point."""
-        [(run, window)] = self._ask(model, p, self.frequency_hz[:1], batch, 0)
+        [(run, window)] = self._curve(model).ask(p, self.frequency_hz[:1], batch)
         return [Sampled(run, window, self.setup.output)]
 
     def first_drive(self, *, driven: bool) -> Sweep:
@@ -351,22 +368,6 @@ class Sweep(MeasurementKind):
             return fit_resonance(f, a, background=self.background, source="")
         except BadInput as error:
             return f"{str(error).removeprefix(':').strip().rstrip('.')}."
-
-    def _ask(
-        self, model: DrivenModel, p: FloatArray, tones_hz: FloatArray, batch: Batch, owner: int
-    ) -> list[tuple[int, Window]]:
-        """Runs and windows at single tones."""
-        requested = []
-        for tone in map(float, tones_hz):
-            window = model.single_tone_window(tone)
-            values = model.single_tone_values(p, self.settings, window.tones_hz[0])
-            signal = model.signal(window, window.tones_hz)
-            requested.append((batch.ask(values, window, signal, self.setup.output, owner), window))
-        return requested
-
-    def _read(self, batch: Batch, requested: Sequence[tuple[int, Window]]) -> FloatArray:
-        found = [batch.amplitudes(k, window, self.setup.output) for k, window in requested]
-        return np.concatenate(found) if found else np.empty(0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -480,38 +481,6 @@ def _with_three(plan: Plan, three: FloatArray, bend: float) -> Plan:
         maximum_bend=bend,
         budget=Budget(plan.budget.wanted, (*others, decision)),
     )
-
-
-def swept_amplitudes(
-    model: DrivenModel,
-    settings: Mapping[str, Scalar],
-    p: FloatArray,
-    frequency_hz: FloatArray,
-    workers: Workers,
-) -> FloatArray:
-    """Steady amplitudes (n,) at single tones (n,) for one parameter vector, in the FMU's unit.
-
-    Args:
-        model: how the FMU is driven for one series, and by which plan.
-        settings: values of FMU variables, by name.
-        p: parameters (n,), each in its own unit.
-        frequency_hz: frequencies (n,), Hz.
-        workers: processes that run the FMU.
-    """
-    batch = Batch()
-    windows = [model.single_tone_window(float(tone)) for tone in frequency_hz]
-    runs = [
-        batch.ask(
-            model.single_tone_values(p, settings, w.tones_hz[0]),
-            w,
-            model.signal(w, w.tones_hz),
-            model.setup.output,
-        )
-        for w in windows
-    ]
-    batch.simulate(workers)
-    found = [batch.amplitudes(k, w, model.setup.output) for k, w in zip(runs, windows, strict=True)]
-    return np.concatenate(found)
 
 
 def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:

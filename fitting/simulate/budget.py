@@ -27,6 +27,7 @@ class Kind(StrEnum):
     SAMPLES = "samples"
     ROUNDING = "rounding"
     MAXIMUM = "maximum"
+    CURVE = "curve"
 
 
 class Basis(StrEnum):
@@ -49,6 +50,9 @@ class Basis(StrEnum):
     REFUSED = "refused"  # model: by the FMU
     DOUBLE = "double"  # rounding of numbers of 53 bits
     POLYNOMIAL = "polynomial"  # maximum: the remainder of an interpolation
+    RATIONAL = "rational"  # curve: a rational function, checked in every evaluation
+    NONLINEAR = "nonlinear"  # curve: half the drive does not give half the response
+    IRREGULAR = "irregular"  # curve: no rational function of low degree
 
 
 #: Shares of a wanted accuracy, summing to less than one: what every kind of decision may use.

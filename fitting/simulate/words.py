@@ -12,7 +12,7 @@ from fitting.simulate.response import Remainder, RemainderKind, Spectrum
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 
-SUBJECTS = {Kind.MAXIMUM: "maximum of the sweep"}
+SUBJECTS = {Kind.MAXIMUM: "maximum of the sweep", Kind.CURVE: "response curve"}
 
 
 def plan_in_words(budget: Budget, of: str = "themselves") -> tuple[str, ...]:
@@ -232,6 +232,14 @@ def _span(numbers: Mapping[str, Scalar]) -> str:
     return " to ".join(dict.fromkeys(str(numbers[key]) for key in ("least", "most")))
 
 
+def _curve(decision: Decision) -> str:
+    n = decision.numbers
+    among = f" of {n['curves']} curves" if int(n["curves"]) > 1 else ""
+    if decision.taken:
+        return f"{n['runs']} runs for {n['points']} points{among}"
+    return f"a run for each of {n['points']} points{among}"
+
+
 _CHOICES: Mapping[Kind, Callable[[Decision], str]] = {
     Kind.MODEL: _settings,
     Kind.SETTLING: _time,
@@ -242,6 +250,7 @@ _CHOICES: Mapping[Kind, Callable[[Decision], str]] = {
     Kind.INPUT: lambda d: f"held over {d.numbers['steps_per_period']} steps per period",
     Kind.SAMPLES: _samples,
     Kind.ROUNDING: lambda d: "double precision",
+    Kind.CURVE: _curve,
     Kind.MAXIMUM: lambda d: (
         f"{d.numbers['points']} points {float(d.numbers['spacing_hz']):.4g} Hz apart"
     ),
@@ -308,6 +317,18 @@ def _maximum(decision: Decision) -> str:
     )
 
 
+def _rational(decision: Decision) -> str:
+    n = decision.numbers
+    whole, planned = int(n["curves"]), int(n["interpolated"])
+    rest = "" if planned == whole else f" for {planned} of {whole} curves, the rest point by point"
+    return (
+        f"half the drive gives half the response, and a rational function of degree {n['degree']} "
+        f"goes through it{rest}; both are checked in every evaluation, at every point by "
+        f"{n['safety']} times the change that leaving out a run makes; where that exceeds the "
+        "bound runs are added"
+    )
+
+
 _REASONS: Mapping[Basis, Callable[[Decision], str]] = {
     Basis.STEADY: lambda d: (
         "the response is steady from the start: amplitudes do not change with time"
@@ -331,6 +352,15 @@ _REASONS: Mapping[Basis, Callable[[Decision], str]] = {
     Basis.COMPARED: _compared,
     Basis.DOUBLE: lambda d: "samples of the weakest tone beside the strongest value",
     Basis.POLYNOMIAL: _maximum,
+    Basis.RATIONAL: _rational,
+    Basis.NONLINEAR: lambda d: (
+        f"not interpolated: half the drive does not give half the response (off by "
+        f"{float(d.numbers['found']):.1e}, wanted {float(d.numbers['wanted']):.1e})"
+    ),
+    Basis.IRREGULAR: lambda d: (
+        f"not interpolated: rational functions through up to {d.numbers['tried']} runs are "
+        f"uncertain by {float(d.numbers['found']):.1e}, wanted {float(d.numbers['wanted']):.1e}"
+    ),
 }
 
 

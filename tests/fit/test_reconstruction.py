@@ -23,7 +23,7 @@ from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.fmu import FmuWorkers, read_description
-from fitting.measurements.sweep import swept_amplitudes
+from fitting.measurements.response_curve import ResponseCurve
 from fitting.report.words.result import result_lines
 from fitting.result.provenance import Identity, job_of, provenance_of
 from fitting.result.reconstruction import identify_fmu
@@ -312,9 +312,8 @@ def test_the_fmu_answers_as_the_closed_form(oscillator_fmu: Path, string_q1: Bou
                 assert swept.maximum.bias < string_q1.setup.accuracy
                 assert swept.values.size == 0  # the scale needs the maximum alone
             [whole] = response.evaluate_many(ps[:1], whole=True)
-            single = swept_amplitudes(
-                response.models[""], sweep.settings, ps[0], sweep.frequency_hz, workers
-            )
+            curve = ResponseCurve(response.models[""], sweep.settings)
+            single = np.abs(curve.simulated(ps[0], sweep.frequency_hz, workers))
             assert np.array_equal(whole.predictions[1].values, single)
             assert single == pytest.approx(
                 closed_form.amplitude(

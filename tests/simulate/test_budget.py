@@ -15,7 +15,7 @@ from fitting.campaign.parameters import starts
 from fitting.cli.main import main
 from fitting.fmu import FmuWorkers, read_accuracy_annotation
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
-from fitting.measurements.sweep import swept_amplitudes
+from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
@@ -188,7 +188,7 @@ def test_a_sweep_by_itself_is_planned_from_its_points(workers: FmuWorkers) -> No
     frequencies = np.array([30270.0, 30281.0, 30290.0])
     assert bound.sweep is not None
     model = through(workers, bound, plan, {}).models[""]
-    found = swept_amplitudes(model, bound.sweep.settings, p, frequencies, workers)
+    found = np.abs(ResponseCurve(model, bound.sweep.settings).simulated(p, frequencies, workers))
     scene = replace(STRING, **{k: v for k, v in values.items() if hasattr(STRING, k)})
     truth = [float(abs(reference.phasors(scene, u)[0])) for u in frequencies]
     assert found == pytest.approx(truth, rel=plan.promised)

@@ -22,18 +22,20 @@ def build_c_fmu(
     reset: str = "RESET_WORKS",
     once: bool = False,
     platform: str | None = None,
-    marks: Mapping[str, Path] | None = None,
+    marks: Mapping[str, Path | float] | None = None,
 ) -> Path:
     """The driven oscillator m x'' + c x' + k x = F as an FMU in ``folder``.
 
     ``reset`` one of the RESET names in model.h; ``once``: a second instance in a process fails;
     ``platform`` files the binary under another platform's name; ``marks``: files that it writes
-    when it hangs at another stiffness than its own (HANGS_WHERE_VARIED) or forks (FORKS_ONCE).
+    when it hangs at another stiffness than its own (HANGS_WHERE_VARIED) or forks (FORKS_ONCE), and
+    the relative NOISE of its output.
     """
     stem = f"oscillator{fmi}_{reset.lower()}{'_once' if once else ''}"
     library = folder / f"{stem}{fmpy.sharedLibraryExtension}"
     defines = [f"-DRESET={reset}", *(["-DONLY_ONE_INSTANCE"] if once else [])]
-    defines += [f'-D{name}="{path}"' for name, path in (marks or {}).items()]
+    for name, value in (marks or {}).items():
+        defines.append(f"-D{name}={value!r}" if isinstance(value, float) else f'-D{name}="{value}"')
     compile_library(SOURCES / f"oscillator{fmi}.c", library, defines)
     if platform is None:
         platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple

@@ -18,6 +18,9 @@ enum { GOOD, HANGS, CRASHES, NAN_OUTPUT, ENDS_EARLY, FAILS_AT_START, FAILS_IN_ST
        PRINTS_MUCH_AND_ABORTS, WRITES_FILE };
 enum { RESET_WORKS, RESET_DOES_NOTHING, RESET_KEEPS_DERIVED, RESET_CRASHES, RESET_FAILS, RESET_HANGS,
        RESET_FREEZES_OUTPUT, RESET_KEEPS_PARAMETERS };
+#ifndef NOISE /* of the output, relative, another one at every step of another length or number */
+#define NOISE 0.0
+#endif
 #ifndef RESET
 #define RESET RESET_WORKS
 #endif
@@ -48,6 +51,7 @@ static void model_output(Model *m) {
     if (m->frozen) return;
     /* so that a test can tell from outside that a flag and a text have arrived */
     m->reals[DISPLACEMENT] = m->inverted || !strcmp(m->label, "upside down") ? -m->x : m->x;
+    if (NOISE > 0.0) m->reals[DISPLACEMENT] *= 1.0 + NOISE * sin(1e9 * m->time * (1.0 + m->x));
     if (m->misbehave == NAN_OUTPUT && m->time > 0) m->reals[DISPLACEMENT] = NAN;
 }
 

@@ -1,0 +1,188 @@
+"""What a plan says of a response over frequency: at which few frequencies it is simulated, or all.
+
+The bound of a curve is a tolerance that every evaluation checks itself against, so it is a promise
+for all parameters, not for those alone at which the plan was made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from fitting.signal.rational import Interpolation
+from fitting.simulate.budget import Basis, Decision, Kind
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+
+#: Changes by values that are left out tell the error to this factor (300 random scenes, with and
+#: without noise: tests/bench/bench_curve.py).
+SAFETY = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Output and settings of a response; `label` of the place, None where it has none."""
+
+    output: str
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvePlan:
+    """Runs for the response of one place over `points` frequencies, from `low_hz` to `high_hz`.
+
+    Interpolated, where `basis` is RATIONAL, between `supports_hz` (m,) and `others_hz` (m,) to
+    within `tolerance` of itself, with one run at half the drive at `half_hz`. Else every point is
+    simulated: `found` is the relative error that stood in the way, `tolerance` what was wanted,
+    `tried` the number of runs that were not enough.
+    """
+
+    place: Place
+    low_hz: float
+    high_hz: float
+    points: int
+    basis: Basis
+    tolerance: float
+    supports_hz: tuple[float, ...] = ()
+    others_hz: tuple[float, ...] = ()
+    half_hz: float = 0.0
+    found: float = 0.0
+    tried: int = 0
+
+    @property
+    def is_interpolated(self) -> bool:
+        """Whether fewer runs than points are made."""
+        return self.basis == Basis.RATIONAL
+
+    @property
+    def nodes_hz(self) -> FloatArray:
+        """Frequencies of the runs at the full drive, supports first, Hz."""
+        return np.array([*self.supports_hz, *self.others_hz])
+
+    @property
+    def runs(self) -> int:
+        """Runs of an evaluation, where its checks hold."""
+        return self.nodes_hz.size + 1 if self.is_interpolated else self.points
+
+    def holds(self, frequency_hz: FloatArray) -> bool:
+        """Whether all frequencies lie in the range that was planned.
+
+        Args:
+            frequency_hz: frequencies (n,), Hz.
+        """
+        return bool(np.all((frequency_hz >= self.low_hz) & (frequency_hz <= self.high_hz)))
+
+    def interpolation(self, values: ComplexArray) -> Interpolation:
+        """The interpolation of what was simulated at its nodes.
+
+        Args:
+            values: at `nodes_hz`, shape (2 m,).
+        """
+        m = len(self.supports_hz)
+        return Interpolation(
+            supports_hz=np.array(self.supports_hz),
+            supports=values[:m],
+            others_hz=np.array(self.others_hz),
+            others=values[m:],
+        )
+
+
+def curve_decision(curves: Sequence[CurvePlan]) -> Decision:
+    """One decision for all curves of a plan: an amplitude belongs to one of them.
+
+    Args:
+        curves: of the plan, one at least.
+    """
+    taken = [c for c in curves if c.is_interpolated]
+    numbers: dict[str, Scalar] = {
+        "curves": len(curves),
+        "interpolated": len(taken),
+        "points": sum(c.points for c in curves),
+        "runs": sum(c.runs for c in curves),
+    }
+    if taken:
+        numbers["degree"] = max(len(c.supports_hz) - 1 for c in taken)
+        numbers["safety"] = SAFETY
+        bound = max(c.tolerance for c in taken)
+        return Decision(kind=Kind.CURVE, basis=Basis.RATIONAL, bound=bound, numbers=numbers)
+    worst = max(curves, key=lambda c: c.found)
+    numbers |= {"found": worst.found, "wanted": worst.tolerance, "tried": worst.tried}
+    bound = min(worst.found, 1.0)
+    return Decision(kind=Kind.CURVE, basis=worst.basis, bound=bound, numbers=numbers, taken=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DraftedCurve:
+    """An interpolation at one parameter vector that is to hold at `points` (m,) to a `tolerance`.
+
+    `half` is the response to half the drive at `half_hz`.
+    """
+
+    points: FloatArray
+    tolerance: float
+    curve: Interpolation
+    half_hz: float
+    half: complex
+
+    @cached_property
+    def values(self) -> ComplexArray:
+        """Phasors (m,) as they are interpolated."""
+        return self.curve.function(self.points)
+
+    @cached_property
+    def _top_hz(self) -> float:
+        sizes = np.nan_to_num(np.abs(self.values))
+        return float(self.points[int(np.argmax(sizes))])
+
+    @cached_property
+    def uncertainty(self) -> float:
+        """Bound of the relative error of the interpolation at any point."""
+        return SAFETY * float(np.max(self.curve.uncertainty(self.points)))
+
+    @cached_property
+    def nonlinearity(self) -> float:
+        """Bound of the relative change at any point by halving the drive, but for the half.
+
+        What is not linear grows with the square of the response, at the least, and shifts a
+        resonance, by which the response changes the more the larger it is.
+        """
+        here = complex(self.curve.function(np.array([self.half_hz]))[0])
+        largest = float(np.max(np.abs(self.values)))
+        with np.errstate(all="ignore"):
+            change = np.abs(2.0 * self.half / np.complex128(here) - 1.0)
+            grown = change * max(1.0, largest / abs(here)) ** 3 if here else np.inf
+        return float(grown) if np.isfinite(grown) else np.inf
+
+    @property
+    def is_known(self) -> bool:
+        """Whether both bounds keep to the tolerance."""
+        return self.uncertainty <= self.tolerance and self.nonlinearity <= self.tolerance
+
+    @property
+    def may_become_known(self) -> bool:
+        """Whether further runs can tell."""
+        if self.uncertainty > self.tolerance:
+            return self.curve.frequency_hz.size + 2 < self.points.size
+        return self.nonlinearity > self.tolerance and self.half_hz != self._top_hz
+
+    @property
+    def wanted_hz(self) -> tuple[tuple[float, ...], float]:
+        """Frequencies of further runs, Hz, and the part of the drive that they have."""
+        if self.uncertainty > self.tolerance:
+            return self.curve.wanted_hz(self.points), 1.0
+        return (self._top_hz,), 0.5
+
+    def with_values(self, frequency_hz: tuple[float, ...], values: ComplexArray) -> DraftedCurve:
+        """The draft with the answers to what it wanted.
+
+        Args:
+            frequency_hz: as `wanted_hz` gave them.
+            values: phasors there.
+        """
+        if len(frequency_hz) == 1:
+            return replace(self, half_hz=frequency_hz[0], half=complex(values[0]))
+        one, other = frequency_hz
+        return replace(self, curve=self.curve.with_values((one, other), values))
