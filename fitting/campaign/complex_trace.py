@@ -49,6 +49,9 @@ class WrittenComplexColumns(Keys):
     """Column of amplitudes, or of dB."""
     phase: Text = ""
     """Column of phases."""
+    drive: Text = ""
+    """Column of the drive's amplitude, which values are divided by; without it the drive is
+    constant."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +123,12 @@ def read_complex(
     x, y = _column(table, columns.x, X), _column(table, columns.y, Y)
     amplitude = _column(table, columns.amplitude, AMPLITUDE)
     phase = _column(table, columns.phase, PHASE)
+    drive = table.column(columns.drive) if columns.drive else None
     if x is not None and y is not None:
-        return _of_parts(table, frequency, x, y)
+        return _driven(_of_parts(table, frequency, x, y), table, drive)
     if amplitude is not None and phase is not None:
         unit = unit_of(table, amplitude, f"{amplitude.name} (uV)")
-        return _of_trace(
+        found = _of_trace(
             RawTrace(
                 path=path,
                 frequency=table.numbers(frequency),
@@ -136,9 +140,24 @@ def read_complex(
                 places=tuple(f"row {n}" for n in table.lines),
             )
         )
+        return _driven(found, table, drive)
     if x is not None or y is not None:
         raise _missing(table, "Y" if y is None else "X")
     raise _missing(table, "amplitude" if amplitude is None else "phase")
+
+
+def _driven(found: MeasuredComplex, table: Table, drive: Column | None) -> MeasuredComplex:
+    """Values over the amplitude of the drive, relative to that of the first point."""
+    if drive is None:
+        return found
+    unit_of(table, drive, f"{drive.name} (V)")
+    level = table.numbers(drive)
+    for i in np.flatnonzero(level <= 0.0)[:1]:
+        raise BadInput(
+            f"{table.path}: row {table.lines[i]}, column '{drive.name}': {level[i]:.6g}; wanted "
+            "the amplitude of the drive, above zero"
+        )
+    return replace(found, values=found.values * (level[0] / level))
 
 
 def _column(table: Table, wanted: str, usual: tuple[str, ...]) -> Column | None:

@@ -36,6 +36,7 @@ from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.mistakes import agreement_of
+from fitting.inference.quadratures import Quadratures, quadratures_of
 from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
@@ -62,8 +63,8 @@ class Inference:
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `warnings` what a reader must know;
     `reported` (n,) are all parameters as they are reported; `agreement` is that of the peaks
-    with the sweep, a series each. `fit` is the one that all of it is about: not the one that was
-    given, where a lower J was found on the way.
+    with the sweep, a series each; `quadratures` what complex values tell. `fit` is the one that all
+    of it is about: not the one that was given, where a lower J was found on the way.
     """
 
     fit: Fit
@@ -77,6 +78,7 @@ class Inference:
     warnings: tuple[Warned, ...]
     reported: FloatArray
     agreement: tuple[SweepAgreement, ...] = ()
+    quadratures: Quadratures = field(default_factory=Quadratures)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +161,16 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         ),
         reported=estimates.reported,
         agreement=agreement,
+        quadratures=_quadratures(solution, request) if describes else Quadratures(),
     )
+
+
+def _quadratures(solution: Solution, request: InferenceRequest) -> Quadratures:
+    """What complex values tell; nothing where the model fails nearby."""
+    try:
+        return quadratures_of(solution, request.units)
+    except (FmuFailure, np.linalg.LinAlgError):
+        return Quadratures()
 
 
 def _minima(fit: Fit) -> tuple[Minimum, ...]:

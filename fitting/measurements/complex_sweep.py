@@ -34,6 +34,7 @@ from fitting.fmu.variables import READABLE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import (
+    Estimated,
     MeasurementKind,
     Predicting,
     Prediction,
@@ -43,7 +44,7 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
-from fitting.measurements.wiring import BACKGROUNDS, WIRINGS, Solved, Wiring, solve
+from fitting.measurements.wiring import BACKGROUNDS, WIRINGS, Solved, Wiring, dip_of, solve
 from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.simulate.batch import Batch
 from fitting.simulate.drive import Drive
@@ -571,6 +572,48 @@ class ComplexSweeps(MeasurementKind):
         ]
         return np.stack([np.concatenate(row) for row in rows], axis=1)
 
+    def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
+        """Real parts of exp(-i arg S) dS: what a change is along S."""
+        made, begin = [], 0
+        for s in self._split(prediction.values):
+            real, imaginary = np.split(rows[begin : begin + 2 * s.size], 2)
+            begin += 2 * s.size
+            turn = np.exp(-1j * np.angle(s))[:, None]
+            made.append((turn * (real + 1j * imaginary)).real)
+        return np.concatenate(made)
+
+    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
+        """Coupling and internal quality of every notch or reflection that one mode makes."""
+        if not isinstance(prediction, Wired):
+            raise TypeError(f"a complex sweep is predicted by {prediction!r}")
+        designs = self._designs(prediction.responses, prediction.delays_s)
+        found: dict[str, Estimated] = {}
+        ends = np.cumsum([2 * c.y.size for c in self.curves])[:-1]
+        each = zip(
+            self.curves,
+            prediction.responses,
+            prediction.solved,
+            designs,
+            np.split(sigma, ends),
+            strict=True,
+        )
+        for curve, response, solved, design, spread in each:
+            tag = f"[{curve.label}]" if curve.label else ""
+            values = _dip_values(curve, response, solved.coefficients)
+            if not values:
+                continue
+            # Gaussian errors of each quadrature: those of the coefficients are circular, too
+            errors = curve.largest * float(np.mean(spread)) * _root(design)
+            steps = [
+                _dip_values(curve, response, solved.coefficients + factor * column)
+                for column in errors.T
+                for factor in (1.0, 1.0j)
+            ]
+            for name, value in values.items():
+                changes = [step.get(name, np.nan) - value for step in steps]
+                found[f"{name}{tag}"] = Estimated(value, float(np.linalg.norm(changes)))
+        return found
+
     def unexplained(self, residuals: FloatArray) -> str:
         """Sweeps of whose variance less than half is explained are not described."""
         y = np.concatenate([c.rows_of(c.y - np.mean(c.y)) for c in self.curves])
@@ -596,6 +639,23 @@ class ComplexSweeps(MeasurementKind):
                 replace(c, label=f"{series}/{c.label}") if c.label else c for c in curves
             )
         return replace(self, setup=setup, series=series, curves=curves)
+
+
+def _dip_values(
+    curve: ComplexCurve, response: ComplexArray, coefficients: ComplexArray
+) -> dict[str, float]:
+    """Coupling and internal quality by name; nothing where there is no single mode's dip."""
+    dip = dip_of(curve.wiring, curve.u_hz, response, coefficients)
+    if dip is None:
+        return {}
+    return {"Q_coupling": dip.coupling_q, "Q_internal": dip.internal_q}
+
+
+def _root(design: ComplexArray) -> ComplexArray:
+    """R (k, k), R R^H = (A^H A)^-1: errors of coefficients of columns A for errors of one."""
+    sizes = np.linalg.norm(design, axis=0)
+    upper = np.linalg.qr(design / sizes, mode="r")
+    return np.asarray(np.linalg.inv(upper) / sizes[:, None])
 
 
 def complex_figure(

@@ -57,6 +57,14 @@ class Scale:
 
 
 @dataclass(frozen=True)
+class Estimated:
+    """A value, and the standard deviation that it has at fixed parameters of the fit."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True)
 class Sampled:
     """A run of a batch, by number, whose `output` over `window` should be mean and tones alone."""
 
@@ -225,6 +233,24 @@ class Measurement(Protocol):
         """
         ...
 
+    def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
+        """What changes (rows, k) of the rows change of amplitudes alone, (m, k).
+
+        Args:
+            prediction: of the measurement, without scale.
+            rows: changes of its rows, as their derivatives are.
+        """
+        ...
+
+    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
+        """Values that follow from what is solved inside, by name, as the coupling quality does.
+
+        Args:
+            prediction: of the measurement, without scale.
+            sigma: standard deviations of its rows, (rows,).
+        """
+        ...
+
     def scaled(self, prediction: Prediction, chi: float) -> Values:
         """What stands beside the measured values, (n,), in their unit.
 
@@ -345,6 +371,14 @@ class MeasurementKind:
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """None: nothing is solved inside."""
         return np.empty((self.rows, 0))
+
+    def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
+        """It has no phases."""
+        return rows
+
+    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
+        """None."""
+        return {}
 
     def scaled(self, prediction: Prediction, chi: float) -> Values:
         """The prediction times the scale."""

@@ -28,11 +28,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 WIRINGS = ("transmission", "notch", "reflection")
 BACKGROUNDS = ("none", "constant", "slope")
+#: What one mode may leave of a response that counts as that of a single one.
+SINGLE = 1e-2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,3 +154,51 @@ def _least_squares(design: ComplexArray, values: ComplexArray) -> ComplexArray:
 
 def _solved(design: ComplexArray, coefficients: ComplexArray) -> Solved:
     return Solved(design @ coefficients, coefficients)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dip:
+    """A mode beside a line: loaded quality `loaded_q`, its dip D = -c H(eta) at resonance."""
+
+    kind: str
+    loaded_q: float
+    depth: complex
+
+    @property
+    def coupling_q(self) -> float:
+        """Qc, diameter corrected: 1/Qc = Re D/(k Q), k = 1 for a notch and 2 in reflection."""
+        share = self.depth.real / (2.0 if self.kind == "reflection" else 1.0)
+        return self.loaded_q / share if share > 0.0 else float("nan")
+
+    @property
+    def internal_q(self) -> float:
+        """Qi of 1/Qi = 1/Q - 1/Qc; NaN where the coupling takes more than all."""
+        left = 1.0 / self.loaded_q - 1.0 / self.coupling_q
+        return 1.0 / left if left > 0.0 else float("nan")
+
+
+def dip_of(
+    wiring: Wiring, frequency_hz: FloatArray, response: ComplexArray, coefficients: ComplexArray
+) -> Dip | None:
+    """The dip of a single mode, None where the response is no single mode or nothing passes it by.
+
+    Args:
+        wiring: what stands beside the response.
+        frequency_hz: u (n,), Hz.
+        response: H (n,), in the FMU's unit.
+        coefficients: of the columns H, 1, x, (k,).
+    """
+    line = complex_line(frequency_hz, response)
+    alone = line.misfit < SINGLE and line.width_hz > 0.0
+    inside = frequency_hz[0] < line.eta_hz < frequency_hz[-1]
+    if not (wiring.has_baseline and alone and inside):
+        return None
+    baseline = coefficients[1]
+    if coefficients.size > 2:
+        half = 0.5 * float(np.ptp(frequency_hz))
+        baseline = baseline + coefficients[2] * (line.eta_hz - frequency_hz[0] - half) / half
+    return Dip(
+        kind=wiring.kind,
+        loaded_q=line.eta_hz / line.width_hz,
+        depth=complex(-coefficients[0] / baseline * line.top),
+    )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report.figures.reconstruction import write_figures
@@ -103,6 +104,7 @@ def sections_of(
         _found(result),
         knowledge_section(result.knowledge, take(*KNOWLEDGE_FIGURES)),
         _agreement(result),
+        _quadratures(result),
         _derived(result, data, take("6_derived_per_experiment")),
         _experiments(result, data, take(*DATA_FIGURES)),
         _response(result, take("8_frequency_response")),
@@ -161,6 +163,12 @@ def _agreement(result: Result) -> Section | None:
     if not said and not shown:
         return None
     return Section("agreement", "Do the measurements agree?", points=said, tables=shown)
+
+
+def _quadratures(result: Result) -> Section | None:
+    """What phases gained, and which qualities follow from gains and backgrounds."""
+    said = quadrature_sentences(result.quadratures)
+    return Section("quadratures", "What the phases tell", points=said) if said else None
 
 
 def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:

@@ -75,6 +75,7 @@ def result_of(
         joint=inference.joint,
         knowledge=inference.knowledge,
         plan=plan,
+        quadratures=inference.quadratures,
     )
 
 

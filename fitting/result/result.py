@@ -9,12 +9,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from fitting.fit.path import AlternativeResult, HistoryRow
 from fitting.inference.joint_result import ExternalTest, JointResult
 from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.quadratures import Quadratures
 from fitting.inference.sweep_line import SweepLine
 from fitting.inference.values import DerivedResult, Floats, OffsetResult, ParameterResult
 from fitting.simulate.budget import PlanRecord
@@ -144,6 +145,7 @@ class Result:
     external: tuple[ExternalTest, ...] = ()
     knowledge: Knowledge | None = None
     plan: PlanRecord | None = None
+    quadratures: Quadratures = field(default_factory=Quadratures)
 
     @property
     def fitted_values(self) -> dict[str, float]:

@@ -8,7 +8,7 @@ eta + i w/2 for responses that count phases as exp(+i 2 pi u t). tau is a cable'
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,8 @@ class ComplexLine:
     """A mode in complex data: `eta_hz` and full width `width_hz`, behind a delay `delay_s`.
 
     The width is negative where phases are counted as exp(-i 2 pi u t). `left` is what is left, root
-    mean square over the largest modulus, `misfit` over that of the data about their mean.
+    mean square over the largest modulus, `misfit` over that of the data about their mean;
+    `top` is the value at eta, in their unit, the delay taken off.
     """
 
     eta_hz: float
@@ -35,6 +36,7 @@ class ComplexLine:
     delay_s: float
     misfit: float
     left: float
+    top: complex = 0j
 
 
 def complex_line(
@@ -51,7 +53,8 @@ def complex_line(
     """
     f, s = frequency_hz, values / float(np.max(np.abs(values)))
     if delay_s is not None:
-        return _line(f, s, delay_s)
+        line = _line(f, s, delay_s)
+        return replace(line, top=line.top * float(np.max(np.abs(values))))
     span = float(np.ptp(f))
     guess = _mean_delay(f, s)
     steps = np.arange(-TRIED, TRIED + 1) / (PER_SPAN * span)
@@ -60,7 +63,7 @@ def complex_line(
     for closer in range(1, CLOSER + 1):
         near = best + np.arange(-4, 5) / (PER_SPAN * span * 4.0**closer)
         best = float(near[int(np.argmin([_line(f, s, float(tau)).left for tau in near]))])
-    return _line(f, s, best)
+    return complex_line(frequency_hz, values, best)
 
 
 def _mean_delay(f: FloatArray, s: ComplexArray) -> float:
@@ -83,7 +86,9 @@ def _line(f: FloatArray, s: ComplexArray, delay_s: float) -> ComplexLine:
     rms = float(np.sqrt(np.mean(np.abs((top + slope * x) / (1.0 + bottom * x) - z) ** 2)))
     spread = float(np.sqrt(np.mean(np.abs(z - np.mean(z)) ** 2)))
     pole = middle - half / bottom if bottom != 0.0 else complex(middle, np.inf)
+    resonant = (pole.real - middle) / half
     return ComplexLine(
+        top=complex((top + slope * resonant) / (1.0 + bottom * resonant)),
         eta_hz=float(pole.real),
         width_hz=2.0 * float(pole.imag),
         delay_s=delay_s,

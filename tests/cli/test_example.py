@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import fitting
-from fitting.campaign import read_campaign
 from fitting.cli.main import main
+from fitting.measurements.kinds import read_campaign
 from fitting.text.errors import BadInput
 from fitting.text.shipped import shipped
 
@@ -43,7 +43,7 @@ def test_an_example_is_written_whole(
     assert read_campaign(tmp_path / name / "campaign.toml").file.fmu.model
     told = capsys.readouterr().out
     assert f"go on with: fmu-fit reconstruct {name}/campaign.toml" in told
-    assert f"{name}/sweep.csv" in told or name == "afm_sensor"
+    assert f"{name}/sweep.csv" in told or name in ("afm_sensor", "coupled_rlc")
     # into an empty folder, but never onto something
     (tmp_path / "empty").mkdir()
     assert main(["example", name, "--out", "empty"]) == 0
@@ -56,7 +56,7 @@ def test_an_example_is_written_whole(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["string_q3"], "found 'string_q3', wanted one of afm_sensor, duffing_string, string_q1"),
+        (["string_q3"], "found 'string_q3', wanted one of afm_sensor, coupled_rlc, duffing_string"),
         (["..", "--out", "o"], "found '..', wanted one of"),
         (["--out", "o"], "--out o: wanted a NAME as well, one of afm_sensor"),
     ],

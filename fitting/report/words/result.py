@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
 from fitting.report.table import text_lines
 from fitting.report.tables.values import values_table
@@ -34,6 +35,8 @@ def result_lines(result: Result) -> list[str]:
         lines += line_sentences(result.line)
     if result.knowledge is not None:
         lines += ["", *knowledge_lines(result.knowledge), ""]
+    told = quadrature_sentences(result.quadratures)
+    lines += [*told, ""] if told else []
     cost = result.evaluations
     lines.append(
         f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "

@@ -1,0 +1,194 @@
+"""What phases gain, and what follows from gains and backgrounds that are solved inside the rows.
+
+With W the whitened derivatives of the rows by the parameters, what is solved inside taken out of
+them, both errors of a value are those of the linearised problem: of all rows, and of amplitudes
+alone, which are the changes along the values themselves.
+
+A quality Q(x, c) of parameters x and coefficients c has the variance g^T C g + s^2, g = dQ/dx with
+the best c at every x, C the covariance of x and s its error at fixed x: the errors of x and those
+of c about c(x) are independent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from fitting.campaign.parameters import prior_sigmas, search_bounds, to_model
+from fitting.fit.differences import central
+from fitting.fit.linearisation import Linearisation
+from fitting.fit.noise import noise_of
+from fitting.fit.outputs import output_means
+from fitting.fit.solution import Solution
+from fitting.measurements.measurement import Measurement, Prediction
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import number
+
+#: Step of x for slopes of derived outputs, in units of the search vector.
+STEP = 1e-3
+#: Standard deviations of a Gaussian between which 95 % lie.
+NINETY_FIVE = 1.959964
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseGain:
+    """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`."""
+
+    name: str
+    unit: str
+    amplitudes: float
+    phases: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """A quality that follows from what is solved inside; `ci95` is symmetric in its logarithm."""
+
+    name: str
+    value: float
+    std: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quadratures:
+    """What complex values tell: gains in precision, and qualities; both empty without any."""
+
+    gains: tuple[PhaseGain, ...] = ()
+    qualities: tuple[Quality, ...] = ()
+
+
+def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
+    """What the phases of complex measurements tell at the end of a fit.
+
+    Args:
+        solution: end of the fit.
+        units: of the derived outputs, by name.
+
+    Raises:
+        FmuFailure: the model failed near the solution.
+    """
+    objective = solution.objective
+    measurements = objective.data.measurements
+    if objective.data.solved_inside == 0:
+        return Quadratures()
+    x = solution.final.x
+    around = central(x, objective.steps, *search_bounds(solution.parameters))
+    points = [to_model(solution.parameters, each) for each in (x, *around.nodes)]
+    answers = [e.predictions for e in objective.response.evaluate_many(points)]
+    gains = _gains(solution, answers[0], units)
+    tables = [_qualities(solution, answer) for answer in answers]
+    found = []
+    for name, (value, fixed) in tables[0].items():
+        slopes = around.quotients([np.array([t.get(name, (math.nan, 0))[0]]) for t in tables[1:]])
+        std = math.hypot(solution.errors.of(slopes[0])[0], fixed)
+        reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
+        found.append(Quality(name=name, value=value, std=std, ci95=(value / reach, value * reach)))
+    return Quadratures(
+        gains=gains if _has_phases(measurements, answers[0]) else (), qualities=tuple(found)
+    )
+
+
+def _has_phases(measurements: Sequence[Measurement], answer: Sequence[Prediction]) -> bool:
+    """Whether some measurement has fewer amplitudes than rows."""
+    return any(
+        m.amplitude_rows(q, np.zeros((m.rows, 1))).shape[0] < m.rows
+        for m, q in zip(measurements, answer, strict=True)
+    )
+
+
+def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, tuple[float, float]]:
+    """Values by name with their errors at fixed parameters, as wide as the residuals ask for."""
+    noise = noise_of(solution.objective, solution.final)
+    if solution.structure is not None:
+        noise = noise.widened(solution.objective.data.curve_rows, solution.structure.widening)
+    sigma = noise.sigma * solution.errors.inflation
+    data = solution.objective.data
+    found = {}
+    for m, q, rows in zip(data.measurements, answer, data.slices, strict=True):
+        tag = f"[{m.series}]" if m.series else ""
+        for name, each in m.qualities(q, sigma[rows]).items():
+            found[f"{name}{tag}"] = (each.value, each.sigma)
+    return found
+
+
+def _gains(
+    solution: Solution, answer: Sequence[Prediction], units: Mapping[str, str]
+) -> tuple[PhaseGain, ...]:
+    with_phases, amplitudes = (_errors(solution, answer, alone) for alone in (False, True))
+    found = []
+    for name, unit, gradient in _values(solution, units):
+        one, two = (errors.of(gradient)[0] for errors in (amplitudes, with_phases))
+        found.append(PhaseGain(name=name, unit=unit, amplitudes=one, phases=two))
+    return tuple(found)
+
+
+def _errors(solution: Solution, answer: Sequence[Prediction], alone: bool) -> Linearisation:
+    """The problem of all rows, or of amplitudes alone; what is solved inside is taken out."""
+    data = solution.objective.data
+    noise = noise_of(solution.objective, solution.final)
+    slopes, inside = [], []
+    for m, q, rows in zip(data.measurements, answer, data.slices, strict=True):
+        white = 1.0 / noise.sigma[rows][:, None]
+        pair = [white * solution.matrix[rows], white * m.solved_columns(q)]
+        if alone:
+            pair = [m.amplitude_rows(q, each) for each in pair]
+        slopes.append(pair[0])
+        inside.append(pair[1])
+    matrix, columns = np.concatenate(slopes), np.asarray(block_diag(*inside))
+    return Linearisation(
+        rows=np.zeros(matrix.shape[0]),
+        matrix=_without(matrix, columns),
+        prior=prior_sigmas(solution.parameters, solution.nu),
+    )
+
+
+def _without(matrix: FloatArray, columns: FloatArray) -> FloatArray:
+    """A matrix without its share along some columns."""
+    sizes = np.linalg.norm(columns, axis=0)
+    kept = columns[:, sizes > 1e-9 * np.max(sizes, initial=1e-300)]
+    left, singular, _ = np.linalg.svd(kept / np.linalg.norm(kept, axis=0), full_matrices=False)
+    basis = left[:, singular > 1e-9 * np.max(singular, initial=1e-300)]
+    return np.asarray(matrix - basis @ (basis.T @ matrix))
+
+
+def _values(solution: Solution, units: Mapping[str, str]) -> list[tuple[str, str, FloatArray]]:
+    """Name, unit and gradient in x of parameters of the model and of derived outputs."""
+    parameters, x = solution.parameters, solution.final.x
+    found = [
+        (p.name, p.unit, p.scale * np.eye(x.size)[i])
+        for i, p in enumerate(parameters)
+        if p.moves_model and not p.experiments
+    ]
+    around = central(x, np.full(x.size, STEP), *search_bounds(parameters))
+    means = output_means(solution.objective.response, parameters, list(around.nodes))
+    for name, values in means.items():
+        gradient = around.quotients(list(values))
+        if np.all(np.isfinite(gradient)):
+            found.append((name, units.get(name, ""), gradient))
+    return found
+
+
+def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
+    """What phases gained and which qualities follow, a sentence each.
+
+    Args:
+        told: of complex measurements.
+    """
+    said = [
+        f"{q.name} = {number(q.value, 6)} ± {number(q.std, 2)}, {number(q.ci95[0], 6)} to "
+        f"{number(q.ci95[1], 6)} at 95 %, with the FMU's line as the loaded one."
+        for q in told.qualities
+    ]
+    for gain in told.gains:
+        unit = f" {gain.unit}" if gain.unit not in ("", "1") else ""
+        said.append(
+            f"{gain.name}: ± {number(gain.phases, 2)}{unit} with phases, "
+            f"± {number(gain.amplitudes, 2)}{unit} if amplitudes alone were known "
+            f"({number(gain.amplitudes / gain.phases, 2)} times as wide), noise as it scatters."
+        )
+    return tuple(said)
