@@ -14,7 +14,7 @@ is stricter than 1 - C_ii/(P^-1)_ii, and so meant: the linearisation sees no cur
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -48,13 +48,15 @@ class Linearisation:
 
     `rows` (m,) are residuals of unit variance, `matrix` (m, n) their derivatives in x, `prior` (n,)
     the standard deviations in x without data. `inflation` is the factor on the given sigmas that
-    the residuals asked for (one if they fit); it is in the rows already.
+    the residuals asked for (one if they fit); it is in the rows already. `bounded` (m, j) are
+    columns of errors of the rows, each times a number from -1 to 1 that nobody knows.
     """
 
     rows: FloatArray
     matrix: FloatArray
     prior: FloatArray
     inflation: float = 1.0
+    bounded: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def scaled(self) -> FloatArray:
@@ -112,6 +114,17 @@ class Linearisation:
         if not variance > 0.0:
             return 0.0, 1.0  # it does not depend on the parameters at all
         return float(np.sqrt(variance)), noise / variance
+
+    def shift(self, gradient: FloatArray) -> float:
+        """How far bounded errors of the rows may move a value: sum_j |g C W^T B_j|.
+
+        Args:
+            gradient: d value/dx, shape (n,), in the value's unit; the shift is in it too.
+        """
+        if not self.bounded.size:
+            return 0.0
+        pull = self.matrix @ (self.covariance @ gradient)
+        return float(np.sum(np.abs(pull @ self.bounded)))
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -175,6 +188,7 @@ class Linearisation:
             matrix=self.matrix / factor,
             prior=self.prior,
             inflation=self.inflation * factor,
+            bounded=self.bounded / factor,
         )
 
 

@@ -5,11 +5,22 @@
 sigma are the relative standard deviations of the rows, U columns of errors that rows share: an
 error e of chi moves r = chi z/z* - 1 by (1 + r) e. A scale that is fitted is a parameter and no
 column.
+
+What a simulation may be off by is no noise: it has no distribution, and is the same in every
+repetition. A plan promises that amplitudes are within a share e of themselves, however these errors
+hang together; rows then are off by B d with all |d_j| <= 1, a column of B for every amplitude,
+
+    e (1 + r) for its own row, as above, and one for chi where that is taken from a simulated sweep
+
+An estimate with the slopes G = d value/d rows is then off by sum_j |G B_j| at most. This is added
+to what noise makes of the error, for 68 % and for 95 % alike: no part of it averages out over rows
+or repetitions, so that a sum in quadrature would promise what nobody knows. Source: Guide to the
+Expression of Uncertainty in Measurement (JCGM 100:2008), F.2.4.5, on a bias that is not corrected.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,15 +32,24 @@ from fitting.text.arrays import FloatArray
 
 @dataclass(frozen=True)
 class RowNoise:
-    """Relative noise of the rows: `sigma` (m,) of each alone, `common` (m, k) shared by rows."""
+    """Relative noise of the rows: `sigma` (m,) of each alone, `common` (m, k) shared by rows.
+
+    `bounded` (m, j) are the columns B of what the simulation may be off by, none where it is exact.
+    """
 
     sigma: FloatArray
     common: FloatArray
+    bounded: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def covariance(self) -> FloatArray:
         """V (m, m)."""
         return np.asarray(np.diag(self.sigma**2) + self.common @ self.common.T)
+
+    @property
+    def loosest(self) -> FloatArray:
+        """V (m, m), loosened for what the simulation may be off by: for tests of agreement."""
+        return loosened(self.covariance, self.bounded)
 
     def widened(self, rows: slice, factor: float) -> RowNoise:
         """The same noise, some rows counting as if theirs were wider.
@@ -40,7 +60,20 @@ class RowNoise:
         """
         sigma = self.sigma.copy()
         sigma[rows] *= factor
-        return RowNoise(sigma, self.common)
+        return replace(self, sigma=sigma)
+
+
+def loosened(covariance: FloatArray, bounded: FloatArray) -> FloatArray:
+    """V + j B B^T (m, m): by it no error of the simulation adds more than one to chi square.
+
+    |d|^2 <= j for all |d_i| <= 1, and (B d)^T (j B B^T)^-1 B d <= |d|^2/j.
+
+    Args:
+        covariance: V of the rows, shape (m, m).
+        bounded: B, shape (m, j); nothing changes without columns.
+    """
+    count = bounded.shape[1]
+    return np.asarray(covariance + count * (bounded @ bounded.T)) if count else covariance
 
 
 def noise_of(objective: Objective, point: Point) -> RowNoise:
@@ -60,7 +93,26 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
         if error > 0.0
     ]
     common = np.stack(columns, axis=1) if columns else np.empty((sigma.size, 0))
-    return RowNoise(sigma, common)
+    return RowNoise(sigma, common, _bounded(data, point))
+
+
+def _bounded(data: Dataset, point: Point) -> FloatArray:
+    """Columns of what the simulation may be off by, (m, j)."""
+    rows = point.residuals.size
+    if not any(point.promised):
+        return np.empty((rows, 0))
+    share = np.zeros(rows)
+    for promised, place in zip(point.promised, data.slices, strict=True):
+        share[place] = promised
+    along = point.residuals + data.measured_rows  # dr/d ln amplitude, of rows that have a scale
+    along = np.where(data.measured_rows == 0.0, 1.0 + np.abs(point.residuals), along)
+    columns = [np.diag(share * along)]
+    columns += [
+        (share * _along_scale(data, point, series))[:, np.newaxis]
+        for series, chi in enumerate(point.chis)
+        if chi != 1.0  # else nothing was simulated for it
+    ]
+    return np.hstack(columns)
 
 
 def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:

@@ -52,7 +52,7 @@ class Point:
     `residuals` (m,) of all measurements; `chis` the scale of every series; `scaled` chi times what
     the model predicts, one array per measurement; `scale_bias` the relative error that simulated
     grids leave in chi, at most; `runs` the number of simulations; `squares` and `row_weights` (m,)
-    are those of `Dataset.squares`.
+    are those of `Dataset.squares`; `promised` those of `Evaluation`.
     """
 
     x: FloatArray
@@ -64,6 +64,7 @@ class Point:
     runs: int = 0
     squares: float = float("nan")
     row_weights: FloatArray = field(default_factory=lambda: np.empty(0))
+    promised: tuple[float, ...] = ()
 
     @property
     def chi(self) -> float:
@@ -141,6 +142,7 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         runs=evaluation.runs,
         squares=squares,
         row_weights=row_weights,
+        promised=evaluation.promised,
     )
 
 

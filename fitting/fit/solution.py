@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
-from fitting.fit.linearisation import Linearisation, linearise
+from fitting.fit.linearisation import Linearisation, linearise, whitened
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, Point, weights
 from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
@@ -89,6 +89,8 @@ def solution_of(
         widened.covariance,
         objective.data.solved_inside,
     )
+    bounded = whitened(noise.bounded, widened.covariance) / errors.inflation
+    errors = replace(errors, bounded=bounded)
     tikhonov_weights = weights(objective, nu, misfit)
     return Solution(
         objective=objective,

@@ -150,7 +150,7 @@ def warnings_of(joint: JointResult) -> list[str]:
 def _whitened(solution: Solution) -> tuple[_System, list[float]]:
     """The system of all campaigns, residuals beyond a campaign's noise widened; and by how much."""
     point, data = solution.final, solution.objective.data
-    noise = noise_of(solution.objective, point).covariance
+    noise = noise_of(solution.objective, point).loosest
     prior = prior_sigmas(solution.parameters)
     inverse = [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
     own_priors = Linearisation(

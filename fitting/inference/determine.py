@@ -103,7 +103,7 @@ def determine(
     if twins is None:
         twins = find_twins(Evaluator(objective), options.seed)
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes))
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes), noise.bounded)
     if not options.data:
         [point] = evaluate_many(objective, [solution])
         likelihood = replace(likelihood, shift=point.residuals)

@@ -21,6 +21,8 @@ from fitting.text.arrays import FloatArray
 OUTPUT_STEP = 1e-4
 #: Share of the variance that the data answer for from which a linearised error is one of the data.
 SEEN = 0.1
+#: Half a 95 % interval, in standard deviations.
+Z95 = 1.96
 LINEARISED = "no profile was walked"
 
 
@@ -58,11 +60,12 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
         gradient = np.zeros(len(solution.parameters))
         gradient[i] = parameter.scale
         std, shrinkage = solution.errors.of(gradient)
+        shift = solution.errors.shift(gradient)
         results[parameter.name] = ParameterResult(
             value=float(reported[i]),
             unit=parameter.unit,
-            std=std if shrinkage >= SEEN else float("nan"),
-            ci95=_interval(parameter, float(found.best[i]), float(shown[i]), std),
+            std=std + shift if shrinkage >= SEEN else float("nan"),
+            ci95=_interval(parameter, float(found.best[i]), float(shown[i]), Z95 * std + shift),
             reference=parameter.reference,
             start=parameter.start,
             lower=parameter.lower,
@@ -72,6 +75,7 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             algorithm2=float(paper[i]),
             most_likely=float(shown[i]),
             period=parameter.period,
+            simulation=shift,
             reason=LINEARISED,
         )
     return results
@@ -82,10 +86,10 @@ def _word(shrinkage: float) -> Verdict:
     return Verdict.LINEARISED if shrinkage >= SEEN else Verdict.UNKNOWN
 
 
-def _interval(parameter: Parameter, raw: float, shown: float, std: float) -> tuple[float, float]:
+def _interval(parameter: Parameter, raw: float, shown: float, half: float) -> tuple[float, float]:
     """95 % interval within the box, shifted with the value into its canonical period."""
-    low = min(max(raw - 1.96 * std, parameter.lower), raw)
-    high = max(min(raw + 1.96 * std, parameter.upper), raw)
+    low = min(max(raw - half, parameter.lower), raw)
+    high = max(min(raw + half, parameter.upper), raw)
     if parameter.period is not None and high - low >= parameter.period:
         return 0.0, parameter.period
     return low + (shown - raw), high + (shown - raw)
@@ -122,6 +126,7 @@ def derived_results(
         if not np.isfinite(best):
             shrinkage = 0.0
         std = std if shrinkage >= SEEN else float("nan")
+        shift = solution.errors.shift(gradient) if np.isfinite(std) else 0.0
         value = mean(values)
         results[name] = DerivedResult(
             value=value,
@@ -129,14 +134,15 @@ def derived_results(
             values=tuple(map(float, values)),
             mean=value,
             spread=float(np.std(values, ddof=1)) if values.size > 1 else 0.0,
-            std=std,
-            ci95=_within(box, best, std),
+            std=std + shift,
+            ci95=_within(box, best, Z95 * std + shift),
             reference=float(means[1]),
             shrinkage=shrinkage,
             identifiable=_word(shrinkage),
             box=box,
             algorithm2=float(means[0]),
             most_likely=best,
+            simulation=shift,
             reason=LINEARISED,
         )
     return results
@@ -149,13 +155,13 @@ def _error(solution: Solution, gradient: FloatArray) -> tuple[float, float]:
     return solution.errors.of(gradient)
 
 
-def _within(box: tuple[float, float], value: float, std: float) -> tuple[float, float]:
+def _within(box: tuple[float, float], value: float, half: float) -> tuple[float, float]:
     """95 % interval of a derived value, cut to its range over the box; without data, that range."""
     if np.isnan(value):
         return float("nan"), float("nan")
-    if np.isnan(std):
+    if np.isnan(half):
         return box
-    low, high = max(value - 1.96 * std, box[0]), min(value + 1.96 * std, box[1])
+    low, high = max(value - half, box[0]), min(value + half, box[1])
     return min(low, value), max(high, value)
 
 
@@ -180,6 +186,7 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, 
                 gradient[k], adds[k] = q.scale, 1.0
         best = float(adds @ found.best)
         std, shrinkage = solution.errors.of(gradient)
+        shift = solution.errors.shift(gradient)
         later = [q.experiment for q in own if q is not p and _goes_to(q) == _goes_to(p)]
         results.append(
             OffsetResult(
@@ -188,13 +195,14 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, 
                 variables=_goes_to(p),
                 value=float(adds @ found.reported),
                 unit=p.unit,
-                std=std,
-                ci95=(best - 1.96 * std, best + 1.96 * std),
+                std=std + shift,
+                ci95=(best - Z95 * std - shift, best + Z95 * std + shift),
                 prior=p.prior_sigma or float("nan"),
                 shrinkage=shrinkage,
                 identifiable=_word(shrinkage),
                 fitted=float(found.reported[i]),
                 most_likely=best,
+                simulation=shift,
             )
         )
     return tuple(results)

@@ -45,6 +45,7 @@ from fitting.inference.warnings import (
     Warned,
     estimator_sentences,
     fit_warnings,
+    simulation_sentences,
     verdict_sentences,
     warned,
 )
@@ -153,6 +154,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.ESTIMATOR, estimator_sentences(fit.options, named)),
+            *warned(Kind.SIMULATION, simulation_sentences(solution.final.promised, named)),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
             *fit_warnings(fit, offsets, agreement, best, inflation if describes else 1.0),
@@ -316,5 +318,6 @@ def _judged(value: Valued, profile: Profile | None, describes: bool) -> Valued:
         shrinkage=profile.shrinkage,
         identifiable=profile.verdict,
         precision=profile.precision,
+        simulation=profile.simulation,
         reason=profile.reason,
     )

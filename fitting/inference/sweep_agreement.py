@@ -25,7 +25,7 @@ from scipy.special import chdtrc, ndtri
 from fitting.campaign.parameters import prior_sigmas, search_bounds
 from fitting.fit.differences import forward
 from fitting.fit.linearisation import whitened
-from fitting.fit.noise import noise_of
+from fitting.fit.noise import loosened, noise_of
 from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.solution import Solution
 from fitting.inference.consistency import BETTER_THAN_BOX
@@ -125,11 +125,13 @@ class _Both:
         mine = data.series_of_rows == series
         self.peaks = mine & (rows < data.curve_rows.start)
         self.measured = data.measured_rows[self.peaks]
-        sigma = noise_of(solution.objective, solution.final).sigma[self.peaks]
+        noise = noise_of(solution.objective, solution.final)
+        sigma = noise.sigma[self.peaks]
         # the error of the scale moves all peaks together as they were measured, not as a fit has
         # them that a contradiction has bent
         common = data.scale_sigmas[series] * self.measured
-        self.covariance = np.diag(sigma**2) + np.outer(common, common)
+        own = np.diag(sigma**2) + np.outer(common, common)
+        self.covariance = loosened(own, noise.bounded[self.peaks])
         self.bounds = search_bounds(solution.parameters)
         self.prior = prior_sigmas(solution.parameters)
         self.held = np.array(

@@ -43,7 +43,8 @@ class ParameterResult(_Reported):
     likelihood, `ci95` its 95 % interval, `identifiable` the verdict with its `reason` and
     `precision` (see `Profile`). Without profiles ("linearised only") `std`, `ci95` and `shrinkage`,
     the share of the variance that comes from the data, are those of the problem linearised at the
-    end of Algorithm 2. `std` is NaN where the verdict leaves no value.
+    end of Algorithm 2. `std` is NaN where the verdict leaves no value. `simulation` is how far what
+    the plan of the simulation cannot exclude moves the value, at most: it is in `std` and `ci95`.
     """
 
     value: float
@@ -59,6 +60,7 @@ class ParameterResult(_Reported):
     algorithm2: float
     most_likely: float = math.nan
     period: float | None = None
+    simulation: float = 0.0
     precision: float = math.nan
     reason: str = ""
 
@@ -85,6 +87,7 @@ class DerivedResult(_Reported):
     box: tuple[float, float]
     algorithm2: float
     most_likely: float = math.nan
+    simulation: float = 0.0
     precision: float = math.nan
     reason: str = ""
 
@@ -122,3 +125,4 @@ class OffsetResult(_Reported):
     identifiable: Verdict
     fitted: float
     most_likely: float = math.nan
+    simulation: float = 0.0

@@ -169,6 +169,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     range_ends = explored.range_ends[quantity.name]
     goes_round = quantity.round and all(branch.end == "bound" for branch in branches)
     fits, ends = _ends_of(branches, range_ends, goes_round)
+    fits, ends = _beyond_the_simulation(quantity, branches, fits, ends)
     if quantity.round and "bound" in ends:  # half a period up and down is one and the same system
         ends = (
             "bound" if ends[0] == "lost" else ends[0],
@@ -201,6 +202,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
         verdict=verdict,
         precision=_precision(subject, found),
         reason=reason,
+        simulation=subject.scale * quantity.reach * quantity.sigma,
         values=tuple(subject.shown(point.value) for point in points),
         delta=tuple(max(0.0, point.delta) for point in points),
         path=_path(explored, points, turn),
@@ -225,6 +227,17 @@ def _ends_of(
         for branch, fit in zip(branches, inside, strict=True)
     ]
     return (inside[0], inside[1]), (words[0], words[1])
+
+
+def _beyond_the_simulation(
+    quantity: Quantity, branches: Branches, fits: tuple[bool, bool], ends: tuple[str, str]
+) -> tuple[tuple[bool, bool], tuple[str, str]]:
+    """The same; an end that the simulation's own error takes to the end of the range fits there."""
+    reached = interval(quantity, branches, fits)
+    away = [at == limit for at, limit in zip(reached, (quantity.low, quantity.high), strict=True)]
+    moved = [far and end == "crossed" for far, end in zip(away, ends, strict=True)]
+    words = ["bound" if gone else end for gone, end in zip(moved, ends, strict=True)]
+    return (fits[0] or moved[0], fits[1] or moved[1]), (words[0], words[1])
 
 
 def _interval(

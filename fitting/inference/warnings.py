@@ -35,7 +35,7 @@ from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, number, probability, span
+from fitting.text.notation import hertz, listed, number, probability, span
 from fitting.text.units import convert
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
@@ -67,6 +67,7 @@ class Kind(Enum):
     SWAPPED = "peaks that changed places"
     LINES = "lines of a spectrum that no drive explains"
     SCALE_FACTOR = "peaks and sweep that contradict each other"
+    SIMULATION = "the simulation's own error in the intervals"
     NOTE = "a note of the campaign"
     PROFILES = "profiles that were not walked"
     FMU = "what the FMU says"
@@ -130,6 +131,8 @@ def fit_warnings(
     ]
 
 
+#: Share of the error by noise from which that by the simulation is told.
+WORTH_SAYING = 0.1
 #: What is said of values that are not determined, by verdict.
 SAID = {
     Verdict.BOUNDED: "Bounded on both sides by these data, but not determined: {}.",
@@ -163,6 +166,29 @@ def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> 
             unknown.setdefault(value.reason, []).append(name)
     said += [f"Not known: {', '.join(names)} ({why})." for why, names in unknown.items()]
     return said
+
+
+def simulation_sentences(
+    promised: Sequence[float], values: Mapping[str, ParameterResult | DerivedResult | OffsetResult]
+) -> list[str]:
+    """Values whose errors hold more of the simulation's own than can be left unsaid.
+
+    Args:
+        promised: relative errors of simulated amplitudes, at most.
+        values: as they are reported, by name.
+    """
+    told = []
+    for name, value in values.items():
+        noise = value.std - value.simulation
+        if value.identifiable.has_value and value.simulation > WORTH_SAYING * noise:
+            told.append(f"{name} by {number(value.simulation, 2)} {value.unit}".rstrip())
+    if not told:
+        return []
+    return [
+        f"Simulated amplitudes are known to {max(promised):.1e} only, which may move "
+        f"{listed(told)}: standard deviations and intervals are wider for it. Finer steps of the "
+        "FMU, or a better --accuracy, would narrow them."
+    ]
 
 
 def estimator_sentences(

@@ -54,9 +54,15 @@ class FmuResponse:
         columns = self._answered(tasks, batch)
         runs = batch.count(len(table))
         return [
-            Evaluation(tuple(column[k] for column in columns), int(runs[k]))
+            Evaluation(tuple(column[k] for column in columns), int(runs[k]), self._promised)
             for k in range(len(table))
         ]
+
+    @cached_property
+    def _promised(self) -> tuple[float, ...]:
+        """What the plans promise, by measurement; nothing where nothing was decided."""
+        found = (self.models[m.series].plan.promised for m in self.measurements)
+        return tuple(0.0 if np.isnan(promised) else promised for promised in found)
 
     def _answered(self, tasks: Sequence[Predicting], batch: Batch) -> list[list[Prediction]]:
         """Predictions of every measurement; in each round all simulate what they asked for."""

@@ -417,10 +417,15 @@ def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Answers to one parameter vector: a prediction per measurement; `runs` simulations it took."""
+    """Answers to one parameter vector: a prediction per measurement; `runs` simulations it took.
+
+    `promised` is the relative error that the values of each prediction may have, at most, as far as
+    whoever answers can exclude a larger one; empty where they are exact.
+    """
 
     predictions: tuple[Prediction, ...]
     runs: int = 0
+    promised: tuple[float, ...] = ()
 
 
 class Response(Protocol):

@@ -10,9 +10,11 @@ import pytest
 
 from fitting.cli.main import main
 from fitting.result.result import read_result
+from fitting.text.arrays import FloatArray
 from tests.support.cfmu_build import build_c_fmu
 
 MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3
+F_HZ = np.linspace(292.0, 352.0, 9)
 
 CAMPAIGN = """
 title = "Driven oscillator"
@@ -63,12 +65,35 @@ amplitude = 1e-6
 """
 
 
+def amplitudes(p: FloatArray) -> FloatArray:
+    """|F/(k - m w^2 + i c w)| of damping c and stiffness k, where the campaign sweeps."""
+    w = 2 * np.pi * F_HZ
+    return np.asarray(1.0 / np.abs(p[1] - MASS * w**2 + 1j * p[0] * w))
+
+
+def worst_shifts(promised: float) -> FloatArray:
+    """What relative errors of the amplitudes, all the worst way, make of damping and stiffness.
+
+    sum_i |G_i| e A_i/max A, G the pseudo-inverse of the derivatives of chi A/max A.
+    """
+    truth = np.array([DAMPING, STIFFNESS])
+    measured = amplitudes(truth)
+
+    def rows(p: FloatArray) -> FloatArray:
+        found = amplitudes(p)
+        return np.asarray(found * (found @ measured) / (found @ found) / np.max(measured))
+
+    steps = np.diag(1e-5 * truth)
+    slopes = [(rows(truth + h) - rows(truth - h)) / (2.0 * np.sum(h)) for h in steps]
+    pull = np.abs(np.linalg.pinv(np.stack(slopes, axis=1)))
+    return np.asarray(promised * pull @ measured / np.max(measured))
+
+
 def campaign(folder: Path, fmu: Path, misfit: str) -> Path:
     """Campaign and its data, |F/(k - m w^2 + i c w)| in closed form times a detector's gain."""
-    f = np.linspace(292.0, 352.0, 9)
-    w = 2 * np.pi * f
-    amplitude = 0.37 / np.abs(STIFFNESS - MASS * w**2 + 1j * DAMPING * w)
-    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(f.tolist(), amplitude.tolist(), strict=True))
+    amplitude = 0.37 * amplitudes(np.array([DAMPING, STIFFNESS]))
+    points = zip(F_HZ.tolist(), amplitude.tolist(), strict=True)
+    rows = "".join(f"{a!r},{b!r}\n" for a, b in points)
     (folder / "sweep.csv").write_text(f"frequency (Hz),amplitude (V)\n{rows}")
     path = folder / "campaign.toml"
     path.write_text(CAMPAIGN.format(fmu=fmu.as_posix(), misfit=misfit))
@@ -101,5 +126,15 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
         assert parameter.value == (parameter.algorithm2 if papers else parameter.most_likely)
     told = " ".join(capsys.readouterr().out.split())
     assert ("Values are those of Algorithm 2, as asked for" in told) == papers
+    # what the plan promises no better is in the errors, exact as the data are
+    assert found.plan is not None
+    for value, worst in zip(
+        (found.parameters["damping"], found.parameters["stiffness"]),
+        worst_shifts(found.plan.promised),
+        strict=True,
+    ):
+        assert value.simulation == pytest.approx(worst, rel=0.02)
+        assert value.simulation < value.std < 1.3 * value.simulation
+    assert "standard deviations and intervals are wider for it" in told
     plan = " ".join(found.provenance.plan)
     assert ("reset and reused" in plan) == (reset == "RESET_WORKS")

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -44,7 +44,8 @@ class Likelihood:
     from the residuals (a synthetic data set of the bootstrap). `lower`, `upper` (n,) are hard
     limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
     that can go round between them, else infinity: such a parameter has no limits here. `names` of
-    the outputs.
+    the outputs. `bounded` (m, j) are columns of what the simulation may be off by
+    (`fitting.fit.noise`): they take no part in chi square.
     """
 
     objective: Objective
@@ -56,6 +57,7 @@ class Likelihood:
     periods: FloatArray
     names: tuple[str, ...]
     inflation: float = 1.0
+    bounded: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -155,7 +157,11 @@ def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
 
 
 def likelihood_of(
-    objective: Objective, sigma: FloatArray, common: FloatArray, names: Sequence[str] = ()
+    objective: Objective,
+    sigma: FloatArray,
+    common: FloatArray,
+    names: Sequence[str] = (),
+    bounded: FloatArray | None = None,
 ) -> Likelihood:
     """Likelihood without inflation from the relative noise of the rows.
 
@@ -164,6 +170,7 @@ def likelihood_of(
         sigma: relative standard deviations of the rows, shape (m,), all positive.
         common: columns of relative errors shared by the rows, shape (m, k).
         names: derived outputs that are looked at.
+        bounded: columns of what the simulation may be off by, shape (m, j); none if not given.
     """
     variance = np.diag(np.maximum(sigma, SMALLEST_SIGMA) ** 2) + common @ common.T
     lower, upper = search_bounds(objective.parameters)
@@ -187,6 +194,7 @@ def likelihood_of(
         upper=np.where(bound, upper, np.inf),
         periods=periods,
         names=tuple(names),
+        bounded=np.empty((0, 0)) if bounded is None else bounded,
     )
 
 

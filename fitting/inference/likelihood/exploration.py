@@ -401,6 +401,7 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
                 high=high,
                 first=float(steps[i]),
                 round=goes_round,
+                reach=_reach(optimum, covariance, np.eye(covariance.shape[0])[i]),
             )
         )
     for k, name in enumerate(likelihood.names):
@@ -420,6 +421,7 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
                 sigma=max(sigma, 1e-12 * (high - low)),
                 low=low,
                 high=high,
+                reach=_reach(optimum, covariance, slope),
             )
         )
     return tuple(made)
@@ -441,6 +443,24 @@ def data_covariance(optimum: Optimum, *, stated: bool = False) -> FloatArray:
     )
     prior = np.maximum(room, AT_LIMIT * likelihood.widths) / UNIFORM_WIDTH
     return Linearisation(rows=at.sample.rows, matrix=matrix, prior=prior).covariance
+
+
+def _reach(optimum: Optimum, covariance: FloatArray, slope: FloatArray) -> float:
+    """By how many standard deviations the simulation's own error may move a value, at most.
+
+    |g C J^T V^-1/2 B|_1/sqrt(g C g); along a slope that is not known, sum_j |V^-1/2 B_j|.
+    """
+    likelihood = optimum.likelihood
+    if not likelihood.bounded.size:
+        return 0.0
+    columns = likelihood.whitening @ likelihood.bounded
+    if not np.all(np.isfinite(slope)):
+        return float(np.sum(np.linalg.norm(columns, axis=0)))
+    variance = float(slope @ covariance @ slope)
+    if not variance > 0.0:
+        return 0.0
+    pull = optimum.expansion.matrix[: columns.shape[0]] @ (covariance @ slope)
+    return float(np.sum(np.abs(pull @ columns)) / math.sqrt(variance))
 
 
 def first_steps(likelihood: Likelihood, x: FloatArray) -> FloatArray:

@@ -45,7 +45,8 @@ class Profile:
     the width of interval95 over the value, of a periodic value over its period (NaN where the data
     do not cut both ends). `sigma` is linearised at the best point, `shrinkage` = 1 -
     (width of interval95/width of the box)^2. `values` and `delta` (Dchi^2) are the points of the
-    profile in rising order, `path` the parameters and outputs along it.
+    profile in rising order, `path` the parameters and outputs along it. `simulation` is how far
+    what the simulation may be off by moves the value, at most, linearised: the intervals hold it.
     """
 
     kind: str
@@ -63,6 +64,7 @@ class Profile:
     values: Floats
     delta: Floats
     path: Mapping[str, Floats]
+    simulation: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

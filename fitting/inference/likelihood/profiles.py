@@ -53,7 +53,8 @@ class Quantity:
 
     `best` at the most likely point, `sigma` linearised (very large where the data do not see it);
     `low`, `high` are where its branches end, `first` the longest first step; `round`: a parameter
-    that comes back to itself there.
+    that comes back to itself there. `reach`: by how many sigma the simulation's own error may move
+    it, at most.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Quantity:
     high: float
     first: float = math.inf
     round: bool = False
+    reach: float = 0.0
 
     @property
     def width(self) -> float:
@@ -412,6 +414,10 @@ def interval(
 ) -> tuple[float, float]:
     """The interval of a profile: crossings, or the ends of the range where it does not cross.
 
+    Where the simulation may move the estimate by `reach` sigma, the true value lies where
+    sqrt(Dchi^2) is below its threshold plus that: sides are longer in that ratio, each by its own.
+    No side goes beyond the range.
+
     `branches` are (downward, upward), `ends_fit` whether the ends of the range fit the data.
 
     Args:
@@ -423,5 +429,10 @@ def interval(
     ends = []
     for branch, limit, fits in zip(branches, (quantity.low, quantity.high), ends_fit, strict=True):
         crossing = branch.at_95 if mark == "95" else branch.at_68
-        ends.append(limit if fits or math.isnan(crossing) else crossing)
+        if fits or math.isnan(crossing):
+            ends.append(limit)
+            continue
+        root = ROOT_95 if mark == "95" else ROOT_68
+        far = quantity.best + (crossing - quantity.best) * (1.0 + quantity.reach / root)
+        ends.append(max(far, limit) if limit < quantity.best else min(far, limit))
     return ends[0], ends[1]
