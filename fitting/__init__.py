@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
     from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweep
+    from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep
     from fitting.measurements.kinds import read_campaign
     from fitting.measurements.wiring import Wiring
     from fitting.text.errors import BadInput, FmuFailure
@@ -47,6 +48,7 @@ _HOMES = {
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
     "campaign.laws": ("Laws",),
+    "measurements.control_sweep": ("ControlSpectrum", "ControlSweep"),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
     "measurements.complex_sweep": ("ComplexCurve", "ComplexSweep"),
@@ -59,6 +61,8 @@ __all__ = [
     "BadInput",
     "ComplexCurve",
     "ComplexSweep",
+    "ControlSpectrum",
+    "ControlSweep",
     "Drive",
     "Fit",
     "Fmu",

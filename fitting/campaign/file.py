@@ -256,10 +256,10 @@ class WrittenExperiments(WrittenTrace):
         if self.peak_sigmas and not self.peaks:
             raise Refused("wanted only beside 'peaks'", "peak_sigmas")
         super().__post_init__()
-        if self.peak_sigmas and self.format.amplitude.kind == "dBm":
+        if self.peak_sigmas and self.format.amplitude.kind in ("dBm", "dB"):
             raise Refused(
-                "a standard deviation in dBm is a ratio, not an amplitude; wanted peaks and "
-                'sigmas in "V peak" or "V rms"',
+                f"a standard deviation in {self.format.amplitude.kind} is a ratio, not an "
+                'amplitude; wanted peaks and sigmas in "V peak" or "V rms"',
                 "peak_sigmas",
             )
 

@@ -13,16 +13,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, NoScale
+from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.formula import Formula, alike
 from fitting.text.tables import did_you_mean
 from fitting.text.units import convert, dimension_of, dimension_words, parse_quantity
 from fitting.text.written import Written, as_written
 
+#: Answers of laws that are kept.
+REMEMBERED = 4096
 #: Label and settings of something that was measured.
 Place = tuple[str, Mapping[str, Scalar]]
 
@@ -169,6 +172,11 @@ class Laws:
         }
 
     @cached_property
+    def _remembered(self) -> dict[tuple[Scalar | None, ...], dict[str, float]]:
+        """What laws said, by the values of all names: answers to equal questions, no state."""
+        return {}
+
+    @cached_property
     def names(self) -> frozenset[str]:
         """All names in them."""
         return frozenset(name for formula in self.parsed.values() for name in formula.names)
@@ -220,10 +228,19 @@ class Laws:
 
         Raises:
             BadInput: a control quantity has no value there.
-            NoScale: a law has no finite value there.
+            FmuFailure: a law has no finite value there: so the model has none.
         """
+        if not self.bound:
+            return dict(values)
         known = {**values, **coefficients}
-        found = {law.target: _finite(law, known) for law in self.bound}
+        # every tone of a curve asks for the same again
+        key = tuple(known.get(name) for name in sorted(self.names))
+        found = self._remembered.get(key)
+        if found is None:
+            found = {law.target: _finite(law, known) for law in self.bound}
+            if len(self._remembered) >= REMEMBERED:
+                self._remembered.clear()
+            self._remembered[key] = found
         kept = {name: value for name, value in values.items() if name not in self.controls}
         return {**kept, **found}
 
@@ -242,7 +259,7 @@ class Laws:
         for place, settings in known:
             try:
                 self.applied(settings, starts)
-            except BadInput as error:
+            except (BadInput, FmuFailure) as error:
                 raise BadInput(f"{error} ({place})") from error
         for name, unit in self.controls.items():
             values = [float(settings[name]) for _, settings in known if name in settings]
@@ -286,13 +303,12 @@ def _finite(law: Law, known: Mapping[str, Scalar]) -> float:
             )
     value = law.value(known)
     if not np.isfinite(value):
-        at = ", ".join(
-            f"{name} = {float(known[name]):.6g} {law.units[name]}".removesuffix(" 1")
+        given = {
+            f"{name} ({law.units[name]})".removesuffix(" (1)"): float(known[name])
             for name in law.needed
-        )
-        raise NoScale(
-            f"{law.formula.where}: '{law.formula.text}' has no finite value at {at or 'all'}"
-        )
+        }
+        text = f"'{law.formula.text}' has no finite value"
+        raise FmuFailure(text, given, Path(law.formula.where))
     return value
 
 

@@ -85,8 +85,8 @@ class Parameter:
 
     @property
     def moves_model(self) -> bool:
-        """Whether the model depends on it: not so the scale, or the delay of a cable."""
-        return self.role not in ("scale", "delay")
+        """Whether the model depends on it: a variable of the FMU, or a coefficient of laws."""
+        return self.role in ("model", "coefficient")
 
     @property
     def experiments(self) -> tuple[str, ...]:

@@ -85,7 +85,7 @@ class DrivenModel:
             settings: values of FMU variables and of control quantities, by name.
 
         Raises:
-            NoScale: a law has no finite value there.
+            FmuFailure: a law has no finite value there.
         """
         drive = self.setup.drive
         values: dict[str, Scalar] = {**self.setup.start_values, **self.plan.settings}

@@ -36,13 +36,16 @@ class Form(Enum):
     STEMS = "stems"
     #: Values with their standard deviations, as short horizontal bars.
     LEVELS = "levels"
+    #: Values over both axes, as colours: cells about each place.
+    MAP = "map"
 
 
 @dataclass(frozen=True)
 class Layer:
     """Values ``y`` (n,) at ``x`` (n,), in the units of the panel's axes; ``label`` for the legend.
 
-    ``sigma`` (n,) are standard deviations of y; empty or NaN: not known.
+    ``sigma`` (n,) are standard deviations of y; empty or NaN: not known. Of a map ``z`` (n,) are
+    the values at (x, y); places of equal x form a column.
 
     Raises:
         ValueError: arrays of different shapes.
@@ -55,14 +58,17 @@ class Layer:
     _: KW_ONLY
     label: str = ""
     sigma: FloatArray = field(default_factory=lambda: np.empty(0))
+    z: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        for name in ("x", "y", "sigma"):
+        for name in ("x", "y", "sigma", "z"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         if self.x.ndim != 1 or self.x.shape != self.y.shape:
             raise ValueError(f"{self.label}: x {self.x.shape} and y {self.y.shape} differ")
         if self.sigma.size and self.sigma.shape != self.y.shape:
             raise ValueError(f"{self.label}: {self.y.size} values, but {self.sigma.size} sigmas")
+        if self.z.shape != (self.y.shape if self.form is Form.MAP else (0,)):
+            raise ValueError(f"{self.label}: a {self.form.value} with z {self.z.shape}")
 
 
 @dataclass(frozen=True)
@@ -87,14 +93,16 @@ class Panel:
 
     ``title`` stands above it, ``when`` before the label of y, ``notes`` are lines of text within.
     ``marked`` are places along x with a vertical line each; ``level`` is a horizontal line (NaN:
-    none). ``joined``: the difference of measured and simulated values is drawn as a bar between
-    both. ``shape`` numbers the marker of simulated points: one for each experiment. ``height`` is
-    relative to that of a full panel.
+    none). ``z`` is what the colours of a map stand for: about zero in both directions where it
+    goes from -h to h. ``joined``: the difference of measured and simulated values is drawn as a bar
+    between both. ``shape`` numbers the marker of simulated points: one for each experiment.
+    ``height`` is relative to that of a full panel.
     """
 
     x: Axis
     y: Axis
     layers: tuple[Layer, ...]
+    z: Axis | None = None
     title: str = ""
     when: str = ""
     notes: tuple[str, ...] = ()

@@ -15,9 +15,9 @@ from fitting.text.units import convert, parse_quantity
 
 @dataclass(frozen=True)
 class Amplitude:
-    """A declaration: ``kind`` "peak", "rms" or "dBm"; peak amplitudes come out in ``unit``.
+    """A declaration: ``kind`` "peak", "rms", "dBm" or "dB"; peak amplitudes come out in ``unit``.
 
-    ``impedance_ohm`` is the load that dBm refers to.
+    ``impedance_ohm`` is the load that dBm refers to; dB refer to nobody knows what, unit "1".
     """
 
     kind: str
@@ -26,7 +26,7 @@ class Amplitude:
 
 
 def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Amplitude:
-    """Read "V peak", "V rms", another detector unit likewise ("m peak"), or "dBm".
+    """Read "V peak", "V rms", another detector unit likewise ("m peak"), "dBm" or "dB".
 
     Args:
         text: as it was written.
@@ -41,6 +41,8 @@ def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Am
         if impedance_ohm is None:
             raise BadInput(f'{where}: "dBm" is a power: wanted impedance = "50 ohm" beside it')
         return Amplitude("dBm", "V", impedance_ohm)
+    if words == ["dB"]:
+        return Amplitude("dB", "1")
     if impedance_ohm is not None:
         raise BadInput(f'{where}: an impedance has a meaning with "dBm" only, found "{text}"')
     if len(words) == 2 and words[1] in ("peak", "rms"):
@@ -62,7 +64,7 @@ def to_peak(
 ) -> FloatArray:
     """Peak amplitudes (n,) in ``amplitude.unit`` from values in the file's ``unit``.
 
-    peak = sqrt(2) rms; for dBm peak = sqrt(2 R 1 mW 10^(x/10)).
+    peak = sqrt(2) rms; for dBm peak = sqrt(2 R 1 mW 10^(x/10)); for dB peak = 10^(x/20).
 
     Args:
         values: amplitudes (n,), in `unit`.
@@ -77,13 +79,20 @@ def to_peak(
             no double holds with all its digits.
     """
     where = f"{source}: column '{column}'"
-    if (unit == "dBm") != (amplitude.kind == "dBm"):
-        declared = "dBm" if amplitude.kind == "dBm" else f"{amplitude.unit} {amplitude.kind}"
+    logarithmic = ("dBm", "dB")
+    if (unit if unit in logarithmic else "") != (
+        amplitude.kind if amplitude.kind in logarithmic else ""
+    ):
+        kind = amplitude.kind
+        declared = kind if kind in logarithmic else f"{amplitude.unit} {kind}"
         raise BadInput(f"{where}: is in {unit}, but the campaign declares {declared}")
     if amplitude.impedance_ohm is not None:
         with np.errstate(over="ignore"):
             watts = 1e-3 * 10.0 ** (values / 10.0)
         return _in_range(np.sqrt(2.0 * amplitude.impedance_ohm * watts), where)
+    if amplitude.kind == "dB":
+        with np.errstate(over="ignore"):
+            return _in_range(np.asarray(10.0 ** (values / 20.0)), where)
     for i in np.flatnonzero(values < 0.0)[:1]:
         raise BadInput(
             f"{source}: {places[i]}, column '{column}': negative amplitude {values[i]:.6g} {unit}; "

@@ -13,6 +13,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,8 @@ FUNCTIONS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "atan": np.arctan,
 }
 CONSTANTS: Mapping[str, float] = {"pi": float(np.pi)}
+#: A part of a formula, as a function of the values of its names.
+Worked = Callable[[Mapping[str, Any]], Any]
 GRAMMAR = f"numbers, names, pi, + - * / ** and {', '.join(FUNCTIONS)}"
 
 
@@ -58,6 +61,9 @@ class Formula:
 
     def __post_init__(self) -> None:
         self._check(self._tree)
+
+    def __reduce__(self) -> tuple[type[Formula], tuple[str, str]]:
+        return Formula, (self.text, self.where)  # what is worked out is no more than a memory
 
     @cached_property
     def _tree(self) -> ast.expr:
@@ -111,7 +117,11 @@ class Formula:
             values: of all its names, numbers or arrays of one shape.
         """
         with np.errstate(all="ignore"):
-            return np.asarray(_value(self._tree, values), dtype=float)
+            return np.asarray(self._worked_out(values), dtype=float)
+
+    @cached_property
+    def _worked_out(self) -> Worked:
+        return _worked(self._tree)
 
     def dimension(self, units: Mapping[str, str]) -> Dimension:
         """Powers of the base dimensions that its value has; an angle counts as a plain number.
@@ -166,7 +176,7 @@ class Formula:
             return {}
         names: list[str] = []
         _collect(node.right, names)
-        exponent = float(_value(node.right, CONSTANTS)) if not names else float("nan")
+        exponent = float(_worked(node.right)({})) if not names else float("nan")
         if not np.isfinite(exponent):
             raise BadInput(
                 f"{self.where}: '{ast.unparse(node)}' is a power of {dimension_words(one)}; wanted "
@@ -206,19 +216,27 @@ def _collect(node: ast.expr, found: list[str]) -> None:
             _collect(right, found)
 
 
-def _value(node: ast.expr, values: Mapping[str, float | FloatArray]) -> FloatArray:
+def _worked(node: ast.expr) -> Worked:
+    """A part as a function of the values: made once, because laws are worked out often."""
     match node:
         case ast.Constant(value=int() | float() as number):
-            return np.asarray(number, dtype=float)
+            constant = np.float64(number)
+            return lambda values: constant
         case ast.Name() | ast.Attribute():
             name = ast.unparse(node)
-            return np.asarray(values[name] if name in values else CONSTANTS[name], dtype=float)
+            if name in CONSTANTS:
+                known = np.float64(CONSTANTS[name])
+                return lambda values: values.get(name, known)
+            return lambda values: np.asarray(values[name], dtype=float)[()]
         case ast.UnaryOp(op=ast.USub(), operand=inner):
-            return np.negative(_value(inner, values))
+            positive = _worked(inner)
+            return lambda values: -positive(values)
         case ast.UnaryOp(operand=inner):
-            return _value(inner, values)
+            return _worked(inner)
         case ast.Call(func=ast.Name(id=name), args=[inner]):
-            return FUNCTIONS[name](_value(inner, values))
+            function, argument = FUNCTIONS[name], _worked(inner)
+            return lambda values: function(argument(values))
         case ast.BinOp(left=left, op=op, right=right):
-            return OPERATORS[type(op)](_value(left, values), _value(right, values))
+            combine, one, two = OPERATORS[type(op)], _worked(left), _worked(right)
+            return lambda values: combine(one(values), two(values))
     raise TypeError(ast.unparse(node))  # the check lets nothing else pass

@@ -168,7 +168,7 @@ FAULTS = [
     ("e0 + e1*bias + e2*bias**2/V0", "980 + 3", "names nothing; wanted a parameter"),
     ("e1*bias", "e1*baas", "'baas' is neither a parameter nor a constant.*did you mean 'bias'"),
     ("e1*bias", "e1*bias**2", "adds s.-1 and .*; wanted one dimension"),
-    ("e0 + e1*bias", "e0/bias**1*V0 + e1*bias", "no finite value at .*bias = 0 mV, .*'0V-6'"),
+    ("e0 + e1*bias", "e0/bias**1*V0 + e1*bias", "no finite value .*bias .mV. = 0.0, .*'0V-6'"),
     ("eta_plus = ", "eta_plas = ", "no variable 'eta_plas'; did you mean 'eta_plus'"),
     ("eta_plus = ", "Q_plus = ", "'Q_plus' is a variable of causality output, which cannot be set"),
     ("eta_plus = ", "d1 = ", "'d1' is fitted and also set by .laws."),

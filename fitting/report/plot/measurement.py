@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
 
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
 from fitting.report.plot.axes import (
@@ -61,7 +62,10 @@ def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) 
     if np.isfinite(shown.level):
         axes.axhline(scales.y(shown.level), color=GREY, linewidth=0.8, zorder=1)
     for layer in shown.layers:
-        _LOOKS[layer.form](axes, layer, scales, shown.shape)
+        if layer.form is Form.MAP:
+            _map(axes, layer, scales, shown.z or Axis(""))
+        else:
+            _LOOKS[layer.form](axes, layer, scales, shown.shape)
     if shown.joined:
         _join(axes, shown, scales)
     if shown.notes:
@@ -179,6 +183,45 @@ def _levels(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
         zorder=5,
         label=layer.label,
     )
+
+
+def _map(axes: Axes, layer: Layer, scales: Scales, z: Axis) -> None:
+    """A column of cells for each place along x, and the bar that tells what their colours mean."""
+    scaling = _scaling(z, _finite([layer.z]))
+    x, y, _ = _scaled(layer, scales)
+    values = (layer.z - scaling.offset) / scaling.factor
+    low = float(np.min(values)) if z.low is None else scaling(z.low)
+    high = float(np.max(values)) if z.high is None else scaling(z.high)
+    both = z.low is not None and z.low == -(z.high or 0.0)
+    norm = Normalize(low, high)
+    if z.log:
+        norm = LogNorm(max(low, float(np.min(values[values > 0.0], initial=high))), high)
+    columns = np.unique(x)
+    edges = _edges(columns)
+    drawn = None
+    for k, place in enumerate(columns):
+        mine = np.flatnonzero(x == place)
+        mine = mine[np.argsort(y[mine])]
+        drawn = axes.pcolormesh(
+            edges[k : k + 2],
+            _edges(y[mine]),
+            values[mine][:, np.newaxis],
+            norm=norm,
+            cmap="RdBu_r" if both else "viridis",
+            rasterized=True,  # thousands of cells
+            zorder=0,
+        )
+    if drawn is not None:
+        axes.figure.colorbar(drawn, ax=axes, label=scaling.label(z.label))
+
+
+def _edges(places: FloatArray) -> FloatArray:
+    """Edges (n + 1,) of cells about places (n,) that rise."""
+    if places.size == 1:
+        return np.array([places[0] - 0.5, places[0] + 0.5])
+    middle = 0.5 * (places[1:] + places[:-1])
+    ends = (places[0] - (middle[0] - places[0]), places[-1] + (places[-1] - middle[-1]))
+    return np.concatenate([ends[:1], middle, ends[1:]])
 
 
 _LOOKS = {Form.POINTS: _points, Form.CURVE: _curve, Form.STEMS: _stems, Form.LEVELS: _levels}

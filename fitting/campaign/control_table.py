@@ -1,0 +1,204 @@
+"""Spectra at several values of control quantities, from one long table or from a list of files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fitting.campaign.file import TraceFormat
+from fitting.campaign.instruments import RawTrace, read_trace, unit_of
+from fitting.signal.amplitudes import to_peak
+from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.errors import BadInput, gathered
+from fitting.text.tables import Table, read_table
+from fitting.text.units import convert
+from fitting.text.written import Written
+
+#: Column that names the file of each spectrum.
+FILE = "file"
+#: Points of a spectrum, at least.
+LEAST_POINTS = 8
+#: A line is looked for so far from its harmonic, in fundamentals: odd ones are two apart.
+REACH = 0.8
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpectraFormat:
+    """How spectra are read: ``controls`` are columns, ``drive_column`` may be one.
+
+    Of a periodic drive with the fundamental ``fundamental_hz`` only the odd harmonics are taken;
+    ``range_hz`` is the first and the last frequency.
+    """
+
+    trace: TraceFormat
+    controls: tuple[str, ...]
+    drive_column: str = ""
+    fundamental_hz: float | None = None
+    range_hz: tuple[float, float] = (0.0, float("inf"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredSpectrum:
+    """Peak amplitudes (n,) at ``frequency_hz`` (n,), under ``controls`` as they were written.
+
+    ``drive`` (n,) is the amplitude of the drive over its level, None where no column tells it.
+    """
+
+    label: str
+    controls: Mapping[str, Written]
+    frequency_hz: FloatArray
+    amplitude: FloatArray
+    source: Path
+    drive: FloatArray | None = None
+
+
+def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]:
+    """All spectra of a table, each by the values of its controls.
+
+    Args:
+        path: of the table, with all points or with a row for each spectrum.
+        how: they are read.
+
+    Raises:
+        BadInput: no such file or column, values that are no numbers, frequencies that do not rise
+            or are there twice, two spectra at the same values, fewer than two spectra.
+    """
+    table = read_table(path)
+    columns = [table.column(name) for name in how.controls]
+    units = [unit_of(table, c, f"{c.name} (V)") for c in columns]
+    values = np.column_stack([table.numbers(c) for c in columns])
+    listed = table.find(FILE)
+    if listed is not None:
+        rows = [np.array([i]) for i in range(len(values))]
+    else:
+        _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)  # as the file has them
+        rows = [np.flatnonzero(group.ravel() == k) for k in order]
+    spectra = []
+    for mine in rows:
+        written = {
+            c.name: Written(float(v), unit, f"{path}: row {table.lines[mine[0]]}, '{c.name}'")
+            for c, v, unit in zip(columns, values[mine[0]], units, strict=True)
+        }
+        label = ", ".join(
+            f"{v:g} {unit}".removesuffix(" 1")
+            for v, unit in zip(values[mine[0]], units, strict=True)
+        )
+        spectra.append((label, written, mine))
+    labels = [label for label, _, _ in spectra]
+    for k, label in enumerate(labels):
+        if label in labels[:k]:
+            line = table.lines[spectra[k][2][0]]
+            raise BadInput(f"{path}: row {line}: is the second spectrum at {label}; wanted one")
+    if len(spectra) < 2:
+        raise BadInput(
+            f"{path}: one spectrum, at {labels[0]}; wanted several values of "
+            f"{', '.join(how.controls)}"
+        )
+    readers = [partial(_spectrum, table, how, *each) for each in spectra]
+    return tuple(gathered(readers))
+
+
+def _spectrum(
+    table: Table, how: SpectraFormat, label: str, controls: Mapping[str, Written], rows: IntArray
+) -> MeasuredSpectrum:
+    listed = table.find(FILE)
+    if listed is not None:
+        path = table.path.parent / table.texts(listed)[rows[0]]
+        raw = read_trace(path, how.trace.layout, how.trace.selection)
+        read = _from_trace(raw, how)
+    else:
+        read = _from_rows(table, how, rows)
+    spectrum = replace(read, label=label, controls=controls)
+    if how.fundamental_hz is not None:
+        spectrum = with_harmonics(spectrum, how.fundamental_hz)
+    low, high = how.range_hz
+    kept = (spectrum.frequency_hz >= low) & (spectrum.frequency_hz <= high)
+    kept &= spectrum.frequency_hz > 0.0
+    if np.count_nonzero(kept) < LEAST_POINTS:
+        raise BadInput(
+            f"{spectrum.source}: the spectrum at {label} has {np.count_nonzero(kept)} points to "
+            f"fit; wanted at least {LEAST_POINTS}"
+        )
+    return replace(
+        spectrum,
+        frequency_hz=spectrum.frequency_hz[kept],
+        amplitude=spectrum.amplitude[kept],
+        drive=None if spectrum.drive is None else spectrum.drive[kept],
+    )
+
+
+def _from_trace(raw: RawTrace, how: SpectraFormat) -> MeasuredSpectrum:
+    where = f"{raw.path}: column 'frequency'"
+    amplitude = to_peak(
+        raw.amplitude, raw.amplitude_unit, how.trace.amplitude, str(raw.path), raw.places
+    )
+    return MeasuredSpectrum(
+        label="",
+        controls={},
+        frequency_hz=raw.frequency * convert(1.0, raw.frequency_unit, "Hz", where=where),
+        amplitude=amplitude,
+        source=raw.path,
+    )
+
+
+def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpectrum:
+    frequency, amplitude = table.column("frequency"), table.column("amplitude")
+    where = f"{table.path}: column 'frequency'"
+    factor = convert(1.0, unit_of(table, frequency, "frequency (Hz)"), "Hz", where=where)
+    f = factor * table.numbers(frequency)[rows]
+    for i in np.flatnonzero(np.diff(f) <= 0.0)[:1]:
+        raise BadInput(
+            f"{table.path}: row {table.lines[rows[i + 1]]}: frequency {f[i + 1]:.12g} Hz follows "
+            f"{f[i]:.12g} Hz; wanted strictly rising ones at each value of the controls"
+        )
+    places = [f"row {table.lines[i]}" for i in rows]
+    unit = unit_of(table, amplitude, "amplitude (uV)")
+    values = table.numbers(amplitude)[rows]
+    driven = table.find(how.drive_column) if how.drive_column else None
+    drive = None if driven is None else table.numbers(driven)[rows]
+    if drive is not None and np.any(drive <= 0.0):
+        bad = places[int(np.argmax(drive <= 0.0))]
+        raise BadInput(f"{table.path}: {bad}, column '{how.drive_column}': wanted more than zero")
+    return MeasuredSpectrum(
+        label="",
+        controls={},
+        frequency_hz=f,
+        amplitude=to_peak(values, unit, how.trace.amplitude, str(table.path), places),
+        source=table.path,
+        drive=drive,
+    )
+
+
+def with_harmonics(spectrum: MeasuredSpectrum, fundamental_hz: float) -> MeasuredSpectrum:
+    """The odd harmonics of a periodic drive that a spectrum shows as lines.
+
+    Of the points within 0.8 fundamentals of a harmonic the highest is taken if it stands above both
+    its neighbours; the amplitude is that of the parabola through the logarithms of the three, which
+    is the line's own where the window of the transform is smooth, not the one of the nearest bin.
+
+    Args:
+        spectrum: as it was measured.
+        fundamental_hz: frequency of the drive's period, Hz.
+    """
+    f, a = spectrum.frequency_hz, spectrum.amplitude
+    found = []
+    for n in range(1, int(f[-1] / fundamental_hz) + 1, 2):
+        near = np.flatnonzero(np.abs(f - n * fundamental_hz) < REACH * fundamental_hz)
+        k = int(near[np.argmax(a[near])]) if near.size else 0
+        if not 0 < k < f.size - 1 or min(a[k - 1 : k + 2]) <= 0.0:
+            continue
+        left, top, right = np.log(a[k - 1 : k + 2])
+        bend = left - 2.0 * top + right
+        if bend < 0.0 and top >= max(left, right):
+            height = top - (left - right) ** 2 / (8.0 * bend)
+            found.append((n * fundamental_hz, float(np.exp(height)), k))
+    if not found:
+        return replace(spectrum, frequency_hz=np.empty(0), amplitude=np.empty(0), drive=None)
+    lines, amplitudes, bins = (np.array(column) for column in zip(*found, strict=True))
+    drive = None if spectrum.drive is None else spectrum.drive[bins.astype(int)]
+    return replace(spectrum, frequency_hz=lines, amplitude=amplitudes, drive=drive)

@@ -1,0 +1,242 @@
+"""Spectra over a control: an avoided crossing with known truth, from files and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import html
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure as Canvas
+
+import fitting as ff
+from fitting.campaign.control_table import MeasuredSpectrum, with_harmonics
+from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep
+from fitting.text.errors import BadInput
+from tests.support import crossing_spectra as crossing
+
+TRUTH = {
+    "a0": crossing.A0,
+    "a1": 1e-3 * crossing.A1,
+    "b0": 1e-3 * crossing.B0,
+    "k": crossing.LAMBDA,
+    "d1": crossing.WIDTH,
+}
+NOISE = 0.01
+
+
+@pytest.fixture(scope="module")
+def fit(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fit:
+    folder = tmp_path_factory.mktemp("crossing")
+    path = crossing.written(folder, oscillator_fmu, crossing.measured(3, NOISE))
+    return ff.fit(ff.Problem.of(ff.read_campaign(path)))
+
+
+def test_rows_at_the_truth_are_those_of_the_closed_form(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    """From a file, in other units, and from arrays; a scale of each spectrum costs nothing."""
+    exact = crossing.measured(0, 0.0)
+    path = crossing.written(tmp_path, oscillator_fmu, exact)
+    told = ff.Problem.of(ff.read_campaign(path))
+    p = [TRUTH[name] for name in told.names]
+    assert told.residuals(p) == pytest.approx(np.zeros(exact.size), abs=1e-9)
+    gains = np.linspace(1.0, 5.0, crossing.VOLTS.size)
+    given = from_arrays(oscillator_fmu, gains[:, None] * exact, "each")
+    q = [crossing.A0, crossing.A1, crossing.B0, crossing.LAMBDA, crossing.WIDTH]
+    assert given.residuals(q) == pytest.approx(np.zeros(exact.size), abs=1e-9)
+    # one scale for all cannot follow gains that differ; without any, amplitudes are as they are
+    shared = from_arrays(oscillator_fmu, gains[:, None] * exact, "shared").residuals(q)
+    weights = np.max(gains[:, None] * exact, axis=1, keepdims=True) ** -2
+    chi = np.sum(weights * gains[:, None] * exact**2) / np.sum(weights * exact**2)
+    apart = (chi / gains[:, None] - 1.0) * exact / np.max(exact, axis=1, keepdims=True)
+    assert shared == pytest.approx(apart.ravel(), abs=1e-9)
+    plain = from_arrays(oscillator_fmu, exact, "none").residuals(q)
+    assert plain == pytest.approx(np.zeros(exact.size), abs=1e-9)
+
+
+def from_arrays(fmu: Path, amplitude: np.ndarray, scale: str) -> ff.Problem:
+    setup = ff.Setup(
+        ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)),
+        "q1",
+        start_values={"periodic_start": True, "A2": 0.0},
+        steady_start=True,
+        laws=ff.Laws(crossing.LAWS),
+    )
+    spectra = [
+        ControlSpectrum(crossing.SWEPT_HZ, row, {"V": float(volt)})
+        for volt, row in zip(crossing.VOLTS, amplitude, strict=True)
+    ]
+    return ff.Problem(
+        fmu,
+        [
+            ff.Parameter("a0", "999 Hz", bounds=("990 Hz", "1010 Hz")),
+            ff.Parameter("a1", 3.0, bounds=(1.0, 10.0), unit="Hz/V"),
+            ff.Parameter("b0", 1002.0, bounds=(990.0, 1010.0), unit="Hz"),
+            ff.Parameter("k", 80.0, bounds=(10.0, 300.0), unit="Hz"),
+            ff.Parameter("d1", 5.0, bounds=(0.1, 30.0)),
+        ],
+        ControlSweep(
+            setup=setup,
+            spectra=tuple(spectra),
+            units={"V": "V"},
+            scaled_by=scale,
+            estimated=False,
+            unit="m",
+        ),
+    )
+
+
+def test_the_coupling_is_found_with_its_error(fit: ff.Fit) -> None:
+    assert fit.success
+    found = fit.result.parameters
+    for name, truth in TRUTH.items():
+        assert abs(found[name].value - truth) < 4.0 * found[name].std
+    # residuals larger than the noise, by chance, widen the error by a few per cent
+    assert found["k"].std == pytest.approx(coupling_error(), rel=0.15)
+    # the FMU's own output says the same at every voltage, and its f1 follows the law
+    values = fit.result.derived["lambda"].values
+    assert values == pytest.approx([found["k"].value] * 5, rel=2e-3)
+    slopes = np.diff(fit.result.derived["f1"].values)
+    assert slopes == pytest.approx(1.5 * crossing.A1 * np.ones(4), rel=0.02)
+
+
+def coupling_error() -> float:
+    """Standard deviation of the coupling: central differences of the closed form, scales free."""
+    names = ("A0", "A1", "B0", "LAMBDA", "WIDTH")
+    exact = np.array([crossing.response(crossing.SWEPT_HZ, v) for v in crossing.VOLTS])
+    columns = []
+    for name in names:
+        here = getattr(crossing, name)
+        sides = []
+        for step in (1e-5, -1e-5):
+            setattr(crossing, name, here * (1.0 + step))
+            sides.append(
+                np.array([crossing.response(crossing.SWEPT_HZ, v) for v in crossing.VOLTS])
+            )
+        setattr(crossing, name, here)
+        columns.append(((sides[0] - sides[1]) / (2e-5 * here)).ravel())
+    for k, row in enumerate(exact):
+        alone = np.zeros_like(exact)
+        alone[k] = row
+        columns.append(alone.ravel())
+    matrix = np.stack(columns, axis=1)
+    size = np.linalg.norm(matrix, axis=0)
+    covariance = np.linalg.inv((matrix / size).T @ (matrix / size)) * (NOISE * np.max(exact)) ** 2
+    # declared: one standard deviation for all spectra, that of the largest
+    return float(np.sqrt(covariance[3, 3]) / size[3])
+
+
+def test_its_maps_stand_in_the_report_and_in_plots(fit: ff.Fit, tmp_path: Path) -> None:
+    page = html.document_fromstring(ff.report(fit, tmp_path).read_text(encoding="utf-8"))
+    pictures = {image.get("alt") for image in page.iter("img")}
+    assert "Maps of 5 spectra over V: measured, simulated, difference." in pictures
+    text = page.text_content()
+    assert "The model's maxima come closest at V = " in text
+    assert "'d2' follows the law d1." in text
+    axes = Canvas().subplots()
+    assert ff.plot.measurement(fit, "8_control_sweep", number=0, ax=axes) is axes
+    cells = [c for c in axes.get_children() if isinstance(c, QuadMesh)]
+    assert len(cells) == crossing.VOLTS.size
+    amplitude = crossing.measured(3, NOISE)
+    bar = cells[-1].colorbar
+    assert bar is not None
+    factor = {"mV": 1e-3, "V": 1.0, "µV": 1e-6}[bar.ax.get_ylabel().partition("(")[2].rstrip(")")]
+    for drawn, row in zip(cells, amplitude, strict=True):
+        assert factor * np.asarray(drawn.get_array()).ravel() == pytest.approx(1e6 * row, rel=1e-9)
+
+
+def test_noise_is_told_by_the_scatter_of_each_spectrum() -> None:
+    f = np.linspace(0.0, 1.0, 401) + 1.0
+    smooth = np.exp(-((f - 1.5) ** 2) / 0.02)
+    rng = np.random.default_rng(5)
+    for sigma in (1e-3, 2e-2):
+        found = ControlSpectrum(f, smooth + 1.0 + sigma * rng.standard_normal(401), {"V": 1.0})
+        assert found.scatter() == pytest.approx(sigma, rel=0.2)
+    assert ControlSpectrum(f[:20], smooth[:20], {"V": 1.0}).scatter() == 0.0
+
+
+def test_harmonics_are_read_off_a_spectrum_of_a_square_wave() -> None:
+    """Amplitudes 1/n of a Hann window's transform, whose lines fall between its bins."""
+    step, fundamental, samples = 1e-4, 14.3, 4096
+    t = step * np.arange(samples)
+    wave = sum(np.cos(2 * np.pi * n * fundamental * t + n) / n for n in range(1, 200, 2))
+    window = np.hanning(samples + 1)[:-1]
+    amplitude = 2.0 * np.abs(np.fft.rfft(wave * window)) / np.sum(window)
+    spectrum = MeasuredSpectrum(
+        label="",
+        controls={},
+        frequency_hz=np.asarray(np.fft.rfftfreq(samples, step)[:400], dtype=float),
+        amplitude=amplitude[:400],
+        source=Path("x"),
+    )
+    found = with_harmonics(spectrum, fundamental)
+    n = found.frequency_hz / fundamental
+    assert n == pytest.approx(2.0 * np.arange(n.size) + 1.0)
+    assert n.size > 30
+    # the nearest bin alone is up to 15 % too low; the parabola leaves 2 %
+    assert found.amplitude * n == pytest.approx(np.ones(n.size), rel=0.03)
+
+
+LINES = "V (mV),frequency (kHz),amplitude (mV)"
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        (lambda t: t.replace('controls = ["V"]', 'controls = ["W"]'), "no column 'W'"),
+        (lambda t: t.replace('controls = ["V"]', "controls = []"), "wanted at least one column"),
+        (lambda t: t.replace('"map.csv"', '"mop.csv"'), "no such file; did you mean 'map.csv'"),
+        (lambda t: t.replace('"V rms"', '"dBm"'), "wanted impedance"),
+        (
+            lambda t: t.replace("[control_sweep]", '[control_sweep]\ndrive = "1/g"'),
+            "neither a column",
+        ),
+        (lambda t: t.replace("[control_sweep]", '[control_sweep]\ndrive = "f-2*f"'), "no positive"),
+        (
+            lambda t: t.replace("[control_sweep]", '[control_sweep]\nlines = "2 Hzz"'),
+            "no unit 'Hzz'",
+        ),
+        (lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz"]'), "1 values"),
+        (
+            lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz", "2 Hz"]'),
+            "0 points to fit; wanted at least 8",
+        ),
+        (lambda t: t.replace("[control_sweep]", '[control_sweep]\nscale = "all"'), 'one of "each"'),
+        (lambda t: t.replace("[control_sweep]", '[control_sweep]\noutput = "q9"'), "variable 'q9'"),
+    ],
+)
+def test_what_is_wrong_with_its_table_is_told_in_a_sentence(
+    change: Callable[[str], str], wanted: str, oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    path = crossing.written(tmp_path, oscillator_fmu, crossing.measured(1, NOISE))
+    before = path.read_text()
+    path.write_text(change(before))
+    assert path.read_text() != before
+    with pytest.raises(BadInput, match=wanted) as told:
+        ff.Problem.of(ff.read_campaign(path))
+    assert len(told.value.args) in (1, crossing.VOLTS.size)  # one for each spectrum
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ("V (mV)", "V", "column 'V' has no unit"),
+        ("V (mV)", "V (Hz)", "the law|adds"),
+        ("amplitude (mV)", "amplitude (Hz)", "column 'amplitude'"),
+        ("1.018", "0.5", "wanted strictly rising ones"),
+        ("-3000.0,", "x,", "wanted a finite number"),
+    ],
+)
+def test_what_is_wrong_with_its_file_is_told_in_a_sentence(
+    old: str, new: str, wanted: str, oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    path = crossing.written(tmp_path, oscillator_fmu, crossing.measured(1, NOISE))
+    table = tmp_path / "map.csv"
+    text = table.read_text()
+    assert old in text
+    table.write_text(text.replace(old, new, 1))
+    with pytest.raises(BadInput, match=wanted):
+        ff.Problem.of(ff.read_campaign(path))
