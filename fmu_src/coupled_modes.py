@@ -24,8 +24,9 @@ from .driven_slave import (
 )
 from .model_error import ModelError
 from .modes_equations import SINGLE, Parameters, check, matrices, pairs
-from .modes_linear import FOUR_PI_SQUARED, ModesSolver, at_rest
+from .modes_linear import FOUR_PI_SQUARED, TWO_PI, ModesSolver, at_rest
 from .modes_rk4 import ModesRungeKutta
+from .oscillator_phase import Frequency
 from .variables import Accuracy, Variable
 
 if TYPE_CHECKING:
@@ -199,6 +200,14 @@ def _displacements(n: int) -> list[Variable]:
     return [
         moving("readout", "weighted sum of the displacements: readout1 q1 + readout2 q2 + ..."),
         *(moving(f"q{i}", f"displacement of mode {i}") for i in _modes(n)),
+        *(
+            moving(
+                f"readout_at_u{tone}",
+                f"the part of readout at u{tone} alone, as an ideal lock-in amplifier passes it: "
+                f"periodic response to tone {tone}, without transient and the pump's sidebands",
+            )
+            for tone in (1, 2)
+        ),
     ]
 
 
@@ -290,9 +299,16 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
     # -- outputs --------------------------------------------------------------------------------
 
     def moving_outputs(self) -> Sequence[float]:
-        """Return read-out and displacements."""
-        q = self.running().displacement(self.time)
-        return self._read_out(q).real, *q
+        """Return read-out, displacements, and the read-out's parts at the tones."""
+        solver = self.running()
+        q = solver.displacement(self.time)
+        parts = [0.0, 0.0]
+        for tone, ((u, size, phase), offset) in enumerate(zip(solver.p.tones, solver.offsets)):
+            if size:
+                turn = TWO_PI * (Frequency(u).cycles(self.time) + offset) + phase
+                seen = self._read_out(solver.response(u).sideband(0)) / FOUR_PI_SQUARED
+                parts[tone] = (seen * cmath.rect(size, turn)).real
+        return self._read_out(q).real, *q, *parts
 
     def _read_out(self, q: Sequence[complex]) -> complex:
         return sum((w * x for w, x in zip(self._row("readout"), q)), 0j)

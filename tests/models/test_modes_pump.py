@@ -195,6 +195,16 @@ def test_sidebands_stand_in_the_spectrum_where_they_are_told(models: Models) -> 
         assert abs(spectrum[round(f * window)] - told) <= 1e-9 * abs(told)
 
 
+def test_the_lock_in_passes_its_own_line_alone(models: Models) -> None:
+    times = [0.2, 1.7, 2.9]
+    fmu = models(3).start(**STRONG, readout3=-0.4)
+    found = np.array(fmu.run(times, "readout_at_u1", "readout_at_u2"))
+    for tone in (1, 2):
+        told = line(fmu, f"readout_{{}}_u{tone}")
+        turns = np.exp(2j * math.pi * STRONG[f"u{tone}"] * np.array(times))
+        assert np.allclose(found[:, tone - 1], (told * turns).real, rtol=0.0, atol=1e-13)
+
+
 def test_no_depth_is_no_pump_and_little_depth_little(models: Models) -> None:
     scene = scenes(3, 1, seed=3)[0]
     names = [f"q{i}_{part}_u{tone}" for i in (1, 2, 3) for part in "XY" for tone in (1, 2)]
