@@ -42,11 +42,12 @@ from fitting.measurements.measurement import (
     Values,
     without_drive,
 )
+from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
 from fitting.measurements.wiring import BACKGROUNDS, WIRINGS, Solved, Wiring, dip_of, solve
 from fitting.signal.complex_line import ComplexLine, complex_line
-from fitting.simulate.batch import Batch
+from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, gathered
@@ -456,6 +457,14 @@ class ComplexSweeps(MeasurementKind):
             )
             for u in tones
         ]
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with few runs for every sweep, where the response between them is known."""
+        for curve in self.curves:
+            top_hz = float(curve.u_hz[int(np.argmax(np.abs(curve.y)))])
+            response = self._curve(model, curve)
+            model = replace(model, plan=response.planned(curve.u_hz, points, workers, top_hz))
+        return model.plan
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
