@@ -34,6 +34,8 @@ FOUR_PI_SQUARED = TWO_PI * TWO_PI
 NO_OFFSETS = (0.0, 0.0, 0.0)
 #: A transient that has fallen to this part of its start is lost beside any number.
 DECAYED = Decimal("1e-43")
+#: The parameters on which the propagators of the full equations depend.
+MOVES = ("f", "d", "coupling", "depth_f", "depth_coupling", "pump_hz")
 #: Sidebands below this part of the largest one are left out of the sum.
 NO_LINE = 1e-19
 ZERO = Decimal(0)
@@ -52,6 +54,33 @@ class Pumped(NamedTuple):
     lines: list[tuple[int, list[complex]]]
 
 
+class Flows:
+    """What moves transients: it depends on modes, pump and frame, so new tones share it."""
+
+    def __init__(self, frame: Frame, fastest_hz: float) -> None:
+        self.made = generator(frame)
+        self.exact = Propagator(self.made.still)
+        fastest = fastest_hz if frame.centre is None else max(fastest_hz, 2.0 * frame.centre)
+        self._size = 2 * len(frame.matrices.eta)
+        self._pump_hz, self._fastest_hz = frame.pump_hz, fastest
+        self._table: PeriodTable | None = None
+
+    @property
+    def by_period(self) -> bool:
+        """Whether a table of a pump period takes less time than it saves."""
+        return self._fastest_hz <= MOST_PERIODS * self._pump_hz
+
+    def pumped(self) -> PumpedPropagator:
+        """Return the propagator under the pump."""
+        return PumpedPropagator(self.made, self._pump_hz, self._fastest_hz)
+
+    def table(self) -> PeriodTable:
+        """Return the table of a pump period, made when first asked for."""
+        if self._table is None:
+            self._table = PeriodTable(self.pumped(), self._size)
+        return self._table
+
+
 class ModesSolver:
     """N modes between changes of their parameters, exactly or in a rotating frame."""
 
@@ -66,12 +95,20 @@ class ModesSolver:
         self._responses: dict[float, Steady] = {}
         self._periodic: list[Pumped] = []
         self._motion: _ExactMotion | _PumpedMotion | None = None
+        self._flows: Flows | None = None
         self.b = 0.0
 
     @property
     def fastest_hz(self) -> float:
         """The highest frequency of the system's own."""
         return max(self.matrices.eta[-1], *(abs(d) for d in self.p.d))
+
+    @property
+    def flows(self) -> Flows:
+        """What moves transients, made when first needed."""
+        if self._flows is None:
+            self._flows = Flows(self.frame, self.fastest_hz)
+        return self._flows
 
     def response(self, u: float) -> Steady:
         """Return the response to cos(2 pi u t), over (2 pi)^2, in s^2."""
@@ -145,6 +182,8 @@ class ModesSolver:
     def retuned(self, p: Parameters, t: float) -> ModesSolver:
         """Return the solver for new parameters, with state and drive phases kept at ``t`` s."""
         solver = ModesSolver(p, self.envelope, kept_offsets(self.offsets, self.p, p, t))
+        if all(getattr(p, name) == getattr(self.p, name) for name in MOVES) and not self.envelope:
+            solver._flows = self._flows
         solver.start(t, self.full_state(t), self.b)
         return solver
 
@@ -233,8 +272,7 @@ class _ExactMotion:
 
     def __init__(self, solver: ModesSolver, t: float) -> None:
         self.t, self.b = t, solver.b
-        self._made = generator(solver.frame)
-        self._flow = Propagator(self._made.still)
+        self._made, self._flow = solver.flows.made, solver.flows.exact
         self._n = solver.n
         with in_precise_arithmetic():
             self._tones: list[_Turning] = []
@@ -342,14 +380,8 @@ class _PumpedMotion:
     def __init__(self, solver: ModesSolver, t: float) -> None:
         self.t, self._solver = t, solver
         self.b = solver.b
-        made = generator(solver.frame)
-        self._scale = float(made.scale)
-        fastest = solver.fastest_hz
-        if solver.frame.centre is not None:
-            fastest = max(fastest, 2.0 * solver.frame.centre)
-        self._flow = PumpedPropagator(made, solver.p.pump_hz, fastest)
-        self._by_period = fastest <= MOST_PERIODS * solver.p.pump_hz
-        self._table: PeriodTable | None = None
+        self._scale = float(solver.flows.made.scale)
+        self._flow = solver.flows.pumped()
         #: the transient as the generator has it: now, and where a period began
         self._free = [0.0] * (2 * solver.n)
         self._begun: tuple[float, list[float]] | None = None
@@ -395,18 +427,18 @@ class _PumpedMotion:
         cycles = self._solver.pump_cycles(self.t) % 1.0
         rest = (1.0 - cycles) / self._solver.p.pump_hz
         span = t - self.t
-        if self._by_period and rest <= span:
+        if self._solver.flows.by_period and rest <= span:
             self._begun = self.t + rest, self._flow.moved(self._free, rest, TWO_PI * cycles)
         else:
             self._free = self._flow.moved(self._free, span, TWO_PI * cycles)
 
     def _from_table(self, t: float, begun: float, y: list[float]) -> None:
-        if self._table is None:
-            self._table = PeriodTable(self._flow, 2 * self._solver.n)
         # the pump's own phase says where in the period t is; the count only needs to be near
         fraction = self._solver.pump_cycles(t) % 1.0
         periods = round((t - begun) * self._solver.p.pump_hz - fraction)
-        self._free = self._table.after(y, max(periods, 0), fraction if periods >= 0 else 0.0)
+        self._free = self._solver.flows.table().after(
+            y, max(periods, 0), fraction if periods >= 0 else 0.0
+        )
 
     def decayed(self) -> bool:
         """Return whether nothing is left."""
