@@ -44,7 +44,8 @@ class RowNoise:
     @property
     def covariance(self) -> FloatArray:
         """V (m, m)."""
-        return np.asarray(np.diag(self.sigma**2) + self.common @ self.common.T)
+        own = np.diag(self.sigma**2)
+        return own + self.common @ self.common.T if self.common.shape[1] else own
 
     @property
     def loosest(self) -> FloatArray:

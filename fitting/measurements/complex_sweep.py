@@ -459,11 +459,11 @@ class ComplexSweeps(MeasurementKind):
         ]
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
-        """The plan with few runs for every sweep, where the response between them is known."""
+        """The plan with few runs for each sweep, where the response is measured to be rational."""
         for curve in self.curves:
-            top_hz = float(curve.u_hz[int(np.argmax(np.abs(curve.y)))])
-            response = self._curve(model, curve)
-            model = replace(model, plan=response.planned(curve.u_hz, points, workers, top_hz))
+            top_hz = float(np.clip(curve.line.eta_hz, curve.u_hz[0], curve.u_hz[-1]))
+            plan = self._curve(model, curve).planned(curve.u_hz, points, workers, top_hz)
+            model = replace(model, plan=plan)
         return model.plan
 
     def predict(

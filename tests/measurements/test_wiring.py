@@ -9,9 +9,11 @@ import pytest
 from scipy.optimize import least_squares
 
 import fitting as ff
+from fitting.api.fmu import Fmu
 from fitting.campaign import Setup
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
+from tests.bench.bench_wiring import deviations, laboratory
 from tests.support.complex_data import notch, with_noise
 
 RLC = Path(__file__).parents[2] / "data" / "coupled_rlc"
@@ -116,3 +118,13 @@ def test_phases_halve_the_error_of_a_measured_coupling(oscillator_fmu: Path) -> 
         assert low < coupling < high
         errors.append(high - low)
     assert errors[0] > 2.0 * errors[1]
+
+
+def test_seeded_laboratories_are_within_their_errors(oscillator_fmu: Path) -> None:
+    """A few of those by which `tests.bench.bench_wiring` counts coverage: with a slope, too."""
+    with Fmu(oscillator_fmu) as fmu:
+        apart = [
+            deviations(laboratory(kind, seed), fmu)
+            for kind, seed in (("notch", 1), ("reflection", 2))
+        ]
+    assert np.max(np.abs(apart)) < 3.5

@@ -172,7 +172,7 @@ def likelihood_of(
         names: derived outputs that are looked at.
         bounded: columns of what the simulation may be off by, shape (m, j); none if not given.
     """
-    variance = np.diag(np.maximum(sigma, SMALLEST_SIGMA) ** 2) + common @ common.T
+    own = np.maximum(sigma, SMALLEST_SIGMA)
     lower, upper = search_bounds(objective.parameters)
     periods = np.full(lower.size, np.inf)
     inverse_prior_sigma = np.zeros(lower.size)
@@ -187,7 +187,7 @@ def likelihood_of(
     bound = np.isinf(periods)
     return Likelihood(
         objective=objective,
-        whitening=np.linalg.inv(np.linalg.cholesky(variance)),
+        whitening=_inverse_root(own, common),
         inverse_prior_sigma=inverse_prior_sigma,
         shift=np.zeros(sigma.size),
         lower=np.where(bound, lower, -np.inf),
@@ -196,6 +196,13 @@ def likelihood_of(
         names=tuple(names),
         bounded=np.empty((0, 0)) if bounded is None else bounded,
     )
+
+
+def _inverse_root(sigma: FloatArray, common: FloatArray) -> FloatArray:
+    """L^-1, L L^T = diag(sigma^2) + U U^T, shape (m, m)."""
+    if common.shape[1] == 0:
+        return np.diag(1.0 / sigma)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.diag(sigma**2) + common @ common.T)))
 
 
 class LikelihoodEvaluator:
