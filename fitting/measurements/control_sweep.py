@@ -6,7 +6,9 @@ of the FMU follow it. Whole spectra are fitted, and nobody has to say which bran
     r_ki = (chi_k D_ki A_k(f_i) - L_ki)/max_i L_k
 
 L measured, A simulated amplitude under the unit drive, D the drive at each frequency. The scale
-chi_k is that of its spectrum, solved inside by weighted least squares, or one of all.
+chi_k is that of its spectrum, solved inside by weighted least squares, or one of all. Of amplitudes
+in dB the rows are logarithms, ln(chi_k D A) - ln L: noise that is a share of each point would bias
+a ratio whose denominator it is.
 """
 
 from __future__ import annotations
@@ -195,6 +197,7 @@ class ReadControlSweep:
             },
             scaled_by=table.scale,
             estimated=table.sigma is None and not table.relative and table.lines is None,
+            logarithmic=self.format.trace.amplitude.kind == "dB",
             output=table.output or "",
             unit=unit,
         )
@@ -292,6 +295,7 @@ class ControlSweep(MeasurementKind):
         scaled_by: "each": every spectrum has a scale of its own; "shared": one for all; "none": 1.
         estimated: Whether noise that is not known is told by the scatter of each spectrum; else
             the residuals of all tell it.
+        logarithmic: Whether the rows are differences of logarithms.
         output: The FMU's output that is seen; empty: the setup's.
         unit: Of the amplitudes.
         series: Measurements of one series share their setup.
@@ -305,6 +309,7 @@ class ControlSweep(MeasurementKind):
     units: Mapping[str, str] = field(default_factory=dict)
     scaled_by: str = "each"
     estimated: bool = True
+    logarithmic: bool = False
     output: str = ""
     unit: str = "V"
     series: str = ""
@@ -322,6 +327,8 @@ class ControlSweep(MeasurementKind):
                 f"control sweep: spectra at {'; '.join(labels) or 'nothing'}; wanted two or more, "
                 "each at a value of its own"
             )
+        if self.logarithmic and any(np.any(s.y <= 0.0) for s in named):
+            raise BadInput("control sweep: an amplitude is zero, which has no logarithm")
         if self.scaled_by not in SCALES:
             raise BadInput(
                 f"control sweep: scaled_by is {self.scaled_by!r}, wanted one of {', '.join(SCALES)}"
@@ -363,7 +370,9 @@ class ControlSweep(MeasurementKind):
 
     @cached_property
     def sizes(self) -> FloatArray:
-        """What each row is relative to, (rows,): the largest amplitude of its spectrum."""
+        """What each row is relative to, (rows,): the amplitude, or the largest of its spectrum."""
+        if self.logarithmic:
+            return self.measured
         return np.concatenate([np.full(s.y.size, s.largest) for s in self.spectra])
 
     @cached_property
@@ -394,6 +403,8 @@ class ControlSweep(MeasurementKind):
         """
         found = np.zeros((self.rows, self.solved_inside))
         values = self.scaled(prediction, 1.0) / self.sizes
+        if self.logarithmic:
+            values = np.ones(self.rows)
         for column, mine in zip(found.T, self.slices, strict=False):
             column[mine] = values[mine]
         return found
@@ -514,12 +525,22 @@ class ControlSweep(MeasurementKind):
 
     def _chi(self, values: FloatArray, rows: slice) -> float:
         """Weighted least-squares factor from values to measured amplitudes."""
+        if self.logarithmic:
+            return self._chi_of_logarithms(values[rows], rows)
         sigma = self.sigma[rows] * self.sizes[rows]
         weights = sigma**-2 if np.all(sigma > 0.0) else self.sizes[rows] ** -2
         power = float(np.sum(weights * values[rows] ** 2))
         if not power > 0.0:
             raise NoScale(f"{self.seen}: the model answers with nothing; wanted a response")
         return float(np.sum(weights * values[rows] * self.measured[rows])) / power
+
+    def _chi_of_logarithms(self, values: FloatArray, rows: slice) -> float:
+        if not np.all(values > 0.0):
+            raise NoScale(f"{self.seen}: the model answers with zero, which has no logarithm")
+        apart = np.log(self.measured[rows]) - np.log(values)
+        known = bool(np.all(self.sigma[rows] > 0.0))
+        weights = self.sigma[rows] ** -2 if known else np.ones(apart.size)
+        return float(np.exp(np.average(apart, weights=weights)))
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
         """What stands beside the measured amplitudes, (rows,).
@@ -540,7 +561,10 @@ class ControlSweep(MeasurementKind):
             prediction: of all spectra, without scale.
             chi: the scale of the series.
         """
-        return (self.scaled(prediction, chi) - self.measured) / self.sizes
+        scaled = self.scaled(prediction, chi)
+        if self.logarithmic:
+            return np.asarray(np.log(scaled / self.measured))
+        return (scaled - self.measured) / self.sizes
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra of whose variance less than half is explained are not described.
@@ -548,7 +572,7 @@ class ControlSweep(MeasurementKind):
         Args:
             residuals: rows (rows,).
         """
-        shape = self.measured / self.sizes
+        shape = np.log(self.measured) if self.logarithmic else self.measured / self.sizes
         spread, left = float(np.sum((shape - np.mean(shape)) ** 2)), float(residuals @ residuals)
         if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
             return "the simulated spectra do not follow the measured ones"
