@@ -326,7 +326,7 @@ class Sweep(MeasurementKind):
         """The frequency response, and what is left between measured and simulated points."""
         found = self._line()
         resonance = found if isinstance(found, Resonance) else None
-        curves = ResponseCurves(
+        curves = ShownResponse(
             frequency_hz=self.frequency_hz,
             measured=self.amplitude_v,
             before=np.asarray(before, dtype=float),
@@ -371,7 +371,7 @@ class Sweep(MeasurementKind):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResponseCurves:
+class ShownResponse:
     """A frequency response: amplitudes (n,) peak, in `unit`, at `frequency_hz` (n,).
 
     `measured`, and simulated times the scale `before` and `after` the fit.
@@ -390,7 +390,7 @@ class ResponseCurves:
         return float(np.sqrt(np.mean(left**2)))
 
 
-def response_panel(curves: ResponseCurves, resonance: Resonance | None = None) -> Panel:
+def response_panel(curves: ShownResponse, resonance: Resonance | None = None) -> Panel:
     """Amplitudes over drive frequency: measured points, simulated curves before and after.
 
     Args:
@@ -416,7 +416,7 @@ def response_panel(curves: ResponseCurves, resonance: Resonance | None = None) -
     )
 
 
-def residual_panel(curves: ResponseCurves, resonance: Resonance | None = None) -> Panel:
+def residual_panel(curves: ShownResponse, resonance: Resonance | None = None) -> Panel:
     """Simulated minus measured amplitudes over drive frequency, in % of the largest measured.
 
     Args:

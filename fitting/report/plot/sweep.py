@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from fitting.measurements.sweep import ResponseCurves, residual_panel, response_panel
+from fitting.measurements.sweep import ShownResponse, residual_panel, response_panel
 from fitting.report.plot.measurement import panel
 from fitting.result.result import SweepCurves
 from fitting.signal.peaks import Resonance
@@ -42,8 +42,8 @@ def response_residuals(
     return panel(residual_panel(_arrays(curves, "V"), resonance), ax=ax)
 
 
-def _arrays(curves: SweepCurves, unit: str) -> ResponseCurves:
-    return ResponseCurves(
+def _arrays(curves: SweepCurves, unit: str) -> ShownResponse:
+    return ShownResponse(
         frequency_hz=np.array(curves.frequency_hz),
         measured=np.array(curves.measured_v),
         before=np.array(curves.initial_v),
