@@ -376,6 +376,13 @@ class ComplexSweeps(MeasurementKind):
                 f"complex sweep: labels {', '.join(labels) or 'of no curve'}; wanted one curve at "
                 "least, each with a name of its own"
             )
+        for k, curve in enumerate(self.curves):
+            for other in self.curves[:k]:
+                if np.array_equal(curve.u_hz, other.u_hz) and np.array_equal(curve.y, other.y):
+                    raise BadInput(
+                        f"complex sweep '{curve.label}' ({curve.source}): is the data of "
+                        f"'{other.label}' again; wanted every measurement once"
+                    )
 
     @property
     def is_curve(self) -> bool:

@@ -326,3 +326,12 @@ def test_a_notch_behind_a_cable_is_followed_with_its_delay() -> None:
     found = sweep.wired([mode(u, 5e9, 5e9 / 12e3)], [tau])
     assert np.max(np.abs(sweep.residuals(found, 1.0))) < 1e-9
     assert sweep.solved_inside == 4
+
+
+def test_data_that_are_listed_twice_are_refused() -> None:
+    y = measured(0.01)
+    curves = [ComplexCurve(SEEN, y, label=label) for label in ("a", "b")]
+    with pytest.raises(BadInput, match=r"'b' .* is the data of 'a' again; wanted every"):
+        ff.ComplexSweep(SETUP, curves)
+    with pytest.raises(BadInput, match=r"labels a, a; wanted one curve at least, each with a name"):
+        ff.ComplexSweep(SETUP, [curves[0], ComplexCurve(SEEN, 2.0 * y, label="a")])
