@@ -46,7 +46,7 @@ BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
 #: Name of the file that keeps a traceback: what it begins and ends with.
 FAULT_FILE = ("fmu-fit-fault-", ".txt")
 #: Bytes of address space.
-LEAST_MEMORY = 250_000_000
+LEAST_MEMORY = 400_000_000
 #: What the machine may refuse that is no fault of the program, with what is wanted.
 REFUSALS = {
     errno.EMFILE: ", wanted a higher limit (ulimit -n) or fewer --workers",

@@ -43,7 +43,8 @@ class Scratch:
             self.path.mkdir(mode=0o700)
             self._lock = _locked(self.path)
         except OSError as error:
-            where = parent or error.filename or tempfile.gettempdir()
+            # asked again, Python would raise again where no place for temporary files will do
+            where = parent or error.filename or tempfile.tempdir or "TMPDIR"
             raise BadInput(
                 f"{where}: no folder for temporary files can be made: {error.strerror} (set TMPDIR)"
             ) from error
@@ -63,6 +64,11 @@ class Scratch:
 def _remove(folder: Path, owner: int) -> None:
     if os.getpid() == owner:  # and not a fork of it
         shutil.rmtree(folder, ignore_errors=True)
+        if folder.is_dir():  # it takes two files open for every level: this takes one in all
+            with suppress(OSError):
+                for path in sorted(folder.rglob("*"), reverse=True):
+                    path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
+                folder.rmdir()
 
 
 def _locked(folder: Path) -> FileLock:
