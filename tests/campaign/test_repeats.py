@@ -65,15 +65,17 @@ def test_the_same_row_twice_in_one_measurement(fmu: ff.Fmu) -> None:
 def test_peaks_of_few_digits_may_agree_by_chance(fmu: ff.Fmu, written: float) -> None:
     """Two measurements of one setting, to three digits as peak, as rms or in dBm."""
     peaks = np.array([[1.23e-6, 4.56e-6]] * 2) * written
-    problem(fmu, tones([PAIRS[0]] * 2, peaks, labels=["x", "y"]))
     dbm = np.sqrt(0.1 * 10.0 ** (np.array([[-60.1, -58.3]] * 2) / 10.0))
-    problem(fmu, tones([PAIRS[0]] * 2, dbm, labels=["x", "y"]))
+    for each in (peaks, dbm):
+        both = problem(fmu, tones([PAIRS[0]] * 2, each, labels=["x", "y"]))
+        assert [e.label for e in both.record.experiments] == ["x", "y"]
 
 
 def test_the_same_drive_with_another_setting_is_another_measurement(fmu: ff.Fmu) -> None:
     """Exact data of a model that does not see the setting."""
     settings = {"g2": [1.0, 0.5]}
-    problem(fmu, tones([PAIRS[0]] * 2, [PEAKS[0]] * 2, settings=settings))
+    both = problem(fmu, tones([PAIRS[0]] * 2, [PEAKS[0]] * 2, settings=settings))
+    assert [e.settings["g2"] for e in both.record.experiments] == [1.0, 0.5]
 
 
 def test_a_sweep_is_fitted_once_and_may_give_its_scale_twice(fmu: ff.Fmu) -> None:
