@@ -28,7 +28,7 @@ from fitting.report.tables.values import (
     per_experiment_table,
 )
 from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.inference import knowledge_words
+from fitting.report.words.inference import knowledge_heading, knowledge_words
 from fitting.report.words.plan import remarks
 from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
@@ -131,7 +131,7 @@ def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section 
         return None
     return Section(
         id="knowledge",
-        title="What the data determine",
+        title=knowledge_heading(knowledge),
         paragraphs=knowledge_words(knowledge),
         tables=knowledge_tables(knowledge),
         figures=figures,

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 
 from matplotlib.lines import Line2D
 
 from fitting.inference.likelihood.knowledge import Knowledge, NuChoice
+from fitting.inference.verdict import Verdict
+from fitting.inference.warnings import WORTH_SAYING
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, handles_of, legend_below, new_figure, panels
 from fitting.report.plot.axes import BLUE, GREY
@@ -17,6 +20,15 @@ from fitting.text.notation import listed, plain
 PER_ROW = 3
 #: Profiles, parameters against each other, and outputs, at most in a figure.
 MOST_PROFILES, MOST_TOGETHER, MOST_OUTPUTS = 18, 4, 4
+
+
+def _colours(verdicts: Sequence[Verdict]) -> dict[str, str]:
+    """Colours of the bands that are drawn, each with the verdicts that it stands for."""
+    words: dict[str, list[str]] = {}
+    for verdict, colour in VERDICT_COLOURS.items():
+        if verdict in verdicts:
+            words.setdefault(colour, []).append(str(verdict))
+    return {colour: " or ".join(said) for colour, said in words.items()}
 
 
 def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> list[Drawing]:
@@ -59,8 +71,8 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         Line2D([], [], color=BLUE, marker="o", markersize=3.5, label="profile"),
         Line2D([], [], color=GREY, linestyle="--", label="thresholds 68 % (1) and 95 % (3.84)"),
         *(
-            Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {word}")
-            for colour, word in {c: v for v, c in reversed(VERDICT_COLOURS.items())}.items()
+            Line2D([], [], color=colour, linewidth=5.0, alpha=0.35, label=f"95 %: {words}")
+            for colour, words in _colours([profile.verdict for profile in shown.values()]).items()
         ),
     ]
     legend_below(figure, handles, ncols=3)
@@ -71,6 +83,11 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         "that the data do not determine the value. The band is the 95 % interval, drawn over the "
         "range that the box leaves where the data end it nowhere."
     )
+    if any(profile.simulation > WORTH_SAYING * profile.sigma for profile in shown.values()):
+        caption += (
+            " It is wider than the curve says: what the simulation may be off by is in it, and not "
+            "in the curve."
+        )
     return Drawing(
         name="9_profiles",
         title=title,

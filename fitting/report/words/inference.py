@@ -70,13 +70,24 @@ def _range(profile: Profile) -> str:
     return f"anything from {span(low / factor, high / factor, unit)}"
 
 
+def knowledge_heading(knowledge: Knowledge) -> str:
+    """What stands over all that is said of the values.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
+    if knowledge.adequacy.describes:
+        return "What the data determine"
+    return "Nothing is determined: the model does not describe the data"
+
+
 def knowledge_lines(knowledge: Knowledge) -> list[str]:
     """Lines for a terminal: a line per value, then what was found about directions and minima.
 
     Args:
         knowledge: what the data determine: profiles, directions, verdicts.
     """
-    lines = ["What the data determine (profile likelihood):"]
+    lines = [f"{knowledge_heading(knowledge)} (profile likelihood):"]
     lines += [f"  {profile_words(name, p)}" for name, p in knowledge.profiles.items()]
     lines += [f"  {said}" for said in knowledge.sentences]
     if knowledge.nu is not None:
