@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, in_box, to_model
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure, NoAnswer
+from fitting.text.errors import FmuFailure, NoAnswer, NoScale
+
+Answer = TypeVar("Answer")
 
 
 def output_means(
@@ -50,20 +53,44 @@ def output_means_beyond(
     Raises:
         FmuFailure: the model failed inside the box, or does not answer any more.
     """
+
+    def asked(some: Sequence[FloatArray]) -> list[dict[str, float]]:
+        means = output_means(response, parameters, some)
+        return [{n: float(values[k]) for n, values in means.items()} for k in range(len(some))]
+
+    def failed(x: FloatArray, failure: Exception) -> dict[str, float]:
+        if in_box(parameters, x):
+            raise failure
+        return dict.fromkeys(names, float("nan"))
+
+    rows = answered_apart(asked, xs, failed) if xs else []
+    return {name: np.array([row[name] for row in rows]) for name in names}
+
+
+def answered_apart(
+    ask: Callable[[Sequence[FloatArray]], list[Answer]],
+    xs: Sequence[FloatArray],
+    failed: Callable[[FloatArray, Exception], Answer],
+) -> list[Answer]:
+    """Answers at several search vectors in one batch; where that fails, in halves of it.
+
+    Args:
+        ask: answers of a batch, one each.
+        xs: search vectors, shape (n,) each.
+        failed: answer at one where the model fails, or raises the failure.
+
+    Raises:
+        NoAnswer: the model does not answer any more.
+    """
     try:
-        return output_means(response, parameters, xs)
+        return ask(xs)
     except NoAnswer:
         raise
-    except FmuFailure:
+    except (FmuFailure, NoScale) as failure:  # a model that answers with zeros has failed, too
         if len(xs) == 1:
-            if in_box(parameters, xs[0]):
-                raise
-            return {name: np.array([np.nan]) for name in names}
+            return [failed(xs[0], failure)]
     half = len(xs) // 2
-    first, second = (
-        output_means_beyond(response, parameters, part, names) for part in (xs[:half], xs[half:])
-    )
-    return {name: np.concatenate([first[name], second[name]]) for name in first}
+    return [*answered_apart(ask, xs[:half], failed), *answered_apart(ask, xs[half:], failed)]
 
 
 def mean(values: FloatArray) -> float:

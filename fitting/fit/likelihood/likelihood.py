@@ -21,9 +21,8 @@ from fitting.campaign.parameters import Parameter, in_box, search_bounds, to_mod
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
-from fitting.fit.outputs import output_means_beyond
+from fitting.fit.outputs import answered_apart, output_means_beyond
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
 #: Points of the box at which a model may fail before the failure is passed on.
 MOST_FAILURES = 12
@@ -268,25 +267,20 @@ class LikelihoodEvaluator:
         return self.spent / self.evaluations if self.evaluations else 1.0
 
     def _rows(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
-        if not xs:
-            return []
+        return answered_apart(self._asked, xs, self._failed) if xs else []
+
+    def _asked(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         self.evaluations += len(xs)
-        try:
-            points = evaluate_many(self.likelihood.objective, xs)
-        except NoAnswer:
-            raise
-        except (FmuFailure, NoScale):  # a model that answers with zeros has failed there, too
-            if len(xs) == 1:
-                asked_for = in_box(self.likelihood.parameters, xs[0])
-                if asked_for and self.failures >= MOST_FAILURES:
-                    raise
-                self.failures += asked_for
-                size = self.likelihood.whitening.shape[0] + xs[0].size
-                return [np.full(size, np.nan)]
-            half = len(xs) // 2
-            return [*self._rows(xs[:half]), *self._rows(xs[half:])]
+        points = evaluate_many(self.likelihood.objective, xs)
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]
+
+    def _failed(self, x: FloatArray, failure: Exception) -> FloatArray:
+        asked_for = in_box(self.likelihood.parameters, x)
+        if asked_for and self.failures >= MOST_FAILURES:
+            raise failure
+        self.failures += asked_for
+        return np.full(self.likelihood.whitening.shape[0] + x.size, np.nan)
 
     def _outputs(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         names = self.likelihood.names
