@@ -264,9 +264,7 @@ class Optimum:
         return self.expansion.chi_square
 
 
-def most_likely(
-    evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray], widening: float = 1.0
-) -> Optimum:
+def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:
     """Least squares in the box from several starts; residuals beyond the noise widen them.
 
     The first start wins where another is no better by PROMISE: in a valley the point beside the
@@ -276,7 +274,6 @@ def most_likely(
     Args:
         evaluator: evaluates the likelihood without inflation; is given the inflated one.
         starts: search vectors, the end of Algorithm 2 first.
-        widening: at least this, e.g. for residuals that hang together.
 
     Raises:
         FmuFailure: the model failed at the first start.
@@ -287,7 +284,7 @@ def most_likely(
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
     free = freedom_of(likelihood, best)
-    inflation = max(widening, inflation_of(chi_square, free))
+    inflation = inflation_of(chi_square, free)
     if inflation > 1.0:
         wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)
         evaluator.likelihood = wider
