@@ -544,7 +544,7 @@ def profile(
         budget=budget,
         bootstrap=bootstrap,
         only=asked,
-        agreement=fit.inferred.agreement,
+        sweeps=fit.inferred.sweeps,
     )
     found = infer(fit.record, request)
     if found.fit is not fit.record:  # profiles came by a lower minimum

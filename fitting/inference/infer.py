@@ -35,9 +35,8 @@ from fitting.inference.estimates import (
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.nu_choice import choose_nu
-from fitting.inference.mistakes import agreement_of
+from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.quadratures import Quadratures, quadratures_of
-from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import (
@@ -63,9 +62,9 @@ class Inference:
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
     the fit's own unless the model does not describe the data; `warnings` what a reader must know;
-    `reported` (n,) are all parameters as they are reported; `agreement` is that of the peaks
-    with the sweep, a series each; `quadratures` what complex values tell. `fit` is the one that all
-    of it is about: not the one that was given, where a lower J was found on the way.
+    `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show;
+    `quadratures` what complex values tell. `fit` is the one that all of it is about: not the one
+    that was given, where a lower J was found on the way.
     """
 
     fit: Fit
@@ -78,7 +77,7 @@ class Inference:
     message: str
     warnings: tuple[Warned, ...]
     reported: FloatArray
-    agreement: tuple[SweepAgreement, ...] = ()
+    sweeps: SweepFindings
     quadratures: Quadratures = field(default_factory=Quadratures)
 
 
@@ -88,8 +87,8 @@ class InferenceRequest:
 
     `units` are those of the derived outputs; without `profiles` intervals are those of the
     linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
-    is of simulation runs; `bootstrap` synthetic data sets are fitted anew; `agreement` of this
-    fit's peaks with the sweep, where it was found before.
+    is of simulation runs; `bootstrap` synthetic data sets are fitted anew; `sweeps` what those
+    of this fit show, where it was found before.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -97,7 +96,7 @@ class InferenceRequest:
     budget: int = BUDGET
     bootstrap: int = 0
     only: tuple[str, ...] = ()
-    agreement: tuple[SweepAgreement, ...] | None = None
+    sweeps: SweepFindings | None = None
 
 
 def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
@@ -117,7 +116,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     knowledge, missing = _knowledge(fit, request)
     lower = _lowered(fit, knowledge)
     if lower is not fit:
-        fit, request = lower, replace(request, agreement=None)
+        fit, request = lower, replace(request, sweeps=None)
         knowledge, missing = _knowledge(fit, request)
     solution, problem = fit.solution, fit.problem
     best, adequacy, inflation = _best(fit, knowledge)
@@ -135,9 +134,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     derived = {n: _judged(v, profiles.get(n), describes) for n, v in derived.items()}
     if not describes:
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
-    agreement = request.agreement
-    if agreement is None:
-        agreement = agreement_of(problem, solution)
+    sweeps = request.sweeps or sweep_findings(problem, solution)
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
@@ -157,12 +154,12 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.SIMULATION, simulation_sentences(solution.final.promised, named)),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
-            *fit_warnings(fit, offsets, agreement, best, inflation if describes else 1.0),
+            *fit_warnings(fit, offsets, sweeps, best, inflation if describes else 1.0),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),
         reported=estimates.reported,
-        agreement=agreement,
+        sweeps=sweeps,
         quadratures=_quadratures(solution, request) if describes else Quadratures(),
     )
 

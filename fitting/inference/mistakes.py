@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from fitting.fit.noise import noise_of
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.sweep_agreement import SweepAgreement, sweep_agreement
+from fitting.inference.sweep_line import SweepLine, line_of_sweep
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import unknown_line
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
@@ -33,6 +35,36 @@ FACTORS = {
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
 #: Highest order of mixtures of tones that explain a line of a spectrum.
 MIXED_ORDER = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepFindings:
+    """What the sweeps of a problem show: each by itself, and beside the peaks of its series.
+
+    `lines` are by series, `faults` sentences on what makes a sweep no line; `agreement` with the
+    peaks, a series each, none where a sweep itself is at fault.
+    """
+
+    lines: Mapping[str, SweepLine] = field(default_factory=dict)
+    faults: tuple[str, ...] = ()
+    agreement: tuple[SweepAgreement, ...] = ()
+
+
+def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
+    """What the sweeps show; every fit of them is made here, once.
+
+    Args:
+        problem: with its sweeps.
+        solution: end of the fit.
+    """
+    faults = tuple(fault_sentences(problem))
+    sweeps = {name: bound.sweep for name, bound in problem.campaigns.items()}
+    return SweepFindings(
+        lines={name: line_of_sweep(sweep) for name, sweep in sweeps.items() if sweep is not None},
+        faults=faults,
+        # a sweep that is no line contradicts the peaks for that reason
+        agreement=() if faults else sweep_agreement(solution),
+    )
 
 
 def fault_sentences(problem: Problem) -> list[str]:
@@ -70,17 +102,6 @@ def _fault(found: SweepFault) -> str:
         Fault.BACKGROUND: f"The sweep stands on a background of {size} of its top.",
     }
     return sentences[found.fault] + widths
-
-
-def agreement_of(problem: Problem, solution: Solution) -> tuple[SweepAgreement, ...]:
-    """Whether peaks and sweep of a series agree; nothing where the sweep itself is at fault.
-
-    Args:
-        problem: with its sweep.
-        solution: end of the fit.
-    """
-    # a sweep that is no line contradicts the peaks for that reason
-    return () if fault_sentences(problem) else sweep_agreement(solution)
 
 
 def contradiction_sentences(agreement: Sequence[SweepAgreement]) -> list[str]:

@@ -22,13 +22,12 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import distance, equal_j
 from fitting.inference.mistakes import (
+    SweepFindings,
     contradiction_sentences,
-    fault_sentences,
     line_sentences_of,
     swapped_sentences,
 )
-from fitting.inference.sweep_agreement import SweepAgreement
-from fitting.inference.sweep_line import line_of_sweep, line_warnings
+from fitting.inference.sweep_line import SweepLine, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.signal.peaks import DETECTION_SIGMA
@@ -96,7 +95,7 @@ def warned(kind: Kind, sentences: Iterable[str]) -> list[Warned]:
 def fit_warnings(
     fit: Fit,
     offsets: Sequence[OffsetResult],
-    agreement: Sequence[SweepAgreement],
+    sweeps: SweepFindings,
     most_likely: FloatArray,
     inflation: float = 1.0,
 ) -> list[Warned]:
@@ -105,12 +104,12 @@ def fit_warnings(
     Args:
         fit: the finished fit.
         offsets: values of single experiments.
-        agreement: of the peaks with the sweep, a series each.
+        sweeps: what they show.
         most_likely: parameters (n,), in their units.
         inflation: by how much residuals beyond the noise widen the errors.
     """
     problem, solution = fit.problem, fit.solution
-    line = line_of_sweep(problem.sweep) if problem.sweep is not None else None
+    lines = () if problem.is_joint else tuple(sweeps.lines.values())
     fitted = any(m.rows for m in problem.measurements if m.is_curve)
     campaigns = tuple(problem.campaigns.values())
     return [
@@ -120,14 +119,14 @@ def fit_warnings(
         *warned(Kind.INFLATION, _inflation(inflation)),
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
-        *warned(Kind.DRIFT, _drift(problem, offsets)),
+        *warned(Kind.DRIFT, _drift(problem, offsets, sweeps)),
         *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution, most_likely))),
         *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
-        *warned(Kind.LINE, line_warnings(line, fitted=fitted) if line else []),
-        *warned(Kind.SWEEP, fault_sentences(problem)),
-        *warned(Kind.SCALE_FACTOR, contradiction_sentences(agreement)),
+        *(w for line in lines for w in warned(Kind.LINE, line_warnings(line, fitted=fitted))),
+        *warned(Kind.SWEEP, sweeps.faults),
+        *warned(Kind.SCALE_FACTOR, contradiction_sentences(sweeps.agreement)),
     ]
 
 
@@ -288,20 +287,19 @@ def _open_search(outcome: Outcome) -> list[str]:
     return [f"{said}."]
 
 
-def _drift(problem: Problem, offsets: Sequence[OffsetResult]) -> list[str]:
+def _drift(problem: Problem, offsets: Sequence[OffsetResult], sweeps: SweepFindings) -> list[str]:
     """Of every campaign, by its name where there are several."""
     said = []
     for name, bound in problem.campaigns.items():
         labels = {e.label for e in bound.experiments}
         own = tuple(o for o in offsets if o.experiments[0] in labels)
-        told = drift_warnings(bound, own, _width_hz(bound))
+        told = drift_warnings(bound, own, _width_hz(bound, sweeps.lines.get(name)))
         said += [f"{name}: {text}" if name else text for text in told]
     return said
 
 
-def _width_hz(bound: BoundCampaign) -> float:
+def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
     """Line width: of the sweep's fit, else the declared one; NaN where neither is known."""
-    line = line_of_sweep(bound.sweep) if bound.sweep is not None else None
     if line is not None and line.width_hz > 0.0:
         return line.width_hz
     return bound.setup.line_width_hz or float("nan")

@@ -12,7 +12,6 @@ from fitting.fit.outputs import mean
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.infer import Inference
-from fitting.inference.sweep_line import line_of_sweep
 from fitting.inference.warnings import Warned
 from fitting.measurements.sweep import Sweep
 from fitting.result.result import (
@@ -70,7 +69,7 @@ def result_of(
         seconds=fit.seconds,
         warnings=tuple(dict.fromkeys(said)),
         provenance=provenance,
-        line=line_of_sweep(problem.sweep) if problem.sweep is not None else None,
+        line=None if problem.is_joint else next(iter(inference.sweeps.lines.values()), None),
         offsets=inference.offsets,
         joint=inference.joint,
         knowledge=inference.knowledge,
