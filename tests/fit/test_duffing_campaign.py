@@ -102,11 +102,11 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
 def test_the_cubic_coefficient_comes_back_within_its_noise(
     tmp_path: Path, workers: FmuWorkers
 ) -> None:
-    """Pulls of several seeds: none beyond 3, together no larger than a standard deviation."""
+    """Pulls of two seeds: none beyond 3, together no larger than a standard deviation."""
     shipped = bound_at(SHIPPED, workers)
     plan = replace(drafted(shipped), settings={"tolerance": 2e-4})
     pulls = []
-    for seed in (11, 12, 13):
+    for seed in (11, 12):
         result = fit(seed, tmp_path / str(seed), workers, plan)
         found = result.parameters["alpha1"]
         assert found.std is not None
