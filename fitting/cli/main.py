@@ -11,6 +11,7 @@ import argparse
 import contextlib
 import errno
 import importlib
+import logging
 import os
 import platform
 import shlex
@@ -83,6 +84,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words of the command line, None for the process's own.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    # without a home it tells, in its own words, that it makes do with a folder that it removes
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     with outlets() as output, interruptible():
         code = _run(given)
         output.flush()
