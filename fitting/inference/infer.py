@@ -54,6 +54,10 @@ from fitting.text.errors import FmuFailure
 Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
 
+#: Minima of a search from which the most likely point is looked for.
+LOWEST = 2
+
+
 @dataclass(frozen=True, kw_only=True)
 class Inference:
     """What the data of a fit determine.
@@ -242,8 +246,8 @@ def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | No
 def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy | None, float]:
     """The most likely parameters (n,), in their units, whether the model will do, the inflation.
 
-    Where no profiles were walked it is looked for from the end of Algorithm 2; an interrupted fit
-    is reported where it stood.
+    Where no profiles were walked it is looked for from the end of Algorithm 2 and from the lowest
+    minima of chi square in hand; an interrupted fit is reported where it stood.
     """
     solution = fit.solution
     if knowledge is not None:
@@ -255,7 +259,8 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     likelihood = likelihood_of(solution.objective, noise.sigma, noise.common)
     evaluator = LikelihoodEvaluator(likelihood)
     try:
-        optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
+        begins = [solution.final.x, *(minimum.x for minimum in _minima(fit)[:LOWEST])]
+        optimum = let_out(evaluator, most_likely(evaluator, begins))
     except (FmuFailure, KeyboardInterrupt):
         return solution.final.parameters, None, solution.errors.inflation
     p = to_model(solution.parameters, optimum.expansion.x)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +19,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.sweep_agreement import SweepAgreement, sweep_agreement
 from fitting.inference.sweep_line import SweepLine, line_of_sweep
+from fitting.measurements.sweep import Sweep
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import unknown_line
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
@@ -57,7 +58,7 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         problem: with its sweeps.
         solution: end of the fit.
     """
-    faults = tuple(fault_sentences(problem))
+    faults = tuple(fault_sentences(problem, _explained(problem, solution)))
     sweeps = {name: bound.sweep for name, bound in problem.campaigns.items()}
     return SweepFindings(
         lines={name: line_of_sweep(sweep) for name, sweep in sweeps.items() if sweep is not None},
@@ -67,15 +68,23 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
     )
 
 
-def fault_sentences(problem: Problem) -> list[str]:
+def _explained(problem: Problem, solution: Solution) -> frozenset[str]:
+    """Series whose sweep is fitted and leaves noise: the model has its shape, one line or not."""
+    if solution.structure is None or solution.structure.order > 0:
+        return frozenset()
+    return frozenset(m.series for m in problem.measurements if isinstance(m, Sweep) and m.fitted)
+
+
+def fault_sentences(problem: Problem, explained: Collection[str] = ()) -> list[str]:
     """What makes the sweeps of a problem no damped lines: each by its campaign's name.
 
     Args:
         problem: whose sweeps are looked at.
+        explained: series whose sweep the fitted model explains.
     """
     said = []
     for name, bound in problem.campaigns.items():
-        if bound.sweep is None or bound.sweep.background != "none":
+        if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
         faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
         said += [f"{name}: {_fault(f)}" if name else _fault(f) for f in faults]

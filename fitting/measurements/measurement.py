@@ -373,11 +373,21 @@ class MeasurementKind:
         return np.empty((self.rows, 0))
 
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
-        """It has no phases."""
+        """The changes as they are: it has no phases.
+
+        Args:
+            prediction: of the measurement, without scale.
+            rows: changes of its rows, as their derivatives are.
+        """
         return rows
 
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
-        """None."""
+        """No value follows from what is solved inside.
+
+        Args:
+            prediction: of the measurement, without scale.
+            sigma: standard deviations of its rows, (rows,).
+        """
         return {}
 
     def scaled(self, prediction: Prediction, chi: float) -> Values:

@@ -23,6 +23,8 @@ COARSE_POINTS = 3
 CHANCE = 5.0
 #: Points above this share of the largest one count as the top of a measured resonance.
 TOP_SHARE = 0.7
+#: Points of that top, at least, an odd number.
+FEWEST = 5
 #: Curvature of 1/A^2 over the fitted points that is rounding: such a parabola has its top anywhere.
 FLAT = 1e-12
 #: Smallest double with all its digits.
@@ -230,8 +232,8 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     """Largest point of a measured sweep, with what noise and grid did to it.
 
     A parabola in (f - f_k) is fitted to 1/A^2 of the points above 70 % of the largest, weighted by
-    A^3 (equal errors of A). Where these are fewer than four, it goes through the three nearest,
-    which tell a bias but no scatter.
+    A^3 (equal errors of A). Where these are fewer than five, it is fitted to the five nearest:
+    through three it would tell no scatter.
 
     Args:
         frequency_hz: shape (n,).
@@ -261,8 +263,9 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
         on_edge=on_edge,
     )
     top = a >= TOP_SHARE * a[k]
-    if np.count_nonzero(top) < 4:
-        top = np.abs(np.arange(f.size) - min(max(k, 1), f.size - 2)) <= 1
+    if np.count_nonzero(top) < FEWEST:
+        half = FEWEST // 2
+        top = np.abs(np.arange(f.size) - min(max(k, half), f.size - 1 - half)) <= half
     if np.count_nonzero(top) < 3 or not np.all(a[top] > 0.0):
         return plain
     t = (f[top] - f[k]) / max(float(np.ptp(f[top])), TINY)

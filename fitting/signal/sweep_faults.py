@@ -214,7 +214,8 @@ class _Sweep:
         lines = [line for form in FORMS if (line := self.fitted(form)) is not None]
         best: dict[Fault, _Line] = {}
         for line in sorted(lines, key=lambda each: -each.squares):
-            if line.is_noise and line.size > 0.0:  # a top that is too high is no saturation
+            # a top that is too high is no saturation, and what is no larger than its error nothing
+            if line.is_noise and line.size > line.std:
                 best[line.form.fault] = line
         told = [self._told(plain, line) for line in best.values()]
         outlier = self._outlier(plain)

@@ -138,6 +138,21 @@ def test_the_laboratory_maximum_is_the_largest_point_and_its_bias_is_told() -> N
     assert missed < -0.01
 
 
+@pytest.mark.parametrize("spacing_hz", [16.0, 24.0, 28.0, 60.0])
+def test_the_error_of_a_maximum_covers_its_noise_on_coarse_grids(spacing_hz: float) -> None:
+    """Two to six points of a top: the stated error covers the noise of the largest one."""
+    rng = np.random.default_rng(round(spacing_hz))
+    covered = []
+    for _ in range(400):
+        f = ETA + spacing_hz * (np.arange(-10, 11) + rng.uniform(-0.5, 0.5))
+        clean = single_mode(f, ETA, 94.0)
+        noisy = clean + 0.004 * clean.max() * rng.standard_normal(f.size)
+        k = int(np.argmax(noisy))
+        found = laboratory_maximum(f, noisy)
+        covered.append(abs(found.value_v / clean[k] - 1.0) <= 1.96 * found.sigma)
+    assert np.mean(covered) > 0.92
+
+
 def test_the_maximum_of_a_flat_sweep_is_its_level() -> None:
     """On some processors the fitted curve is then exactly flat, and numpy trims its zeros."""
     for n in range(3, 60):
