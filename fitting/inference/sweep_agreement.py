@@ -81,6 +81,8 @@ def sweep_agreement(solution: Solution) -> tuple[SweepAgreement, ...]:
             continue
         if len(solution.parameters) > MOST_PARAMETERS:
             continue
+        if not data.scale_sigmas[data.series.index(sweep.series)] < 1.0:  # it is no scale at all
+            continue
         try:
             told = _Both(solution, sweep, place).agreement()
         except (FmuFailure, np.linalg.LinAlgError):  # the model fails nearby: nothing is said

@@ -33,7 +33,7 @@ class Kind:
 
 SEED = 1
 KINDS = (
-    Kind(campaign_keys.KEYS, campaign_keys.cases, 640, 45),
+    Kind(campaign_keys.KEYS, campaign_keys.cases, 900, 45),
     Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 24),
     Kind(tables.DATA, tables.cases, 260, 40),
     Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 24),
