@@ -86,14 +86,22 @@ def test_an_end_during_the_fit_is_reported_and_gone_on_from(campaign: Path, tmp_
 def test_ends_during_the_profiles_keep_the_fit(
     campaign: Path, tmp_path: Path, how: signal.Signals
 ) -> None:
-    """The fit is written before the profiles begin; two signals at once do not lose it."""
-    result = tmp_path / "out" / "result.json"
-    with reconstructing(campaign, tmp_path) as job:
-        wait_until(result.exists, "the result of the fit")
-        early = read_result(result)
-        job.send(how)
-        job.send(how)
-        code, out, err = job.ended()
+    """The fit is written before the profiles begin; two signals at once do not lose it.
+
+    On a busy machine a signal may come after the last profile: it is then sent to another run.
+    """
+    code = 0
+    for attempt in map(str, range(10)):
+        result = tmp_path / attempt / "out" / "result.json"
+        result.parent.parent.mkdir()
+        with reconstructing(campaign, result.parent.parent) as job:
+            wait_until(result.exists, "the result of the fit")
+            early = read_result(result)
+            job.send(how)
+            job.send(how)
+            code, out, err = job.ended()
+        if code != 0:
+            break
     assert code == 1, err
     assert "Traceback" not in err
     assert early.status == "converged"
@@ -102,7 +110,7 @@ def test_ends_during_the_profiles_keep_the_fit(
     assert late.parameters == early.parameters
     assert any("profiles were done" in text for text in late.warnings)
     assert "go on with: " in out
-    assert (tmp_path / "out" / checkpoint.NAME).exists()
+    assert (result.parent / checkpoint.NAME).exists()
     assert job.left_behind() == []
 
 

@@ -102,17 +102,14 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
 def test_the_cubic_coefficient_comes_back_within_its_noise(
     tmp_path: Path, workers: FmuWorkers
 ) -> None:
-    """Pulls of two seeds: none beyond 3, together no larger than a standard deviation."""
+    """A new series: within two standard deviations and a half of the laboratory's."""
     shipped = bound_at(SHIPPED, workers)
     plan = replace(drafted(shipped), settings={"tolerance": 2e-4})
-    pulls = []
-    for seed in (11, 12):
-        result = fit(seed, tmp_path / str(seed), workers, plan)
-        found = result.parameters["alpha1"]
-        assert found.std is not None
-        pulls.append((found.value - DUFFING_CUBIC.alpha1) / found.std)
-    assert np.abs(pulls).max() < 3.0
-    assert np.sqrt(np.mean(np.square(pulls))) < 1.8
+    result = fit(11, tmp_path, workers, plan)
+    found = result.parameters["alpha1"]
+    assert found.std is not None
+    assert abs(found.value - DUFFING_CUBIC.alpha1) < 2.5 * found.std
+    assert found.std < 0.01 * DUFFING_CUBIC.alpha1
 
 
 def test_simulate_lists_the_intermodulation_lines(

@@ -144,7 +144,8 @@ def test_the_error_of_a_maximum_covers_its_noise_on_coarse_grids(spacing_hz: flo
     rng = np.random.default_rng(round(spacing_hz))
     covered = []
     for _ in range(400):
-        f = ETA + spacing_hz * (np.arange(-10, 11) + rng.uniform(-0.5, 0.5))
+        places = np.arange(-10.0, 11.0) + rng.uniform(-0.5, 0.5)
+        f = np.asarray(ETA + spacing_hz * places, dtype=float)
         clean = single_mode(f, ETA, 94.0)
         noisy = clean + 0.004 * clean.max() * rng.standard_normal(f.size)
         k = int(np.argmax(noisy))
