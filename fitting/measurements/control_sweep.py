@@ -668,9 +668,11 @@ class ControlMaps:
     def figure(self) -> Figure:
         """Three maps: measured, with the model's branches; simulated; residuals."""
         sweep = self.sweep
-        amplitudes = Axis("amplitude", sweep.unit)
-        if sweep.unit == "1":
-            amplitudes = Axis("amplitude")
+        amplitudes = Axis("amplitude", "" if sweep.unit == "1" else sweep.unit)
+        maps = sweep.measured, self.fitted
+        if sweep.logarithmic:  # as the laboratory has them, and as they are fitted
+            amplitudes = Axis("amplitude", "dB" if sweep.unit == "1" else f"dB({sweep.unit})")
+            maps = _decibels(sweep.measured), _decibels(self.fitted)
         pairs = [(at, f) for at, found in self.branches for f in found]
         lines = Layer(
             Role.START,
@@ -679,12 +681,13 @@ class ControlMaps:
             np.array([f for _, f in pairs]),
             label="maxima of the fitted model",
         )
-        left = self.fitted - sweep.measured
         known = bool(np.all(sweep.sigma > 0.0))
         size = sweep.sigma * sweep.sizes if known else 0.01 * sweep.sizes
-        rest = left / size
+        rest, unit = (self.fitted - sweep.measured) / size, "σ" if known else "% of maximum"
+        if sweep.logarithmic:
+            rest, unit = _decibels(self.fitted / sweep.measured), "dB"
         most = float(np.max(np.abs(rest), initial=0.0)) or 1.0
-        rests = Axis("simulated - measured", "σ" if known else "% of maximum", low=-most, high=most)
+        rests = Axis("simulated - measured", unit, low=-most, high=most)
         spectra = len(sweep.spectra)
         return Figure(
             name="8_control_sweep",
@@ -696,13 +699,17 @@ class ControlMaps:
             alt=f"Maps of {spectra} spectra over {self.control}: measured, simulated, difference.",
             rows=(
                 (
-                    self._panel("measured", sweep.measured, amplitudes, lines),
-                    self._panel("simulated, fitted parameters", self.fitted, amplitudes, lines),
+                    self._panel("measured", maps[0], amplitudes, lines),
+                    self._panel("simulated, fitted parameters", maps[1], amplitudes, lines),
                 ),
                 (self._panel("difference", rest, rests),),
             ),
             series=sweep.series,
         )
+
+
+def _decibels(a: FloatArray) -> FloatArray:
+    return np.asarray(20.0 * np.log10(a))
 
 
 def _vertex(f: FloatArray, a: FloatArray, k: int) -> float:
