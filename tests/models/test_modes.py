@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,30 +14,11 @@ from fmpy.validation import validate_fmu
 
 import build_fmu
 from tests.support import modes_reference as reference
-from tests.support.fmus import DISCARD, OK, Instance, Unpacked, unpack
+from tests.support.fmus import DISCARD, OK, Instance, Unpacked
+from tests.support.modes_fmus import Models
 from tests.support.modes_scenes import SIZES, Scene, eigenfrequencies, scenes
 
 ENVELOPE, RK4 = 1, 2
-Models = Callable[[int], Instance]
-
-
-@pytest.fixture(scope="module")
-def models(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Models]:
-    """An instance of the FMU with as many modes as asked for; each is built once."""
-    made: dict[int, Instance] = {}
-
-    def instance(n: int) -> Instance:
-        if n not in made:
-            folder = tmp_path_factory.mktemp(f"modes{n}")
-            fmu = unpack(build_fmu.build(f"CoupledModes{n}", folder), folder / "unpacked")
-            made[n] = Instance(fmu)
-        made[n].slave.reset()
-        made[n].messages.clear()
-        return made[n]
-
-    yield instance
-    for one in made.values():
-        one.slave.freeInstance()
 
 
 def names(n: int) -> list[str]:

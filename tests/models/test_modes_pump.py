@@ -3,41 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-import build_fmu
 from fmu_src import modes_steady
 from fmu_src.modes_equations import Parameters, matrices
 from tests.support import modes_reference as reference
-from tests.support.fmus import DISCARD, OK, Instance, unpack
+from tests.support.fmus import DISCARD, OK, Instance
+from tests.support.modes_fmus import Models
 from tests.support.modes_scenes import Scene, eigenfrequencies, scenes
 
 RK4 = 2
-Models = Callable[[int], Instance]
-
-
-@pytest.fixture(scope="module")
-def models(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Models]:
-    """An instance of the FMU with as many modes as asked for; each is built once."""
-    made: dict[int, Instance] = {}
-
-    def instance(n: int) -> Instance:
-        if n not in made:
-            folder = tmp_path_factory.mktemp(f"modes{n}")
-            fmu = unpack(build_fmu.build(f"CoupledModes{n}", folder), folder / "unpacked")
-            made[n] = Instance(fmu)
-        made[n].slave.reset()
-        made[n].messages.clear()
-        return made[n]
-
-    yield instance
-    for one in made.values():
-        one.slave.freeInstance()
 
 
 def line(fmu: Instance, name: str) -> complex:
