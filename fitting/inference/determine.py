@@ -37,6 +37,7 @@ from fitting.inference.likelihood.exploration import (
     other_minima,
 )
 from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
+from fitting.inference.likelihood.outside import beyond, beyond_sentences
 from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
@@ -60,8 +61,9 @@ class InferenceOptions:
     as well; `twins` are the model's exact symmetries, looked for if None. Without `data` the
     measurements are taken to be what the model says at the solution. `bootstrap` synthetic data
     sets are fitted anew, through `executor` if there is one. `only` names the values that are
-    profiled (all, if empty); other minima are looked for from `starts` seeded points. `widening`:
-    by how much the noise of a sweep was taken wider because its residuals hang together.
+    profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
+    whether fits beyond the box are looked for. `widening`: by how much the noise of a sweep was
+    taken wider because its residuals hang together.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -77,6 +79,7 @@ class InferenceOptions:
     only: tuple[str, ...] = ()
     starts: int = OTHER_STARTS
     directions: bool = True
+    beyond: bool = True
     widening: float = 1.0
 
 
@@ -111,6 +114,7 @@ def determine(
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
     optimum = found.optimum
+    outside = beyond(evaluator, found) if options.beyond else ()
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
@@ -149,6 +153,7 @@ def determine(
         sentences=(
             *adequacy_sentences(adequacy, optimum, options.widening),
             *outside_sentences(optimum),
+            *beyond_sentences(optimum.likelihood, outside, profiles),
             *identifiability.sentences(profiles, directions, idle, equivalents),
         ),
         effort=spent,

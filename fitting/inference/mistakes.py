@@ -110,7 +110,8 @@ def _fault(found: SweepFault) -> str:
         f"(scatter of the others {100.0 * found.std:.2g} %).",
         Fault.BACKGROUND: f"The sweep stands on a background of {size} of its top.",
     }
-    return sentences[found.fault] + widths
+    doubt = " Two lines that overlap would look the same." if found.two_lines else ""
+    return sentences[found.fault] + widths + doubt
 
 
 def contradiction_sentences(agreement: Sequence[SweepAgreement]) -> list[str]:

@@ -266,7 +266,7 @@ def line_sentences(line: SweepLine) -> list[str]:
 
 def _structure_words(fit: LineFit) -> str:
     return (
-        f"the residuals are not noise, they hang together ({probability(fit.structure_p)} for "
+        f"a single line leaves residuals that hang together ({probability(fit.structure_p)} for "
         f"white noise): the points are worth {fit.points:.3g} independent ones, and the errors "
         f"are {fit.widening:.3g} times as wide for it"
     )

@@ -10,14 +10,15 @@ Four faults that a line fitted blindly turns into a wrong width, each as one mor
 
 and, by `fitting.signal.peaks.fit_resonance`, a complex background. A fault is told where its number
 is far from none and what it leaves is noise; where nothing leaves noise, nothing is said: the sweep
-may show more than one line.
+may show more than one line. Two lines that overlap look like many a fault: where they fit as well,
+that is told beside it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -32,6 +33,8 @@ from fitting.text.arrays import ComplexArray, FloatArray
 TOLD_P = 1e-4
 #: Equal largest points that noise does not make.
 CLIPPED_POINTS = 3
+#: Two lines are looked for so many widths apart; the second up to so many times as wide or narrow.
+APART, LIKE = (-6.0, -2.0, -0.6, 0.6, 2.0, 6.0), 8.0
 #: Residuals below this share of the top are rounding: nothing can be wrong.
 ROUNDING = 1e-6
 
@@ -54,7 +57,8 @@ class SweepFault:
     that fits best: another may fit as well with another size and width) or above the clipped
     points, the distance of an outlier over the top of the line, or that of a background.
     `width_hz` is the full width without and with the fault taken into account. `p_value` is the
-    probability that noise alone gains as much.
+    probability that noise alone gains as much. `two_lines` says whether two lines that overlap
+    leave noise, too.
     """
 
     fault: Fault
@@ -63,6 +67,7 @@ class SweepFault:
     frequency_hz: float
     width_hz: tuple[float, float]
     p_value: float
+    two_lines: bool = False
 
 
 def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[SweepFault, ...]:
@@ -91,8 +96,12 @@ def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[Swe
     if math.sqrt(plain.squares / amplitude_v.size) < ROUNDING:
         return ()
     found = [f for f in sweep.faults(plain) if f.p_value < TOLD_P]
-    best = min((f.p_value for f in found), default=0.0)
-    return tuple(f for f in found if f.p_value <= max(1e3 * best, 1e-300))
+    if not found:
+        return ()
+    best = min(f.p_value for f in found)
+    as_good = max(1e3 * best, 1e-300)
+    two_lines = sweep.two_lines_p(plain) < TOLD_P
+    return tuple(replace(f, two_lines=two_lines) for f in found if f.p_value <= as_good)
 
 
 @dataclass(frozen=True)
@@ -204,6 +213,40 @@ class _Sweep:
         eta_hz, width_hz = line(fit.values)
         inside = self.f[0] <= eta_hz <= self.f[-1] and width_hz < 3.0 * (self.f[-1] - self.f[0])
         return _Line(form, fit, eta_hz, width_hz) if fit.converged and inside else None
+
+    def two_lines_p(self, plain: _Line) -> float:
+        """Probability that noise gains as much as a second line does; one where it leaves more."""
+        begins = [self._two_lines(plain, apart) for apart in APART]
+        left = [fit for fit in begins if fit is not None]
+        if not left:
+            return 1.0
+        best = min(left, key=lambda fit: float(fit.residuals @ fit.residuals))
+        if white_noise_p(best.residuals) < STRUCTURED:
+            return 1.0
+        after = float(best.residuals @ best.residuals)
+        return _gain_p(plain.squares, after, 4, self.a.size - 7)
+
+    def _two_lines(self, plain: _Line, apart: float) -> LeastSquaresFit | None:
+        """|h g1 + (a + i b) g2| fitted from a second line so many widths beside the first."""
+        eta, width = plain.eta_hz, plain.width_hz
+
+        def second(x: FloatArray) -> ComplexArray:
+            wide = width * math.exp(math.log(LIKE) * math.tanh(float(x[4])))
+            return mode_response(self.f, float(eta + width * x[3]), wide)
+
+        def residuals(x: FloatArray) -> FloatArray:
+            wide = width * math.exp(min(float(x[1]), 50.0))
+            first = mode_response(self.f, float(eta + width * x[0]), wide)
+            return np.asarray(np.abs(x[2] * first + (x[5] + 1j * x[6]) * second(x)) - self.a)
+
+        begin = np.array([0.0, 0.0, plain.height, apart, 0.0, 0.1, 0.1])
+        try:
+            fit = minimise_squares(residuals, begin)
+        except (ValueError, np.linalg.LinAlgError):
+            return None
+        span = self.f[-1] - self.f[0]
+        near = self.f[0] - span <= eta + width * fit.values[3] <= self.f[-1] + span
+        return fit if near and self.a.size > 7 else None
 
     def without(self, k: int) -> _Sweep:
         """The sweep without one point."""

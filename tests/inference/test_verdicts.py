@@ -344,3 +344,31 @@ def test_a_poor_minimum_that_was_begun_at_widens_no_interval(start: float) -> No
     assert found.chi_square == pytest.approx(0.0, abs=0.01)
     assert k.interval95 == pytest.approx((1.5 - Z95 * sigma, 1.5 + Z95 * sigma), rel=1e-3)
     assert k.verdict is Verdict.DETERMINED
+
+
+# --- a box that is a guess
+
+
+def _opening(p: FloatArray) -> FloatArray:
+    """Rows that hold a to 4 ± 0.1 as far as d stays below 100, and to 5 ± 0.1 at d = 1000."""
+    a, d = p
+    return np.full(3, (a - 4.0 - (d / 1000.0) ** 8) / 0.1 / math.sqrt(3.0))
+
+
+def test_a_verdict_that_rests_on_the_box_says_so() -> None:
+    known = learnt(whitened(_opening, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
+    assert known.parameters["a"].verdict is Verdict.DETERMINED
+    [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
+    assert re.match(r"Beyond the box d = \d+ \(box: 1 to 100\) fits as well, with a = ", said)
+    assert said.endswith("what is said of a rests on the box.")
+    d, a = (float(v) for v in re.findall(r"[ad] = ([\d.]+)", said))
+    assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
+    assert a > known.parameters["a"].interval95[1]
+
+
+def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
+    def rows(p: FloatArray) -> FloatArray:
+        return np.append(_opening(p), (p[1] - 10.0) / 1.0)
+
+    known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
+    assert not [s for s in known.sentences if "rests on the box" in s]

@@ -89,3 +89,19 @@ def test_points_that_hang_together_are_no_fault() -> None:
 def test_flat_and_exact_sweeps_have_no_fault(amplitude: FloatArray) -> None:
     found = sweep_faults(FREQUENCY_HZ, amplitude)
     assert not [each for each in found if each.fault is not Fault.CLIPPING]
+
+
+@pytest.mark.parametrize(("height", "apart"), [(0.05j, 0.5), (-0.1, 5.0), (-0.1j, 5.0)])
+def test_two_lines_are_told_as_such_beside_what_they_look_like(
+    height: complex, apart: float
+) -> None:
+    second = height * line(eta_hz=ETA_HZ + apart * WIDTH_HZ)
+    found = sweep_faults(FREQUENCY_HZ, np.abs(line() + second) + noise(1))
+    assert found
+    assert all(each.two_lines for each in found)
+
+
+def test_a_bad_point_is_no_second_line() -> None:
+    measured = np.abs(line()) + noise(3)
+    measured[70] += 0.1
+    assert not only(sweep_faults(FREQUENCY_HZ, measured), Fault.OUTLIER).two_lines

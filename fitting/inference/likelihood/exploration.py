@@ -171,7 +171,7 @@ def _with_ends(
             for begin, frozen in beginnings(explored, quantity, side):
                 tries.append((quantity.name, side))
                 tasks.append(fit_at_end(explored.optimum, quantity, begin, end, frozen))
-    found = _possible(evaluator, explored.optimum, run_in_lockstep(tasks, evaluator))
+    found = possible(evaluator, explored.optimum, run_in_lockstep(tasks, evaluator))
     range_ends = dict(explored.range_ends)
     for (name, side), reached in zip(tries, found, strict=True):
         if reached is not None:
@@ -352,7 +352,7 @@ def _with_outputs(evaluator: LikelihoodEvaluator, explored: Exploration) -> Expl
     )
 
 
-def _possible(
+def possible(
     evaluator: LikelihoodEvaluator, optimum: Optimum, points: Sequence[ProfilePoint | None]
 ) -> list[ProfilePoint | None]:
     """Those points at which every output exists that exists at the optimum, with their outputs.

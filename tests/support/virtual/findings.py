@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ from tests.support.virtual.judge import (
     fits,
 )
 
+#: That a verdict holds inside the box only.
+RESTS = re.compile(r"^Beyond the box .* rests? on the box", re.DOTALL)
 #: What one pair of peaks cannot determine.
 UNSEEN = ("theta", "d1", "d2", "g1")
 
@@ -111,8 +114,20 @@ def _of_value(judged: Judged, s: Statement, *, warned: bool) -> Iterator[tuple[s
     if judged.kind == "one_pair" and s.verdict == DETERMINED and s.name in UNSEEN:
         yield "determined by two peaks", shown
     wide = judged.wide.get(s.name)
-    if wide is not None and wide != s.verdict and s.name != "theta":
+    if _changed(judged, s) and not _rests(judged, s.name):
         yield "changed by the box", f"{s.name}: {s.verdict}, with boxes 10 times as wide {wide}"
+
+
+def _changed(judged: Judged, s: Statement) -> bool:
+    """Whether boxes ten times as wide gave another verdict."""
+    wide = judged.wide.get(s.name)
+    return wide is not None and wide != s.verdict and s.name != "theta"
+
+
+def _rests(judged: Judged, name: str) -> bool:
+    """Whether it was said that the verdict on a value rests on the box, with a fit beyond it."""
+    told = [w for w in judged.warnings if RESTS.search(w)]
+    return any(re.search(rf"\b{re.escape(name)}\b", w.split("with ")[-1]) for w in told)
 
 
 def _held(s: Statement) -> bool:
@@ -137,7 +152,7 @@ COLUMNS = (
     "95 % interval holds the truth",
     "value outside its interval",
     "value ± std holds the truth",
-    "verdict changed by wider boxes",
+    "verdict changed by wider boxes: untold, told before",
     "Q and width differ",
     "wrong minimum: fit, profiles",
     "not at their minimum: fit, profiles",
@@ -168,7 +183,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
     near = sum(abs(s.value - s.truth) <= s.std for s in errors if s.name != "theta")
     plain = sum(s.name != "theta" for s in errors)
     widened = sum(bool(j.wide) for j in done)
-
+    told = sum(_changed(j, s) and _rests(j, s.name) for j in done for s in j.said)
     absent = [f for f in found if f.about == "absent"]
 
     def count(*about: str) -> int:
@@ -182,7 +197,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
         _share(inside, len(values)),
         count("outside its interval"),
         _share(near, plain),
-        f"{count('changed by the box')} in {widened}",
+        f"{count('changed by the box')}, {told} in {widened}",
         count("twins"),
         f"{count('wrong minimum')}, {count('wrong optimum')}",
         f"{count('short of minimum')}, {count('short of optimum')}",

@@ -53,9 +53,9 @@ NAMED: Mapping[str, re.Pattern[str]] = {
 }
 #: Sentences that name a mistake, which an honest laboratory has not made.
 ALARM = re.compile(
-    r"to the power|saturat|is clipped|one point of the sweep|on a background|changed places|"
-    r"none of the declared tones",
-    re.IGNORECASE,
+    r"^(?!.*Two lines that overlap would look the same)(?=.*(to the power|saturat|is clipped|"
+    r"one point of the sweep|on a background|changed places|none of the declared tones))",
+    re.IGNORECASE | re.DOTALL,
 )
 
 

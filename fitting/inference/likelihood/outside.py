@@ -1,0 +1,208 @@
+"""Fits beyond the box: where what the data say of a value rests on where it was looked for.
+
+The box of a campaign may be knowledge, then what lies beyond it is of no interest; or a guess, then
+it is. Which one it is only the reader knows: so fits beyond it are told, and decide nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
+from fitting.fit.likelihood.descent import Optimum
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
+from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
+from fitting.fit.search.box import DECADE
+from fitting.inference.likelihood.exploration import Exploration, possible
+from fitting.inference.likelihood.knowledge import Profile
+from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint, Quantity, fit_at_end
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import number
+
+#: How many times as wide as the box the surroundings are that are looked at.
+TIMES = 10.0
+#: Points beyond the box, the best ones, from which values are brought beyond their intervals.
+BEGINNINGS = 4
+#: Share of an interval by which a value lies beyond it.
+BEYOND = 0.02
+
+
+def widened(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+    """Parameters with boxes ten times as wide, inside what the model declares.
+
+    A positive one that may be ten times as large goes by that factor each way, others by that many
+    half widths; what goes round or has a prior of its own keeps its box.
+
+    Args:
+        parameters: with their boxes.
+    """
+    return tuple(map(_widened, parameters))
+
+
+def _widened(parameter: Parameter) -> Parameter:
+    if parameter.period is not None or parameter.prior_sigma is not None:
+        return parameter
+    low, high = parameter.lower, parameter.upper
+    if low > 0.0 and high >= DECADE * low:
+        low, high = low / TIMES, high * TIMES
+    else:
+        more = 0.5 * (TIMES - 1.0) * (high - low)
+        low, high = low - more, high + more
+        if parameter.lower >= 0.0:
+            low = max(low, 0.0)
+    return replace(
+        parameter,
+        lower=min(max(low, parameter.least), parameter.lower),
+        upper=max(min(high, parameter.most), parameter.upper),
+    )
+
+
+def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[ProfilePoint, ...]:
+    """Points beyond the box that fit as well, where a value leaves the interval that data cut.
+
+    From points in hand every parameter is brought to the ends of its wider box, the rest following;
+    from where that fits, every value is brought half as far again as its interval goes.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        explored: profiles around the most likely point.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    optimum = explored.optimum
+    likelihood = optimum.likelihood
+    wide = replace(optimum, likelihood=_with_room(likelihood))
+    sides = _cut_sides(explored)
+    if not sides:
+        return ()
+    evaluator.likelihood = wide.likelihood
+    try:
+        tasks = _to_the_ends(explored, wide)
+        reached = [p for p in run_in_lockstep(tasks, evaluator) if p is not None]
+        reached = sorted((p for p in reached if _fits(p)), key=lambda p: p.delta)[:BEGINNINGS]
+        tasks = [_to_value(wide, q, target, p.x) for q, target in sides for p in reached]
+        found = [*reached, *(p for p in run_in_lockstep(tasks, evaluator) if p is not None)]
+        return tuple(p for p in possible(evaluator, wide, found) if p is not None and _fits(p))
+    except Exhausted:
+        return ()
+    finally:
+        evaluator.likelihood = likelihood
+
+
+def _fits(point: ProfilePoint) -> bool:
+    return point.delta <= ROOT_95**2
+
+
+def _with_room(likelihood: Likelihood) -> Likelihood:
+    """The likelihood in the room of profiles, and in the wider boxes besides."""
+    parameters = widened(likelihood.parameters)
+    low = to_search(parameters, np.array([p.lower for p in parameters]))
+    high = to_search(parameters, np.array([p.upper for p in parameters]))
+    return replace(
+        likelihood,
+        lower=np.minimum(likelihood.lower, low),
+        upper=np.maximum(likelihood.upper, high),
+    )
+
+
+def _cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
+    """Quantities with a value half as far again from the best as where the data cut them."""
+    sides = []
+    for quantity in explored.quantities:
+        for branch in explored.branches[quantity.name]:
+            if branch.end == "crossed" and math.isfinite(branch.at_95):
+                sides.append((quantity, branch.at_95 + 0.5 * (branch.at_95 - quantity.best)))
+    return sides
+
+
+def _to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[ProfilePoint | None]]:
+    """Every parameter brought to the ends of its wider box, from the nearest point in hand."""
+    likelihood = wide.likelihood
+    here = ProfilePoint(
+        value=math.nan, delta=0.0, x=wide.expansion.x, outputs=wide.expansion.sample.outputs
+    )
+    known = [here, *explored.fitting]
+    tasks = []
+    for quantity in explored.quantities:
+        i = quantity.index
+        if i < 0 or math.isfinite(likelihood.periods[i]):
+            continue
+        for end in (float(likelihood.lower[i]), float(likelihood.upper[i])):
+            nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
+            begin = nearest.x.copy()
+            begin[i] = end
+            tasks.append(fit_at_end(wide, quantity, begin, end))
+    return tasks
+
+
+def _to_value(
+    wide: Optimum, quantity: Quantity, target: float, begin: FloatArray
+) -> Task[ProfilePoint | None]:
+    at = begin.copy()
+    if quantity.index >= 0:
+        at[quantity.index] = target
+    return fit_at_end(wide, quantity, at, target)
+
+
+def beyond_sentences(
+    likelihood: Likelihood, points: Sequence[ProfilePoint], profiles: Mapping[str, Profile]
+) -> tuple[str, ...]:
+    """Which verdicts rest on the box, each told with a fit beyond it that says otherwise.
+
+    Args:
+        likelihood: with the parameters and their boxes.
+        points: beyond the box that fit as well.
+        profiles: of parameters and outputs, by name.
+    """
+    told: set[str] = set()
+    said = []
+    for point in sorted(points, key=lambda p: p.delta):
+        values = _values(likelihood, point)
+        new = [
+            name
+            for name, profile in profiles.items()
+            if name not in told and _against(values.get(name, math.nan), profile)
+        ]
+        places = [_place(p, values[p.name]) for p in likelihood.parameters if _is_out(p, values)]
+        if new and places:
+            told.update(new)
+            there = ", ".join(
+                f"{name} = {number(values[name], 5)} {profiles[name].unit}".rstrip() for name in new
+            )
+            said.append(
+                f"Beyond the box {' and '.join(places)} fits as well, with {there}: what is said "
+                f"of {', '.join(new)} rests on the box."
+            )
+    return tuple(said)
+
+
+def _values(likelihood: Likelihood, point: ProfilePoint) -> dict[str, float]:
+    parameters = likelihood.parameters
+    shown = canonical(parameters, to_model(parameters, point.x))
+    values = {p.name: float(v) for p, v in zip(parameters, shown, strict=True)}
+    return values | dict(zip(likelihood.names, map(float, point.outputs), strict=True))
+
+
+def _is_out(parameter: Parameter, values: Mapping[str, float]) -> bool:
+    slack = 1e-9 * (parameter.upper - parameter.lower)
+    inside = parameter.lower - slack <= values[parameter.name] <= parameter.upper + slack
+    return parameter.period is None and not inside
+
+
+def _place(parameter: Parameter, value: float) -> str:
+    box = f"{number(parameter.lower)} to {number(parameter.upper)} {parameter.unit}".rstrip()
+    return f"{parameter.name} = {number(value, 5)} {parameter.unit}".rstrip() + f" (box: {box})"
+
+
+def _against(value: float, profile: Profile) -> bool:
+    """Whether a value lies beyond an end of the interval that the data cut."""
+    low, high = profile.interval95
+    margin = BEYOND * (high - low)
+    below = profile.ends[0] == "crossed" and value < low - margin
+    above = profile.ends[1] == "crossed" and value > high + margin
+    return below or above
