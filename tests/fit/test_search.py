@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
+import fitting as ff
 from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
 from fitting.fit.alternative import Solved, run_alternative
 from fitting.fit.choice import chosen
 from fitting.fit.objective import make_objective
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import search_box
-from fitting.fit.search.twins import find_twins
+from fitting.fit.search.twins import Twin, find_twins
 from fitting.fit.solver.continuation import Course, Schedule, own_start
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.interior_point import SolveSettings
+from fitting.text.arrays import FloatArray
 from tests.support import closed_form
 from tests.support.crossing import Laboratory, laboratory
 from tests.support.datasets import answer, dataset
+from tests.support.virtual.answers import ModesResponse
+from tests.support.virtual.judge import Likelihood
+from tests.support.virtual.kinds import KINDS
 
 
 def test_points_fill_the_box_by_decades_and_go_on_where_they_ended() -> None:
@@ -175,8 +183,45 @@ def test_of_a_fit_and_its_twin_the_one_with_every_value_is_reported() -> None:
     [found], _ = chosen([there.objective()], [outcome])
     assert found.best is not None
     end = np.array(found.best.steps[-1].parameters)
-    assert end[:3] == pytest.approx(lab.truth[:3], rel=0.05)
+    same = end[:3] - np.array([np.pi * np.round((end[0] - lab.truth[0]) / np.pi), 0.0, 0.0])
+    assert same == pytest.approx(lab.truth[:3], rel=0.05)  # theta and theta + pi are one system
     assert np.isfinite(lab.response.derived_many([end])[0]["lambda"][0])
     assert lab.chi_square(end) == pytest.approx(
         lab.chi_square(np.array(outcome.best.steps[-1].parameters)), rel=1e-6
     )
+
+
+def test_an_angle_reversed_about_the_middle_of_its_box_is_a_twin_too() -> None:
+    class Even:
+        """Rows that are even about a = 2."""
+
+        def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Any]:
+            return [
+                answer(np.array([5.0 + (p[0] - 2.0) ** 2, 7.0 - np.cos(p[0] - 2.0)])) for p in ps
+            ]
+
+        def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
+            return [{} for _ in ps]
+
+    def box(upper: float) -> tuple[Parameter, ...]:
+        told: dict[str, Any] = {"unit": "rad", "start": 1.5, "reference": 0.0, "scale": 1.0}
+        return (Parameter(name="a", lower=1.0, upper=upper, **told),)
+
+    def twins(upper: float) -> list[Twin]:
+        objective = make_objective(Even(), box(upper), dataset(np.ones(2), np.ones(2)))
+        return find_twins(Evaluator(objective), seed=1)
+
+    [twin] = twins(3.0)
+    assert twin.of(box(3.0), np.array([1.5])) == pytest.approx([2.5])
+    assert twins(3.2) == []
+
+
+def test_two_lines_in_a_box_of_a_hundred_widths_are_found(tmp_path: Path) -> None:
+    """No screen of the box leads to them: five unknowns, a valley of a millionth of the box."""
+    virtual = KINDS["crossing"](1030).widened(10.0)
+    record = ff.Problem.of(virtual.write(tmp_path), ff.Fmu("CoupledOscillator", workers=1)).record
+    found = ff.fit(ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record))
+    least = Likelihood(virtual)
+    end = least.vector(dict(zip(found.problem.names, found.x, strict=True)), reflection=False)
+    # near the truth, in its valley: others end above 70,000
+    assert least.chi_square(end) < least.chi_square(least.true) + 20.0

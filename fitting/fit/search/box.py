@@ -42,19 +42,13 @@ class Box:
 
         Source: I. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86; A. Owen's scrambling.
         """
-        own = to_search(self.parameters, starts(self.parameters))
         count = int(np.count_nonzero(self.free))
         if not count:
             return []
         sequence = Sobol(count, scramble=True, seed=np.random.default_rng(seed))
         if skip:
             sequence.fast_forward(skip)
-        found = []
-        for u in sequence.random(number):
-            x = np.array(own)
-            x[self.free] = self._from_cube(u)[self.free]
-            found.append(np.clip(x, self.lower, self.upper))
-        return found
+        return [self.from_cube(u) for u in sequence.random(number)]
 
     def to_cube(self, x: FloatArray) -> FloatArray:
         """Where a search vector stands in the cube, (n,); beyond it where a period was added.
@@ -80,13 +74,20 @@ class Box:
         gap = np.where(self._round, np.minimum(turned, 1.0 - turned), gap)
         return float(np.max(gap[self.free], initial=0.0))
 
-    def _from_cube(self, u: FloatArray) -> FloatArray:
+    def from_cube(self, u: FloatArray) -> FloatArray:
+        """The search vector at a point of the cube, (n,); what is not looked for is at its start.
+
+        Args:
+            u: in the unit cube of what is looked for.
+        """
         low, high = self._ends[self.free].T
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithmic = low * (high / low) ** u
         p = starts(self.parameters)
+        x = to_search(self.parameters, p)
         p[self.free] = np.where(self._log[self.free], logarithmic, low + u * (high - low))
-        return to_search(self.parameters, p)
+        x[self.free] = to_search(self.parameters, p)[self.free]
+        return np.clip(x, self.lower, self.upper)
 
 
 def _goes_round(parameter: Parameter) -> bool:

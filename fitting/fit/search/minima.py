@@ -3,7 +3,9 @@
 Of points that fill the box evenly those are let down that lie lowest and apart from lower ones
 (multi-level single linkage), all side by side. While noise does not explain the least chi square,
 as many further points of the same sequence are screened as there were, as far as the budget goes:
-a valley that takes a thousandth of the box is seen by a thousand points, not by sixty-four.
+a valley that takes a thousandth of the box is seen by a thousand points, not by sixty-four. Boxes
+of many parameters are screened by more points from the first on, and where noise explains nothing
+still, by differential evolution, which goes on from what is best so far.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
 methods", Mathematical Programming 39 (1987) 57.
@@ -19,7 +21,6 @@ import numpy as np
 
 from fitting.fit.likelihood.descent import (
     Descent,
-    Expansion,
     expansion_at,
     freedom_of,
     inflation_of,
@@ -28,12 +29,17 @@ from fitting.fit.likelihood.descent import (
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.fit.search.box import Box
+from fitting.fit.search.evolution import evolved, merit
 from fitting.text.arrays import FloatArray
 
 #: Points of the first screen, a power of two; each further one doubles what was screened.
 SCREENED = 64
 #: Descents from the best points of a screen; screens at most, 4,096 points in all.
 DESCENTS, SCREENS = 8, 7
+#: Evolutions at most, where there are more parameters than that.
+EVOLUTIONS = 2
+#: Parameters beyond which each doubles what is screened in any case, up to so many points.
+FEW, MOST_AT_FIRST = 3, 512
 #: Decrease of chi square that counts as something lower, and as a share of it.
 WORTH, WORTH_SHARE = 1.0, 1e-2
 #: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
@@ -106,15 +112,23 @@ def search_box(
     """
     box = Box(evaluator.likelihood.parameters)
     ended = _let_down(evaluator, begins)
+    unknowns = int(np.count_nonzero(box.free))
+    enough = min(SCREENED * 2 ** max(0, unknowns - FEW), MOST_AT_FIRST)
     screens, taken, explained = 0, 0, False
-    while screens < SCREENS and np.any(box.free):
+    while screens < SCREENS and unknowns:
         number = max(SCREENED, taken)
         ended += _let_down(evaluator, screened(evaluator, seed, number, skip=taken))
         screens, taken = screens + 1, taken + number
-        least = min((d for _, d in ended), key=lambda each: each.chi_square, default=None)
-        explained = least is not None and _explained(evaluator.likelihood, least.end)
-        if explained or evaluator.evaluations >= budget:
+        explained = _is_explained(evaluator.likelihood, ended)
+        if evaluator.evaluations >= budget or (explained and taken >= enough):
             break
+    for turn in range(EVOLUTIONS if unknowns > FEW else 0):
+        if explained:
+            break
+        points, looked_at = evolved(evaluator, box, seed + turn, DESCENTS)
+        ended += _let_down(evaluator, points)
+        screens, taken = screens + 1, taken + looked_at
+        explained = _is_explained(evaluator.likelihood, ended)
     return Search(
         minima=_apart(box, evaluator.likelihood, ended),
         screened=taken,
@@ -167,7 +181,7 @@ def screened(
     if not points:
         return []
     samples = evaluator([Request(tuple(points), outputs=False)])[0]
-    merits = np.array([float(np.sum(np.log1p(s.rows**2))) for s in samples])
+    merits = np.array([merit(s.rows) for s in samples])
     order = [k for k in np.argsort(merits, kind="stable") if math.isfinite(merits[k])]
     near = 0.5 * len(points) ** (-1.0 / max(1, int(np.count_nonzero(box.free))))
     alone: list[int] = []
@@ -180,7 +194,11 @@ def screened(
     return [points[k] for k in (alone + rest)[:DESCENTS]]
 
 
-def _explained(likelihood: Likelihood, end: Expansion) -> bool:
+def _is_explained(likelihood: Likelihood, ended: Sequence[tuple[FloatArray, Descent]]) -> bool:
+    """Whether noise explains the lowest end of all descents."""
+    if not ended:
+        return False
+    end = min((d for _, d in ended), key=lambda each: each.chi_square).end
     m = likelihood.whitening.shape[0]
     rows = end.sample.rows[:m]
     free = freedom_of(likelihood, end)

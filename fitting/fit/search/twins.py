@@ -2,10 +2,11 @@
 
     p'_i = s_i p_order(i) + t_i
 
-Tried are fractions of a period with either sign, reversed signs in boxes that are symmetric about
-zero, and exchanges of parameters of one unit whose boxes overlap, and products of these. What
-leaves the rows unchanged to rounding at points drawn from the box is a symmetry of the model, found
-without knowing the model. The data tell no point from its twins, whatever they are.
+Tried are fractions of a period with either sign, angles reversed about the middle of a box without
+a period, reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one
+unit whose boxes overlap, and products of these. What leaves the rows unchanged to rounding at
+points drawn from the box is a symmetry of the model, found without knowing the model. The data tell
+no point from its twins, whatever they are.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ DRAWN, POINTS = 32, 4
 ROUNDING = 1e-9
 #: Candidates at most: what would need more is not looked for.
 MOST = 128
+#: Share of the narrower of two boxes that the other one shares, for an exchange to be tried.
+LIKE = 0.1
 #: Fractions of a period.
 FRACTIONS = (0.0, 0.25, 0.5, 0.75)
 
@@ -142,8 +145,8 @@ def _turns(parameter: Parameter) -> list[tuple[float, float]]:
         return [(1.0, 0.0)]
     if parameter.period is not None:
         return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
-    if parameter.lower == -parameter.upper:
-        return [(1.0, 0.0), (-1.0, 0.0)]
+    if parameter.lower == -parameter.upper or parameter.unit == "rad":
+        return [(1.0, 0.0), (-1.0, parameter.lower + parameter.upper)]
     return [(1.0, 0.0)]
 
 
@@ -167,7 +170,7 @@ def _orders(parameters: Sequence[Parameter]) -> Iterator[tuple[int, ...]]:
 
 
 def _alike(one: Parameter, other: Parameter) -> bool:
-    """Whether two parameters could stand for each other over half of the narrower box."""
+    """Whether two parameters could stand for each other over a tenth of the narrower box."""
     common = min(one.upper, other.upper) - max(one.lower, other.lower)
     narrower = min(one.upper - one.lower, other.upper - other.lower)
-    return one.unit == other.unit and common >= 0.5 * narrower
+    return one.unit == other.unit and common >= LIKE * narrower
