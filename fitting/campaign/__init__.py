@@ -14,7 +14,7 @@ from __future__ import annotations
 from fitting.campaign.binding import BoundCampaign, Drift, Drive, Experiment, Setup, SweepData, bind
 from fitting.campaign.data import Campaign, read_campaign
 from fitting.campaign.file import ContinuationSettings, WrittenFmu
-from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Spectrum
+from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Phases, Spectrum
 from fitting.fmu.variables import VariableLike
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "Experiment",
     "MeasuredExperiment",
     "MeasuredSweep",
+    "Phases",
     "Setup",
     "Spectrum",
     "SweepData",

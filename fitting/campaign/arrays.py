@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,13 +31,13 @@ from fitting.campaign.binding import (
 )
 from fitting.campaign.file import ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
-from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
+from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep, Phases
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import ComplexArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import checked_accuracy, convert, parse_quantity, same_kind
 from fitting.text.written import Written, as_written, in_unit, written_values
@@ -132,9 +133,10 @@ class Tones:
     Args:
         setup: How the FMU is driven and what is observed.
         drive_hz: Frequencies of the tones, shape (m, k), Hz.
-        peaks_v: Measured peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``.
-        sigmas_v: Their standard deviations, shape (m, l), in ``amplitude_unit``; NaN or None where
-            nobody knows them.
+        peaks_v: Measured peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``; or
+            complex values z of Re[z exp(i 2 pi u t)], as a lock-in amplifier has them.
+        sigmas_v: Standard deviations of the amplitudes, or of each quadrature, shape (m, l), in
+            ``amplitude_unit``; NaN or None where nobody knows them.
         lines_hz: Frequencies of the lines, shape (m, l), Hz; None: the tones.
         settings: Start values of the FMU by variable, one for all experiments or (m,) of them, in
             the FMU's units.
@@ -142,6 +144,9 @@ class Tones:
         output: The FMU's output that these experiments observe; empty: the setup's.
         amplitude_unit: The detector's.
         series: Measurements of one series share their scale and setup.
+        unknown: What is solved inside, with complex values: "phase", one reference phase; "gain",
+            one complex gain; "none": phases are those of the drive.
+        restarted: Labels of experiments from which on the reference phase is another one.
 
     Raises:
         BadInput: shapes that do not fit, amplitudes or frequencies that are not positive.
@@ -160,6 +165,8 @@ class Tones:
     output: str = ""
     amplitude_unit: str = "V"
     series: str = ""
+    unknown: str = "phase"
+    restarted: Sequence[str] = ()
     experiments: tuple[MeasuredExperiment, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -173,14 +180,18 @@ class Tones:
                 f"a column for each of {', '.join(names)}"
             )
         lines_hz = drive_hz if self.lines_hz is None else _table(self.lines_hz, "lines_hz", count)
-        peaks_v = _table(self.peaks_v, "peaks_v", count)
+        values = _table(self.peaks_v, "peaks_v", count, complex)
+        peaks_v = np.abs(values)
+        if not np.iscomplexobj(self.peaks_v):
+            peaks_v = values.real
         sigmas_v = np.full(peaks_v.shape, np.nan)
         if self.sigmas_v is not None:
             sigmas_v = _table(self.sigmas_v, "sigmas_v", count)
         labels = self.labels if self.labels is not None else [str(k + 1) for k in range(count)]
         if len(labels) != count:
             raise BadInput(f"tones: {len(labels)} labels, wanted {count}, one per experiment")
-        columns = {name: _column(values, count, name) for name, values in self.settings.items()}
+        columns = {name: _column(each, count, name) for name, each in self.settings.items()}
+        phases = self._phases(values, labels)
         made = tuple(
             MeasuredExperiment(
                 label=str(label),
@@ -190,10 +201,26 @@ class Tones:
                 sigmas_v=sigmas_v[i],
                 settings=self._settings(drive_hz[i], {n: c[i] for n, c in columns.items()}, label),
                 output=Written(self.output, None, "tones: output") if self.output else None,
+                phases=phases[i],
             )
             for i, label in enumerate(labels)
         )
         object.__setattr__(self, "experiments", made)
+
+    def _phases(self, values: ComplexArray, labels: Sequence[str]) -> list[Phases | None]:
+        """Phases of every experiment; None for amplitudes."""
+        if not np.iscomplexobj(self.peaks_v):
+            if self.restarted or self.unknown != "phase":
+                key = "restarted" if self.restarted else "unknown"
+                raise BadInput(f"tones: {key} has a meaning with complex peaks_v only")
+            return [None] * len(labels)
+        for label in self.restarted:
+            if label not in labels:
+                raise BadInput(f"tones: restarted names '{label}', wanted some of the labels")
+        return [
+            Phases(radians=np.angle(row), unknown=self.unknown, restarted=label in self.restarted)
+            for row, label in zip(values, labels, strict=True)
+        ]
 
     def _settings(
         self, tones_hz: npt.NDArray[np.float64], own: Mapping[str, Scalar], label: str
@@ -282,10 +309,10 @@ def _check_setup(kind: str, setup: object) -> None:
         raise BadInput(f"{kind}: setup is a {type(setup).__name__}, wanted a Setup")
 
 
-def _table(values: npt.ArrayLike, name: str, rows: int | None) -> npt.NDArray[np.float64]:
-    """An array of numbers (m, k)."""
+def _table(values: npt.ArrayLike, name: str, rows: int | None, kind: type = float) -> Any:
+    """An array of numbers (m, k), real or complex."""
     try:
-        table = np.asarray(values, dtype=float)
+        table: npt.NDArray[Any] = np.asarray(values, dtype=kind)
     except (TypeError, ValueError):
         raise BadInput(f"tones: {name} is not an array of numbers") from None
     if table.ndim != 2 or table.size == 0 or (rows is not None and len(table) != rows):
@@ -486,7 +513,8 @@ class _Series:
             said = ", ".join(f"{kind} in {unit!r}" for unit, kind in reversed(units.items()))
             raise BadInput(f"{self.top}{said}; wanted one amplitude_unit")
         sweep, [(unit, kind)] = self._sweep(), units.items()
-        if output.unit is None or (sweep is not None and sweep.scale != "none"):
+        free = any(isinstance(m, Tones) and m.unknown == "gain" for m in given)
+        if output.unit is None or free or (sweep is not None and sweep.scale != "none"):
             return 1.0, unit
         where = f"{self.top}{kind}: amplitude_unit"
         try:

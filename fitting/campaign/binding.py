@@ -17,7 +17,7 @@ from fitting.campaign.drift import Drifting, bind_drift
 from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement, labels_of
 from fitting.campaign.laws import Known, Laws
-from fitting.campaign.measured import MeasuredExperiment, Spectrum
+from fitting.campaign.measured import MeasuredExperiment, Phases, Spectrum
 from fitting.campaign.noise import (
     Noise,
     bind_noise,
@@ -101,7 +101,7 @@ class Experiment:
     ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
     :class:`fitting.campaign.measured.MeasuredExperiment`; ``lines_hz`` are those of the peaks,
     empty where they are the tones. ``output`` is the FMU output that is observed (the campaign's,
-    where empty).
+    where empty). ``phases`` are those of the peaks, None where nobody measured them.
     """
 
     label: str
@@ -113,6 +113,7 @@ class Experiment:
     spectrum: Spectrum | None
     lines_hz: tuple[float, ...] = ()
     output: str = ""
+    phases: Phases | None = None
 
     @property
     def read_hz(self) -> tuple[float, ...]:
@@ -389,6 +390,7 @@ def bind_experiment(
         spectrum=measured.spectrum,
         lines_hz=measured.lines_hz,
         output=_observed(measured, binder, output),
+        phases=measured.phases,
     )
 
 
@@ -589,6 +591,12 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):
         raise BadInput(f"{places.top}{places.parameters} {named} names one twice")
+    sweep, gains = bound.sweep, [e.phases for e in bound.experiments if e.phases is not None]
+    if sweep is not None and sweep.use == "scale" and any(p.unknown == "gain" for p in gains):
+        raise BadInput(
+            f'{places.top}the sweep gives a scale alone, which the experiments\' unknown = "gain" '
+            'does without; wanted the sweep with use = "fit", or unknown = "phase"'
+        )
     own = {p.target for p in bound.parameters if p.experiments and not p.adds_to}
     everywhere = {p.name for p in bound.parameters if not p.experiments and p.moves_model}
     for name in sorted(own & everywhere):

@@ -18,7 +18,13 @@ from fitting.campaign.file import (
 )
 from fitting.campaign.instruments import RawTrace, read_trace, unit_of
 from fitting.campaign.kind import MeasurementTable, ReadMeasurement
-from fitting.campaign.measured import MeasuredExperiment, MeasuredSweep, Spectrum
+from fitting.campaign.measured import (
+    UNKNOWN,
+    MeasuredExperiment,
+    MeasuredSweep,
+    Phases,
+    Spectrum,
+)
 from fitting.signal.amplitudes import to_peak
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
@@ -51,7 +57,10 @@ class Campaign:
 
     @property
     def is_scaled(self) -> bool:
-        """Whether a sweep sets the scale between measured and simulated amplitudes."""
+        """Whether a scale stands between measured and simulated amplitudes."""
+        experiments = self.file.experiments
+        if experiments is not None and experiments.unknown == "gain":
+            return True
         return self.file.sweep is not None and self.file.sweep.scale != "none"
 
     @property
@@ -195,6 +204,12 @@ def _read_experiments(
     table = read_table(written.file)
     labels = _labels(table)
     tones = _tones(table, file.drive.frequencies)
+    for label in written.restarted:
+        if label not in labels:
+            raise BadInput(
+                f"{table.path}: no experiment '{label}', which [experiments] restarted "
+                f"names{did_you_mean(label, labels)}"
+            )
     rows = [
         _Row(
             file=file,
@@ -264,8 +279,8 @@ class _Row:
             stamp=self.stamp(),
         )
         if self.written.spectra is None:
-            peaks_v, sigmas_v = self.ready_peaks()
-            return read(peaks_v=peaks_v, sigmas_v=sigmas_v)
+            peaks_v, phases = self.ready_peaks()
+            return read(peaks_v=peaks_v, sigmas_v=self.ready_sigmas(peaks_v.size), phases=phases)
         path = folder / self.written.spectra.replace("{experiment}", self.label)
         how, floor_kind = self.written.format, self.written.noise_floor
         raw = read_trace(path, how.layout, how.selection)
@@ -320,7 +335,7 @@ class _Row:
 
     def settings(self) -> dict[str, Written]:
         """What the columns that are no data set of the FMU's variables."""
-        data = {*self.written.peaks, *self.written.peak_sigmas, self.file.drift.time}
+        data = {*self.written.data_columns, self.file.drift.time}
         if self.file.drive.kind == "input":
             data |= set(self.file.drive.frequencies)
         return {
@@ -340,26 +355,66 @@ class _Row:
         whole = column.unit is None and number.is_integer() and not set(text.lower()) & set(".,e")
         return Written(int(number) if whole else number, column.unit, where)
 
-    def ready_peaks(self) -> tuple[FloatArray, FloatArray]:
-        """Peaks and their standard deviations (lines,), nan where no column tells them."""
-        peaks = np.array([self.amplitude(name) for name in self.written.peaks])
-        for name, value in zip(self.written.peaks, peaks, strict=True):
+    def ready_peaks(self) -> tuple[FloatArray, Phases | None]:
+        """Peaks (lines,) of the columns, and their phases where there are some."""
+        written = self.written
+        if written.x:
+            values = [
+                complex(self.amplitude(x, part=True), self.amplitude(y, part=True))
+                for x, y in zip(written.x, written.y, strict=True)
+            ]
+            names, peaks = written.x, np.abs(values)
+            radians = np.angle(values)
+        else:
+            names, peaks = written.peaks, np.array([self.amplitude(n) for n in written.peaks])
+            radians = np.array([self.radians(name) for name in written.phases])
+        for name, value in zip(names, peaks, strict=True):
             if value <= 0.0:
                 raise BadInput(f"{self.place(name)}: the peak is zero; wanted a positive amplitude")
-        sigmas = [self.amplitude(name) for name in self.written.peak_sigmas]
-        return peaks, np.array(sigmas or np.full(peaks.shape, np.nan))
+        if not written.is_complex:
+            return peaks, None
+        return peaks, Phases(
+            radians=-radians if written.conjugate else radians,
+            unknown=written.unknown or UNKNOWN[0],
+            restarted=self.label in written.restarted,
+        )
 
-    def amplitude(self, name: str) -> float:
-        """A cell as peak amplitude in the declared unit."""
+    def ready_sigmas(self, count: int) -> FloatArray:
+        """Standard deviations of the peaks (lines,), nan where no column tells them."""
+        sigmas = [self.amplitude(name) for name in self.written.peak_sigmas]
+        return np.array(sigmas or np.full(count, np.nan))
+
+    def column(self, name: str, what: str) -> Column:
+        """A column of ready peaks, or of what belongs to them."""
         column = self.table.find(name)
         if column is None:
             hint = did_you_mean(name, [c.name for c in self.table.columns])
-            raise BadInput(f"{self.table.path}: no column '{name}' of ready peaks{hint}")
+            raise BadInput(f"{self.table.path}: no column '{name}' of {what}{hint}")
+        return column
+
+    def radians(self, name: str) -> float:
+        """A cell as a phase, which is within a turn if it is in radians."""
+        column, where = self.column(name, "phases"), self.place(name)
+        unit = unit_of(self.table, column, f"{name} (deg)")
+        value = self.number(column, where)
+        radians = convert(value, unit, "rad", where=f"{self.table.path}: column '{name}'")
+        if unit == "rad" and abs(radians) > 2.0 * np.pi:
+            raise BadInput(
+                f"{where}: found {value:.6g} rad; wanted a phase within one turn, 2 pi, or the "
+                "unit deg"
+            )
+        return radians
+
+    def amplitude(self, name: str, *, part: bool = False) -> float:
+        """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
+        column = self.column(name, "ready peaks")
         unit = unit_of(self.table, column, f"{name} (uV)")
         number = np.array([self.number(column, self.place(name))])
         row = f"row {self.table.lines[self.index]}"
         declared, source = self.written.format.amplitude, str(self.table.path)
-        return float(to_peak(number, unit, declared, source, [row], name)[0])
+        size = np.abs(number) if part else number
+        found = float(to_peak(size, unit, declared, source, [row], name)[0])
+        return float(np.copysign(found, number[0])) if part else found
 
 
 def _numeric(text: str) -> bool:

@@ -17,6 +17,7 @@ from typing import Annotated, Any
 
 from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
 from fitting.campaign.kind import MeasurementTable
+from fitting.campaign.measured import UNKNOWN
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
@@ -247,21 +248,69 @@ class WrittenExperiments(WrittenTrace):
     noise_floor: Annotated[Text, OneOf(FLOOR_KINDS)] = "robust"
     """What is taken off a peak z: "robust": sqrt(z^2 - sigma^2), sigma from the median; "mean":
     z - mean; "none"."""
+    phases: Texts = ()
+    """Columns of phases beside 'peaks', one per line read, deg or rad in the header; peaks are
+    complex values then, and peak_sigmas those of each quadrature."""
+    x: Texts = ()
+    """Or columns of X, the real part, one per line read, unit in the header."""
+    y: Texts = ()
+    """Columns of Y, the imaginary part."""
+    unknown: Annotated[Text | None, OneOf(UNKNOWN), Usually("phase")] = None
+    """(phases) what is solved inside: "phase": one reference phase for all experiments; "gain": one
+    complex gain; "none": phases are those of the drive."""
+    restarted: Texts = ()
+    """(phases) labels of experiments before which the instrument was restarted: its reference
+    phase is another one from there on."""
+    conjugate: Switch = False
+    """(phases) the instrument counts phases the other way: exp(-i 2 pi u t)."""
 
     def __post_init__(self) -> None:
-        if (self.spectra is not None) == bool(self.peaks):
-            raise Refused("wanted either 'spectra' or 'peaks'")
+        if bool(self.x) != bool(self.y):
+            raise Refused(f"wanted beside '{'x' if self.x else 'y'}'", "y" if self.x else "x")
+        if (self.spectra is not None) + bool(self.peaks) + bool(self.x) != 1:
+            raise Refused("wanted either 'spectra' or 'peaks', or 'x' and 'y'")
+        self._check_phases()
         if self.spectra is not None and "{experiment}" not in self.spectra:
             raise Refused(f"'{self.spectra}' wanted with '{{experiment}}' in it", "spectra")
-        if self.peak_sigmas and not self.peaks:
+        if self.peak_sigmas and self.spectra is not None:
             raise Refused("wanted only beside 'peaks'", "peak_sigmas")
         super().__post_init__()
+        if self.x and self.format.amplitude.kind in ("dBm", "dB"):
+            raise Refused(
+                f"{self.format.amplitude.kind} tells a magnitude, X and Y are parts of one; wanted "
+                '"V peak" or "V rms", or peaks and phases',
+                "amplitude",
+            )
         if self.peak_sigmas and self.format.amplitude.kind in ("dBm", "dB"):
             raise Refused(
                 f"a standard deviation in {self.format.amplitude.kind} is a ratio, not an "
                 'amplitude; wanted peaks and sigmas in "V peak" or "V rms"',
                 "peak_sigmas",
             )
+
+    def _check_phases(self) -> None:
+        if self.phases and not self.peaks:
+            raise Refused("wanted only beside 'peaks'", "phases")
+        if self.phases and len(self.phases) != len(self.peaks):
+            raise Refused(f"{len(self.phases)} columns, wanted {len(self.peaks)}", "phases")
+        if len(self.x) != len(self.y):
+            raise Refused(f"{len(self.y)} columns, wanted {len(self.x)}", "y")
+        if not self.is_complex:
+            for key in ("unknown", "restarted", "conjugate"):
+                if getattr(self, key):
+                    raise Refused("has a meaning beside 'phases', or 'x' and 'y', only", key)
+        if self.restarted and self.unknown == "none":
+            raise Refused('has no meaning with unknown = "none"', "restarted")
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether peaks have phases."""
+        return bool(self.phases or self.x)
+
+    @property
+    def data_columns(self) -> tuple[str, ...]:
+        """Columns that hold what was measured."""
+        return (*self.peaks, *self.peak_sigmas, *self.phases, *self.x, *self.y)
 
     def _found(self) -> str:
         return super()._found() if self.spectra is not None else "ready peaks"
@@ -582,7 +631,8 @@ class WrittenCampaign(Keys):
         if self.drift.ends and experiments is None:
             raise Refused("drifts over experiments, but there are none", "drift")
         lines = len(self.drive.lines)
-        for key in ("peaks", "peak_sigmas") if experiments is not None else ():
+        keys = ("peaks", "peak_sigmas", "phases", "x", "y")
+        for key in keys if experiments is not None else ():
             columns = getattr(experiments, key)
             if columns and len(columns) != lines:
                 raise Refused(

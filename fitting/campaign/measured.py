@@ -22,6 +22,8 @@ from fitting.text.written import Written
 #: Named in complaints about what comes from no file.
 NO_FILE = Path("arrays")
 MIN_SPECTRUM_POINTS = 3
+#: What may be unknown of a detector that tells phases.
+UNKNOWN = ("phase", "gain", "none")
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,30 @@ def _check_sweep(frequency_hz: FloatArray, amplitude_v: FloatArray, where: str) 
 
 
 @dataclass(frozen=True, kw_only=True)
+class Phases:
+    """Phases of an experiment's lines: peak i is peaks_v[i] exp(i radians[i]) exp(i 2 pi u t).
+
+    ``radians`` (n,); ``unknown`` is what nobody knows of the detector, one for a campaign: "phase",
+    "gain" (complex) or "none"; ``restarted``: from here on its phase is another one.
+
+    Raises:
+        BadInput: phases that are no numbers, another word.
+    """
+
+    radians: FloatArray
+    unknown: str = "phase"
+    restarted: bool = False
+
+    def __post_init__(self) -> None:
+        _as_arrays(self, "radians")
+        _check_numbers(self.radians, self.radians.size, "phases")
+        if self.unknown not in UNKNOWN:
+            raise BadInput(
+                f"phases: unknown is {self.unknown!r}, wanted one of {', '.join(UNKNOWN)}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
 class MeasuredExperiment:
     """One experiment as measured.
 
@@ -89,11 +115,13 @@ class MeasuredExperiment:
     ``peaks_v`` and ``sigmas_v`` (n,) per line: peak amplitude with the noise floor removed, its
     standard deviation (nan where it is unknown, which all are if nothing is said); ``floor_v`` mean
     noise magnitude; ``output`` the FMU output that this experiment observes, None for the
-    campaign's; ``stamp`` its time, if drift asks.
+    campaign's; ``stamp`` its time, if drift asks; ``phases`` of the peaks, where they were
+    measured.
 
     Raises:
-        BadInput: tones that are not positive and different, another number of peaks or standard
-            deviations than lines, peaks that are not above zero, negative standard deviations.
+        BadInput: tones that are not positive and different, another number of peaks, phases or
+            standard deviations than lines, peaks that are not above zero, negative standard
+            deviations.
     """
 
     label: str
@@ -106,6 +134,7 @@ class MeasuredExperiment:
     spectrum: Spectrum | None = None
     output: Written | None = None
     stamp: Written | None = None
+    phases: Phases | None = None
 
     def __post_init__(self) -> None:
         where = f"experiment '{self.label}'"
@@ -119,6 +148,8 @@ class MeasuredExperiment:
         _check_numbers(self.peaks_v, len(lines_hz), f"{where}: peaks")
         if not np.all(self.peaks_v > 0.0):
             raise BadInput(f"{where}: peaks {_shown(self.peaks_v)}; wanted positive amplitudes")
+        if self.phases is not None:
+            _check_numbers(self.phases.radians, len(lines_hz), f"{where}: phases")
         known = np.where(np.isnan(self.sigmas_v), 0.0, self.sigmas_v)
         _check_numbers(known, len(lines_hz), f"{where}: standard deviations")
         if np.any(known < 0.0) or not 0.0 <= self.floor_v < np.inf:

@@ -149,7 +149,7 @@ def swapped_sentences(problem: Problem, solution: Solution) -> list[str]:
         solution: end of the fit.
     """
     data, point = problem.data, solution.final
-    sigmas = data.peaks([noise_of(solution.objective, point).sigma[k] for k in data.slices])
+    sigmas = data.peaks_of_rows(noise_of(solution.objective, point).sigma)
     scaled = iter(zip(data.peaks(point.scaled), sigmas, strict=True))
     said = []
     for e in problem.experiments:

@@ -24,6 +24,7 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
+from fitting.measurements.complex_tones import ComplexTones
 from fitting.measurements.measurement import Measurement, Prediction
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
@@ -74,7 +75,8 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
     """
     objective = solution.objective
     measurements = objective.data.measurements
-    if objective.data.solved_inside == 0:
+    phased = any(isinstance(m, ComplexTones) for m in measurements)
+    if objective.data.solved_inside == 0 and not phased:
         return Quadratures()
     x = solution.final.x
     around = central(x, objective.steps, *search_bounds(solution.parameters))

@@ -27,9 +27,12 @@ from fitting.inference.mistakes import (
     line_sentences_of,
     swapped_sentences,
 )
+from fitting.inference.phase_readings import phase_sentences
 from fitting.inference.sweep_line import SweepLine, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.tones import Tones
 from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
@@ -63,6 +66,7 @@ class Kind(Enum):
     ALTERNATIVES = "alternatives that fit as well"
     LINE = "the line of the sweep"
     SWEEP = "faults of the sweep"
+    PHASES = "phases read another way"
     SWAPPED = "peaks that changed places"
     LINES = "lines of a spectrum that no drive explains"
     SCALE_FACTOR = "peaks and sweep that contradict each other"
@@ -122,6 +126,7 @@ def fit_warnings(
         *warned(Kind.DRIFT, _drift(problem, offsets, sweeps)),
         *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution, most_likely))),
         *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
+        *warned(Kind.PHASES, phase_sentences(solution)),
         *warned(Kind.LINES, line_sentences_of(problem.experiments)),
         *warned(Kind.ALTERNATIVES, _ties(fit.alternatives)),
         *(w for line in lines for w in warned(Kind.LINE, line_warnings(line, fitted=fitted))),
@@ -383,10 +388,11 @@ def outlier_sentences(problem: Problem, fits: Sequence[Linearisation]) -> list[s
 
     Args:
         problem: its experiments name the peaks, its threshold says what is far.
-        fits: rows, each over its own standard deviation, peaks first.
+        fits: rows, each over its own standard deviation.
     """
-    lines = [f"{e.label} at {hertz(f)}" for e in problem.experiments for f in e.read_hz]
-    found = np.array([_studentised(rows)[: len(lines)] for rows in fits])
+    by_row = _named_rows(problem.data)
+    lines = list(by_row.values())
+    found = np.array([_studentised(rows)[list(by_row)] for rows in fits])
     if found.shape[1] < 4:
         return []
     wide = np.maximum(1.0, np.median(np.abs(found), axis=1, keepdims=True) / 0.6745)
@@ -399,6 +405,17 @@ def outlier_sentences(problem: Problem, fits: Sequence[Linearisation]) -> list[s
     more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
     tamed = ' They count less (outliers = "huber").' if problem.data.outliers == "huber" else ""
     return [f"Outliers, in standard deviations of their residual: {named}{more}.{tamed}"]
+
+
+def _named_rows(data: Dataset) -> dict[int, str]:
+    """What each row of tones is called, by its number; the second half may be phases."""
+    found: dict[int, str] = {}
+    for m, rows in zip(data.measurements, data.slices, strict=True):
+        if isinstance(m, Tones):
+            lines = [f"{e.label} at {hertz(f)}" for e in m.experiments for f in e.read_hz]
+            names = [*lines, *(f"the phase of {line}" for line in lines)]
+            found.update(zip(range(rows.start, rows.stop), names, strict=False))
+    return found
 
 
 def _studentised(rows: Linearisation) -> FloatArray:
@@ -439,7 +456,9 @@ def scale_sentences(campaigns: Sequence[BoundCampaign], scale_bias: float) -> li
     said: list[str] = []
     sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
     compared = any(bound.experiments for bound in campaigns)
-    if len(campaigns) == 1 and not sweeps and compared:
+    gains = [e.phases for e in campaigns[0].experiments if e.phases is not None]
+    unknown = any(phases.unknown == "gain" for phases in gains)
+    if len(campaigns) == 1 and not sweeps and compared and not unknown:
         said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
     elif len(campaigns) == 1 and sweeps and sweeps[0].scale == "maximum":
         said += maximum_warnings(laboratory_maximum(sweeps[0].frequency_hz, sweeps[0].amplitude_v))

@@ -103,13 +103,25 @@ class Dataset:
         return tuple(m for m in self.measurements if isinstance(m, Tones))
 
     def peaks(self, values: Sequence[Values]) -> FloatArray:
-        """Those of some arrays, one per measurement, that belong to tones: (n_peaks,).
+        """Amplitudes of some values at all lines of tones: (n_peaks,).
 
         Args:
-            values: an array (rows,) per measurement.
+            values: an array (n,) per measurement, real or complex.
         """
         pairs = zip(self.measurements, values, strict=True)
-        mine = (v.real for m, v in pairs if isinstance(m, Tones))
+        mine = (
+            np.abs(v) if np.iscomplexobj(v) else v.real for m, v in pairs if isinstance(m, Tones)
+        )
+        return np.concatenate([np.empty(0), *mine])
+
+    def peaks_of_rows(self, sizes: FloatArray) -> FloatArray:
+        """One number for each line of tones, (n_peaks,), of the sizes of all rows.
+
+        Args:
+            sizes: moduli of residuals, or standard deviations, (m,).
+        """
+        pairs = zip(self.measurements, self.slices, strict=True)
+        mine = (m.of_lines(sizes[k]) for m, k in pairs if isinstance(m, Tones))
         return np.concatenate([np.empty(0), *mine])
 
     def scales(self, predictions: Sequence[Prediction], free: Sequence[float]) -> tuple[Scale, ...]:

@@ -124,11 +124,23 @@ class Tones(MeasurementKind):
         requested = self._ask(model, table, batch)
         yield
         columns = [
-            np.array([batch.amplitudes(k, window, output) for k in ks])[group]
+            np.array([self._line_values(batch, k, window, output) for k in ks])[group]
             for (window, output), (ks, group) in zip(self._observed(model), requested, strict=True)
         ]
         peaks = np.concatenate(columns, axis=1) if columns else np.empty((len(table), 0))
         return [Prediction(row) for row in peaks]
+
+    def _line_values(self, batch: Batch, k: int, window: Window, output: str) -> Values:
+        """What a run says of its lines."""
+        return batch.amplitudes(k, window, output)
+
+    def of_lines(self, rows: FloatArray) -> FloatArray:
+        """One number for each line (n,), of sizes of its rows (rows,).
+
+        Args:
+            rows: sizes of residuals, or standard deviations.
+        """
+        return rows
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
         """One run per experiment."""
@@ -154,7 +166,7 @@ class Tones(MeasurementKind):
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Peaks that are half their size off on average are no description of the data."""
-        mean = float(np.mean(np.abs(residuals))) if residuals.size else 0.0
+        mean = float(np.mean(self.of_lines(np.abs(residuals)))) if residuals.size else 0.0
         return f"the peaks are {100.0 * mean:.0f} % off on average" if mean > PLATEAU else ""
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
@@ -323,24 +335,6 @@ def _spectra_caption(spectra: Sequence[ShownSpectrum], floors: Sequence[float]) 
         "Black bars join measured and simulated peak; the difference relative to the measured peak "
         f"stands above each panel, in the order of the tones. Vertical lines are the drive "
         f"frequencies.{said}"
-    )
-
-
-def tones_of(bound: BoundCampaign, series: str = "") -> Tones:
-    """The experiments of a campaign as a measurement, with everything known of their noise.
-
-    Args:
-        bound: campaign, bound to its FMU.
-        series: name of the series.
-    """
-    sigmas_v, origin = peak_sigmas(bound)
-    return Tones(
-        bound.setup,
-        bound.experiments,
-        series=series,
-        sigmas_v=sigmas_v,
-        noise_origin=origin,
-        unit=bound.amplitude_unit,
     )
 
 

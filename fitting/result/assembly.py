@@ -94,9 +94,9 @@ def deviations(problem: Problem, solution: Solution) -> Deviations:
 
 
 def _deviation_set(problem: Problem, point: Point) -> DeviationSet:
-    rows = [np.abs(point.residuals[k]) for k in problem.data.slices]
-    peaks = problem.data.peaks(rows)
-    everything = peaks if peaks.size else np.concatenate(rows)
+    rows = np.abs(point.residuals)
+    peaks = problem.data.peaks_of_rows(rows)
+    everything = peaks if peaks.size else rows
     counts = [e.peaks_v.size for e in problem.experiments]
     groups = np.split(everything, np.cumsum(counts)[:-1]) if counts else [everything]
     return DeviationSet(
