@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import fitting as ff
-from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns
+from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns, PhaseDetectors
 from fitting.cli.options import bounded_number, seed
 from fitting.cli.results import writes
 
@@ -75,10 +76,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="record the other mode at every drive pair too, by lock-in amplifiers",
     )
     parser.add_argument(
+        "--phases",
+        action="store_true",
+        help="record X and Y of every tone, of both modes with --cross-mode",
+    )
+    parser.add_argument(
+        "--restart",
+        type=int,
+        action="append",
+        default=[],
+        metavar="N",
+        help="with --phases: restart the instrument before drive pair N, from 2; may be repeated",
+    )
+    parser.add_argument(
         "--noise",
         type=bounded_number,
         metavar="X",
-        help="with --cross-mode: relative noise of every amplitude (default 0.01)",
+        help="with --cross-mode or --phases: relative noise of every quadrature (default 0.01)",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():
@@ -101,8 +115,10 @@ def run(args: argparse.Namespace) -> int:
     """
     if (args.plan is None) != (args.truth is None):
         raise ff.BadInput("synthesize: --plan and --truth are wanted together")
-    if args.noise is not None and not args.cross_mode:
-        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode")
+    if args.noise is not None and not (args.cross_mode or args.phases):
+        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
+    if args.restart and not args.phases:
+        raise ff.BadInput("--restart: has no meaning here, only with --phases")
     made = ff.synthesize(
         args.series or args.like or args.truth,
         seed=args.seed,
@@ -118,7 +134,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _lock_ins(args: argparse.Namespace) -> LockIns | None:
+def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:
+    if args.phases:
+        restarts = tuple(sorted({n - 1 for n in args.restart}))
+        found = PhaseDetectors(both=args.cross_mode, restarts=restarts)
+        return found if args.noise is None else replace(found, noise=args.noise)
     if not args.cross_mode:
         return None
     return LockIns() if args.noise is None else LockIns(args.noise)
@@ -147,6 +167,9 @@ def _command(args: argparse.Namespace) -> str:
         if _value(args, option) is not None:
             words += [f"--{option}", repr(_value(args, option))]
     words += ["--cross-mode"] if args.cross_mode else []
+    words += ["--phases"] if args.phases else []
+    for pair in args.restart:
+        words += ["--restart", str(pair)]
     words += ["--noise", repr(args.noise)] if args.noise is not None else []
     if args.reflection is not None:
         words.append("--reflection" if args.reflection else "--no-reflection")

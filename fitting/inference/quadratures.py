@@ -24,8 +24,7 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
-from fitting.measurements.complex_tones import ComplexTones
-from fitting.measurements.measurement import Measurement, Prediction
+from fitting.measurements.measurement import Prediction
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
@@ -75,7 +74,7 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
     """
     objective = solution.objective
     measurements = objective.data.measurements
-    phased = any(isinstance(m, ComplexTones) for m in measurements)
+    phased = any(m.has_phases for m in measurements)
     if objective.data.solved_inside == 0 and not phased:
         return Quadratures()
     x = solution.final.x
@@ -90,17 +89,7 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
         std = math.hypot(solution.errors.of(slopes[0])[0], fixed)
         reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
         found.append(Quality(name=name, value=value, std=std, ci95=(value / reach, value * reach)))
-    return Quadratures(
-        gains=gains if _has_phases(measurements, answers[0]) else (), qualities=tuple(found)
-    )
-
-
-def _has_phases(measurements: Sequence[Measurement], answer: Sequence[Prediction]) -> bool:
-    """Whether some measurement has fewer amplitudes than rows."""
-    return any(
-        m.amplitude_rows(q, np.zeros((m.rows, 1))).shape[0] < m.rows
-        for m, q in zip(measurements, answer, strict=True)
-    )
+    return Quadratures(gains=gains if phased else (), qualities=tuple(found))
 
 
 def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, tuple[float, float]]:

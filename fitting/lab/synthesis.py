@@ -11,6 +11,7 @@ from fitting.lab.bench import Bench, Instrument, Measured, measure
 from fitting.lab.benches import bench_named, changed
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
+from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.plan import Plan
 from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files
@@ -96,11 +97,18 @@ def synthesize(
 def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path | None) -> None:
     if instrument is not None and plan is not None:
         raise BadInput("instrument: a plan says how it is read, in its [design]; wanted none")
-    if isinstance(instrument, LockIns) and isinstance(bench.sample, CubicModes):
+    lock_ins = isinstance(instrument, LockIns | PhaseDetectors)
+    if lock_ins and isinstance(bench.sample, CubicModes):
         raise BadInput(
             f"instrument: lock-in amplifiers have no meaning for the bench {bench.series!r}, which "
             "is read at its lines"
         )
+    pairs = len(bench.pairs_hz)
+    for k in instrument.restarts if isinstance(instrument, PhaseDetectors) else ():
+        if not 0 < k < pairs:
+            raise BadInput(
+                f"restarts: found a restart before drive pair {k + 1}, wanted one of 2 to {pairs}"
+            )
 
 
 def _series(bench: Bench, seed: int, command: str) -> Synthetic:

@@ -390,6 +390,11 @@ class ComplexSweeps(MeasurementKind):
         return True
 
     @property
+    def has_phases(self) -> bool:
+        """Two rows for each value."""
+        return True
+
+    @property
     def line_width_hz(self) -> float | None:
         """Width of the line that the first sweep follows, Hz."""
         line = self.curves[0].line

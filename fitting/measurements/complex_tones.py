@@ -75,6 +75,11 @@ class ComplexTones(Tones):
         return np.concatenate(found).astype(np.intp)
 
     @property
+    def has_phases(self) -> bool:
+        """Two rows for each line."""
+        return True
+
+    @property
     def rows(self) -> int:
         """Two for each line that is read."""
         return 2 * int(self.peaks_v.size)

@@ -111,6 +111,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def has_phases(self) -> bool:
+        """Whether its rows hold amplitudes and phases: two for each value."""
+        ...
+
+    @property
     def takes_scale_from_rows(self) -> bool:
         """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
         ...
@@ -307,6 +312,11 @@ class MeasurementKind:
     @property
     def is_curve(self) -> bool:
         """Its rows are no points of a curve."""
+        return False
+
+    @property
+    def has_phases(self) -> bool:
+        """Its rows hold amplitudes alone."""
         return False
 
     @property

@@ -207,7 +207,8 @@ def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive
         if k > 0 and not _runs(these, workers):
             continue  # the FMU may refuse a part of the box
         drives += these
-    return tuple(drives)
+    phases = any(m.has_phases for m in series.measurements)
+    return tuple(replace(drive, phases=phases) for drive in drives)
 
 
 def _runs(drives: list[Drive], workers: Workers) -> bool:

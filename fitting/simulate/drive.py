@@ -34,7 +34,7 @@ class Drive:
     the fastest; `tone_names` are what they are called (empty: f1, f2, ...). `read_hz` are the lines
     that are read (empty: the tones), `highest_order` that of the combinations of the tones which
     the response is known to hold. `approach`: the tone is moved while the FMU runs, and read where
-    it has come to.
+    it has come to. `phases`: amplitude and phase are read, not the amplitude alone.
     """
 
     start_values: Mapping[str, Scalar]
@@ -47,6 +47,7 @@ class Drive:
     highest_order: int = 1
     approach: Approach | None = None
     tone_names: tuple[str, ...] = ()
+    phases: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:

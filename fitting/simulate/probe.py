@@ -162,14 +162,15 @@ class Probe:
         return self._relative(found, after)
 
     def errors(self, found: Sequence[Reading], truth: Sequence[Reading]) -> float:
-        """Largest difference of amplitudes alone: what a user would see.
+        """Largest difference of what is read: of amplitudes, or of amplitudes and phases.
 
         Args:
             found: readings, one per drive.
             truth: readings that are taken for true.
         """
         sizes = [
-            np.abs(np.abs(f.tones) - np.abs(t.tones)) for f, t in zip(found, truth, strict=True)
+            np.abs(f.tones - t.tones if drive.phases else np.abs(f.tones) - np.abs(t.tones))
+            for drive, f, t in zip(self.drives, found, truth, strict=True)
         ]
         return self._relative(sizes, truth)
 

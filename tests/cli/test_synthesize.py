@@ -143,6 +143,14 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "duffing", "--cross-mode"], "lock-in amplifiers have no meaning"),
         (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7, wanted"),
         (["--series", "q1", "--noise", "0.1"], "--noise: has no meaning here"),
+        (
+            ["--series", "q1", "--restart", "3"],
+            "--restart: has no meaning here, only with --phases",
+        ),
+        (
+            ["--series", "q1", "--phases", "--restart", "6"],
+            "before drive pair 6, wanted one of 2 to 5",
+        ),
         (["--series", "duffing", "--level", "-1"], "must be positive"),
         (["--series", "duffing", "--level", "3"], "wanted a weaker drive"),
         (["--series", "duffing", "--d1", "-3"], "damping d1 = -3.0"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +12,12 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.campaign import Setup
+from fitting.fmu import Run
 from fitting.inference.warnings import Kind
 from fitting.measurements.complex_tones import ComplexTones
 from fitting.measurements.measurement import Prediction
+from fitting.simulate.drive import Drive
+from fitting.simulate.probe import Probe, Reading
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from tests.support.complex_data import mode, with_noise
@@ -174,6 +177,29 @@ def test_tones_with_and_without_phases_are_fitted_together(oscillator: ff.Fmu) -
     assert problem.residuals(np.array([WIDTH, ETA])).size == 20 + 10
     fit = ff.fit(problem, method=METHOD, starts=1)
     assert fit.x == pytest.approx([WIDTH, ETA], abs=0.2)
+
+
+@pytest.mark.parametrize(("phases", "error"), [(False, 0.0), (True, 1e-3)])
+def test_a_plan_for_phases_measures_errors_of_phases(phases: bool, error: float) -> None:
+    """What turns a response and leaves its amplitude is no error of amplitudes alone."""
+    drive = Drive(start_values={}, tones_hz=(1.0,), outputs=("q",), phases=phases)
+    full, turned = (
+        Reading(
+            tones=np.array([[np.exp(1j * phase)]]),
+            mean=np.zeros(1),
+            rest=np.zeros(1),
+            largest=np.ones(1),
+            condition=1.0,
+        )
+        for phase in (0.0, 1e-3)
+    )
+    probe = Probe((drive,), _NoWorkers())
+    assert probe.errors([turned], [full]) == pytest.approx(error, rel=1e-3, abs=1e-12)
+
+
+class _NoWorkers:
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        raise AssertionError("nothing is to be simulated")
 
 
 # --- files ----------------------------------------------------------------------------------
