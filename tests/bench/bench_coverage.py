@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 import build_fmu
-from fitting.campaign import BoundCampaign, bind, read_campaign
+from fitting.campaign import BoundCampaign, Phases, bind, read_campaign
 from fitting.campaign.parameters import references, to_search
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, make_objective
@@ -33,8 +33,9 @@ from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.variables import VariableLike
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
-from fitting.lab.bench import Series, measure
+from fitting.lab.bench import Instrument, Series, measure
 from fitting.lab.benches import string_bench
+from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Response
@@ -48,6 +49,8 @@ Variables = Mapping[str, VariableLike]
 CURVED_HZ = 30.0
 #: Relative noise of every amplitude where the other mode is recorded too.
 CROSS_NOISE = 0.01
+#: Of the instrument against the drive, where phases are recorded.
+REFERENCE_RAD = 0.8
 
 
 @dataclass(frozen=True)
@@ -118,10 +121,13 @@ def linear(name: str) -> Callable[[int, Variables, Path], Laboratory]:
     return make
 
 
-def offsets(seed: int, variables: Variables, folder: Path) -> Laboratory:
+def offsets(
+    seed: int, variables: Variables, folder: Path, instrument: Instrument | None = None
+) -> Laboratory:
     """A drift that bends by 30 Hz (one sigma), with one fitted offset per experiment."""
     bend = CURVED_HZ * float(np.random.default_rng([seed, 2]).standard_normal())
-    series = measure(replace(string_bench("q1"), curvature_hz=bend), seed)
+    bench = replace(string_bench("q1"), curvature_hz=bend)
+    series = measure(replace(bench, instrument=instrument or bench.instrument), seed)
     bound = bound_of(series, variables, folder)
     truth = truth_of(series)
     own = [p for p in bound.parameters if p.experiments]
@@ -132,7 +138,17 @@ def offsets(seed: int, variables: Variables, folder: Path) -> Laboratory:
     return Laboratory(bound, truth, {})
 
 
-def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
+def phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """The same with X and Y, 1 % noise, and a restart before the fourth pair."""
+    return offsets(seed, variables, folder, PhaseDetectors(noise=CROSS_NOISE, restarts=(3,)))
+
+
+def cross_phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """X and Y of both modes at the pairs of both series, against one reference phase."""
+    return cross(seed, variables, folder, phases=True)
+
+
+def cross(seed: int, variables: Variables, folder: Path, *, phases: bool = False) -> Laboratory:
     """Both modes at the pairs of both series, 1 % noise each: what determines the coupling.
 
     Five pairs around the lower mode, where the other is recorded too, and five around the upper
@@ -150,8 +166,13 @@ def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
             ("_cross", own.tones_hz, 1),
             ("_upper", upper[k], 1),
         ):
-            peaks = series.gain * np.abs(steady_state(modes, np.array(pair))[:, mode])
-            noisy = peaks * (1.0 + CROSS_NOISE * generator.standard_normal(peaks.size))
+            waves = series.gain * steady_state(modes, np.array(pair))[:, mode]
+            noise = generator.standard_normal(waves.size)
+            if phases:
+                noise = noise + 1j * generator.standard_normal(waves.size)
+            noisy = np.exp(1j * REFERENCE_RAD) * waves * (1.0 + CROSS_NOISE * noise)
+            if not phases:
+                noisy = np.abs(waves) * (1.0 + CROSS_NOISE * noise)
             settings = {
                 **own.settings,
                 **dict(zip(bound.setup.drive.frequency_names, pair, strict=True)),
@@ -162,8 +183,9 @@ def cross(seed: int, variables: Variables, folder: Path) -> Laboratory:
                     label=own.label + label,
                     tones_hz=tuple(pair),
                     settings=settings,
-                    peaks_v=noisy,
-                    sigmas_v=CROSS_NOISE * noisy,
+                    peaks_v=np.abs(noisy),
+                    sigmas_v=CROSS_NOISE * np.abs(noisy),
+                    phases=Phases(radians=np.angle(noisy)) if phases else None,
                     spectrum=None,
                     output=("q1_hybrid", "q2_hybrid")[mode],
                 )
@@ -177,6 +199,8 @@ SETTINGS = (
     Setting("q2", "q2 series, linear drift", linear("q2")),
     Setting("offsets", "q1 series, drift bent by 30 Hz, offsets fitted", offsets),
     Setting("cross", "both modes at both series' pairs, 1 % noise", cross, starts=2),
+    Setting("phases", "q1 series with phases, bent drift, a restart, 1 % noise", phases),
+    Setting("cross-phases", "both modes, both pairs, with phases, 1 %", cross_phases, starts=2),
 )
 
 

@@ -22,7 +22,7 @@ from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.scale import Maximum
 from fitting.simulate.batch import Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 
 #: Of a drive that nothing in such a test applies.
 SETUP = Setup(
@@ -100,7 +100,7 @@ def dataset(
 
 
 def answer(
-    peaks: FloatArray | None = None,
+    peaks: FloatArray | ComplexArray | None = None,
     sweep: FloatArray | None = None,
     maximum: Maximum | None = None,
     runs: int = 0,

@@ -16,7 +16,7 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
-from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from tests.support.closed_form import damping
 from tests.support.datasets import answer
 
@@ -60,12 +60,14 @@ class PhasorResponse:
         }
         return damping(values["theta"], values["d1"], values["d2"], False)
 
-    def peaks(self, p: FloatArray) -> FloatArray:
+    def peaks(self, p: FloatArray) -> FloatArray | ComplexArray:
+        """Amplitudes of all lines, or complex values where the campaign has phases."""
         tones, etas, modes, _ = self._rows
         moved = etas.copy()
         for k, shift in self._shifts:
             moved = moved + p[k] * shift
-        return _amplitudes(tones, moved, self._damping(p), modes)
+        found = _phasors(tones, moved, self._damping(p), modes)
+        return found if self.bound.experiments[0].phases is not None else np.abs(found)
 
     def sweep(self, p: FloatArray) -> FloatArray:
         assert self.bound.sweep is not None
@@ -76,7 +78,8 @@ class PhasorResponse:
         settings = self.bound.sweep.settings
         eta = np.array([[float(settings["eta_plus"]), float(settings["eta_minus"])]])
         mode = np.full(tones.size, OUTPUTS.index(self.bound.setup.output))
-        return _amplitudes(tones, np.repeat(eta, tones.size, axis=0), self._damping(p), mode)
+        swept = np.repeat(eta, tones.size, axis=0)
+        return np.abs(_phasors(tones, swept, self._damping(p), mode))
 
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
         return [
@@ -120,10 +123,10 @@ class PhasorResponse:
         return {name: every[name] for name in self.bound.derived}
 
 
-def _amplitudes(u: FloatArray, eta: FloatArray, d: FloatArray, modes: IntArray) -> FloatArray:
-    """|X_mode(u)| row by row: tones (m,), eta (m, 2), damping matrix d (2, 2) in Hz, modes (m,)."""
+def _phasors(u: FloatArray, eta: FloatArray, d: FloatArray, modes: IntArray) -> ComplexArray:
+    """X_mode(u) row by row: tones (m,), eta (m, 2), damping matrix d (2, 2) in Hz, modes (m,)."""
     a = TWO_PI**2 * ((eta - u[:, None]) * (eta + u[:, None]) + 1j * u[:, None] * np.diag(d))
     off = 1j * TWO_PI**2 * u * d[0, 1]
     determinant = a[:, 0] * a[:, 1] - off * off
     other = np.where(modes == 0, a[:, 1], a[:, 0])
-    return np.asarray(np.abs((other - off) / determinant))
+    return np.asarray((other - off) / determinant)
