@@ -559,6 +559,9 @@ class WrittenDesign(Keys):
     """Of a peak in one spectrum, as "0.18 uV"; without it the median of the campaign's."""
     relative_noise: Annotated[Number | None, Usually(0.01)] = None
     """Noise of a peak as a share of it, which averaging does not lower."""
+    phases: Switch | None = None
+    """The detector tells phases, too, against a reference phase that is unknown; without it as in
+    the campaign's own experiments."""
     largest: Value | None = None
     """What the detector bears; without it twice the largest amplitude seen."""
     number: Annotated[Repeats | None, Usually(6)] = None

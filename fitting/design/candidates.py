@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Drive, Experiment
+from fitting.campaign import BoundCampaign, Drive, Experiment, Phases
 from fitting.signal.combinations import Combination
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -50,6 +50,7 @@ class Limits:
         number: Measurements, at most, 1 to 50.
         tones: That are driven at once, 1 or 2.
         lines: Read at combinations of the tones; empty: at the tones.
+        phases: The detector tells phases as well, against a reference phase that is unknown.
 
     Raises:
         BadInput: a limit that no instrument can have.
@@ -71,6 +72,7 @@ class Limits:
     number: int = 6
     tones: int = 2
     lines: tuple[Combination, ...] = ()
+    phases: bool = False
 
     def __post_init__(self) -> None:
         above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
@@ -169,7 +171,7 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
     return tuple(
         _setup(
             bound,
-            limits.lines,
+            limits,
             base,
             _Drive(centre_hz=centre, tones_hz=tones, output=output, level=level, settings=chosen),
         )
@@ -232,16 +234,16 @@ def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
 
 
 def _setup(
-    bound: BoundCampaign, lines: Sequence[Combination], base: Mapping[str, Scalar], drive: _Drive
+    bound: BoundCampaign, limits: Limits, base: Mapping[str, Scalar], drive: _Drive
 ) -> Setup:
-    """A setup with what is simulated for it: `base` is set besides, `lines` are read."""
+    """A setup with what is simulated for it: `base` is set besides, the limits' lines are read."""
     tones, source = drive.tones_hz, bound.setup.drive
     settings = {**base, **levels_and_more(source, len(tones), drive.level, drive.settings)}
     if source.kind == "tones":
         for name, tone in zip(source.frequency_names, tones, strict=False):
             where = f"{bound.path}: [drive] frequencies"
             settings[name] = convert(tone, "Hz", source.tone_unit, where=where)
-    read = tuple(line.frequency_hz(tones) for line in lines)
+    read = tuple(line.frequency_hz(tones) for line in limits.lines)
     blank = np.full(len(read or tones), np.nan)
     return Setup(
         tones_hz=tones,
@@ -259,6 +261,7 @@ def _setup(
             spectrum=None,
             lines_hz=read,
             output=drive.output,
+            phases=Phases(radians=np.zeros(blank.size), unknown="none") if limits.phases else None,
         ),
     )
 

@@ -7,7 +7,8 @@ errors of what drifts (g = d ln(chi z)/d setting, standard deviation s),
     F = sum over experiments of [J 1]^T V^-1 [J 1],      V = diag(sigma^2/A^2) + sum s^2 g g^T
 
 The last variable is the logarithm of the scale chi, a nuisance that all experiments share; its
-prior is the scatter of the sweep that it rests on.
+prior is the scatter of the sweep that it rests on. Where phases are measured, each is a row like
+that of its amplitude, and the reference phase, common to all that is new, a further nuisance.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.planning import plan_series
 from fitting.measurements.tones import Tones
 from fitting.simulate.batch import Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 
 #: Settings are moved by this share of their error for a difference quotient.
 SHIFT = 0.2
@@ -54,23 +55,27 @@ class Rows:
     """Peaks of some experiments at one place.
 
     `amplitude_v` (m,), `by_x` (m, n) and `by_setting` (m, s) derivatives of their logarithms,
-    `residuals` (m,) against what was measured. `swept_residuals` (k,) and `swept_by_x` (k, n)
-    belong to a sweep that is fitted point by point.
+    `residuals` (m,) against what was measured. `further_residuals` (k,), `further_by_x` (k, n) and
+    `further_by_setting` (k, s) are of all other rows: complex values, points of a sweep.
+    `phase_by_x` and `phase_by_setting` belong to setups that read phases: derivatives of these.
     """
 
     amplitude_v: FloatArray
     by_x: FloatArray
     by_setting: FloatArray
     residuals: FloatArray
-    swept_residuals: FloatArray
-    swept_by_x: FloatArray
+    further_residuals: FloatArray
+    further_by_x: FloatArray
+    further_by_setting: FloatArray
+    phase_by_x: FloatArray
+    phase_by_setting: FloatArray
 
 
 class Series:
     """Experiments of a campaign - those measured, or setups not measured yet - and their FMU."""
 
-    def __init__(self, bound: BoundCampaign, workers: Workers) -> None:
-        self.bound, self.workers = bound, workers
+    def __init__(self, bound: BoundCampaign, workers: Workers, *, setups: bool = False) -> None:
+        self.bound, self.workers, self.setups = bound, workers, setups
         problem = problem_of([bound])
         self.data = problem.data
         self.plan = plan_series(problem.planned_together(""))
@@ -113,12 +118,18 @@ class Series:
         )
 
     def peaks(self, point: Point) -> FloatArray:
-        """Scaled amplitudes of all tones at a point, shape (m,).
+        """Scaled amplitudes of all tones without measured phases at a point, shape (m,).
 
         Args:
             point: residual rows at a search vector.
         """
-        return self.data.peaks(point.scaled)
+        return np.abs(self._lines(point))
+
+    def _lines(self, point: Point) -> ComplexArray:
+        """Scaled values of all tones that are no measured complex ones, (m,)."""
+        pairs = zip(self.data.measurements, point.scaled, strict=True)
+        mine = [v for m, v in pairs if self._is_line(m)]
+        return np.concatenate([np.empty(0, dtype=complex), *mine])
 
     def steps(self) -> FloatArray:
         """Difference steps in x that suit this series, found once."""
@@ -145,31 +156,55 @@ class Series:
         objective = self.objective(place.alternative, steps)
         around = central(place.x, steps, *search_bounds(self.bound.parameters))
         here, *nodes = evaluate_many(objective, [place.x, *around.nodes])
+        amplitude_v = self.peaks(here)
+        count = amplitude_v.size
+        further = here.residuals[self._own_rows :]
         shifted = [
             self._by_setting(place, steps, name, SHIFT * sigma)
             for name, sigma in setting_sigmas.items()
         ]
-        amplitude_v = self.peaks(here)
-        count = amplitude_v.size
+        table = np.zeros((2 * count + further.size, 0))
+        table = np.stack(shifted, axis=1) if shifted else table
+        logs, rest, phases = np.split(table, [count, count + further.size])
+        lines = [self._lines(node) for node in nodes]
         return Rows(
             amplitude_v=amplitude_v,
-            by_x=around.quotients([self.peaks(node) for node in nodes], log_ratio),
-            by_setting=np.stack(shifted, axis=1) if shifted else np.zeros((count, 0)),
+            by_x=around.quotients([np.abs(each) for each in lines], log_ratio),
+            by_setting=logs,
             residuals=here.residuals[:count],
-            swept_residuals=here.residuals[count:],
-            swept_by_x=around.quotients([node.residuals[count:] for node in nodes]),
+            further_residuals=further,
+            further_by_x=around.quotients([n.residuals[self._own_rows :] for n in nodes]),
+            further_by_setting=rest,
+            phase_by_x=around.quotients([np.angle(each) for each in lines], turned),
+            phase_by_setting=phases,
         )
 
+    @property
+    def _own_rows(self) -> int:
+        """Number of rows of those tones; they stand first."""
+        return sum(m.rows for m in self.data.measurements if self._is_line(m))
+
+    def _is_line(self, measurement: Measurement) -> bool:
+        """Whether its values are looked at: of amplitudes, and of setups with their phases."""
+        read = self.setups or not measurement.has_phases
+        return isinstance(measurement, Tones) and read
+
     def _by_setting(self, place: Place, steps: FloatArray, name: str, shift: float) -> FloatArray:
-        """d ln(chi z)/d setting, (m,): moved in the experiments, not in the sweep."""
+        """By a setting: d ln|chi z|, of further rows, and of phases; the sweep's is not moved."""
         ends = []
         objective, own = self.objective(place.alternative, steps), self.response(place.alternative)
         for sign in (1.0, -1.0):
             moved = tuple(_moved(m, name, sign * shift) for m in self.data.measurements)
             response = replace(own, measurements=moved)
-            point = evaluate_many(replace(objective, response=response), [place.x])[0]
-            ends.append(self.peaks(point))
-        return log_ratio(ends[0], ends[1]) / (2.0 * shift)
+            ends.append(evaluate_many(replace(objective, response=response), [place.x])[0])
+        above, below = (self._lines(point) for point in ends)
+        further = [point.residuals[self._own_rows :] for point in ends]
+        changes = (
+            log_ratio(np.abs(above), np.abs(below)),
+            further[0] - further[1],
+            turned(np.angle(above), np.angle(below)),
+        )
+        return np.concatenate(changes) / (2.0 * shift)
 
 
 def _moved(measurement: Measurement, name: str, shift: float) -> Measurement:
@@ -196,6 +231,16 @@ def log_ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     """
     silent = (above <= 0.0) | (below <= 0.0)
     return np.asarray(np.log(np.where(silent, 1.0, above) / np.where(silent, 1.0, below)))
+
+
+def turned(above: FloatArray, below: FloatArray) -> FloatArray:
+    """Difference of phases, rad, the short way round.
+
+    Args:
+        above: phases, any shape, rad.
+        below: likewise.
+    """
+    return np.asarray(np.angle(np.exp(1j * (above - below))))
 
 
 def unmeasured(bound: BoundCampaign) -> BoundCampaign:
@@ -277,32 +322,49 @@ def information_of_data(
         rows: its rows at a place.
         setting_sigmas: errors of settings that drift, in the FMU's units.
     """
-    experiments = series.bound.experiments
     count = rows.amplitude_v.size
     fitted = {name for parameter in series.bound.parameters for name in parameter.adds_to}
     errors = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
-    index = np.repeat(np.arange(len(experiments)), [len(e.peaks_v) for e in experiments])
-    residuals = np.concatenate([rows.residuals, rows.swept_residuals])
+    index = _experiments_of_rows(series)
+    residuals = np.concatenate([rows.residuals, rows.further_residuals])
     given = series.data.sigma
     sigmas = np.concatenate(
         [row_sigmas(given[part], residuals[part]) for part in (slice(count), slice(count, None))]
     )
-    covariance = np.diag(sigmas**2)
     same = np.equal.outer(index, index).astype(float)
-    covariance[:count, :count] = noise_covariance(sigmas[:count], rows.by_setting, errors, same)
+    by_setting = np.concatenate([rows.by_setting, rows.further_by_setting])
+    covariance = noise_covariance(sigmas, by_setting, errors, same)
     # d residual = (1 + residual) d ln(chi z) for a peak; a fitted sweep is relative to its maximum
     peaks = _with_scale(rows.by_x) * (1.0 + rows.residuals[:, np.newaxis])
-    swept = rows.swept_residuals
-    if swept.size:
-        swept = swept + series.data.measured_rows[series.data.curve_rows]
-    columns = np.concatenate([peaks, np.column_stack([rows.swept_by_x, swept])])
+    by_scale = rows.further_residuals + series.data.measured_rows[count:]
+    columns = np.concatenate([peaks, np.column_stack([rows.further_by_x, by_scale])])
     return information(columns, covariance), covariance, columns
 
 
+def _experiments_of_rows(series: Series) -> IntArray:
+    """Which experiment each row belongs to, (m,); points of sweeps to none that others have."""
+    found: list[int] = []
+    begin = 0
+    for m in series.data.measurements:
+        if not isinstance(m, Tones):
+            found += [-1 - len(found) - k for k in range(m.rows)]
+            continue
+        counts = [len(e.read_hz) for e in m.experiments]
+        mine = np.repeat(np.arange(begin, begin + len(counts)), counts)
+        found += np.tile(mine, m.rows // mine.size).tolist()
+        begin += len(counts)
+    return np.array(found, dtype=np.intp)
+
+
 def information_of_setups(
-    rows: Rows, relative: FloatArray, kept: Sequence[int], setting_sigmas: Mapping[str, float]
+    rows: Rows,
+    relative: FloatArray,
+    kept: Sequence[int],
+    setting_sigmas: Mapping[str, float],
+    *,
+    phases: bool = False,
 ) -> FloatArray:
-    """Information (kept, n + 1, n + 1) of the setups kept.
+    """Information (kept, n + 1, n + 1) of the setups kept; with phases (kept, n + 2, n + 2).
 
     `relative` (kept, tones) are the relative standard deviations of their peaks.
 
@@ -311,11 +373,22 @@ def information_of_setups(
         relative: standard deviations of the peaks of those kept, shape (kept, tones).
         kept: places of the setups in the rows.
         setting_sigmas: errors of settings that drift, in the FMU's units.
+        phases: whether the phases are measured as well.
     """
     tones = relative.shape[1]
     errors = np.array(list(setting_sigmas.values()))
     shape = (rows.amplitude_v.size // tones, tones)
-    by_setting = rows.by_setting.reshape(*shape, rows.by_setting.shape[1])[list(kept)]
-    by_x = rows.by_x.reshape(*shape, rows.by_x.shape[1])[list(kept)]
-    covariance = noise_covariance(relative, by_setting, errors, np.ones((tones, tones)))
-    return information(_with_scale(by_x), covariance)
+    parts = [(rows.by_x, rows.by_setting)]
+    parts += [(rows.phase_by_x, rows.phase_by_setting)] if phases else []
+    by_x, by_setting = (
+        np.concatenate([part[k].reshape(*shape, -1 if part[k].size else 0) for part in parts], 1)[
+            list(kept)
+        ]
+        for k in (0, 1)
+    )
+    every = len(parts) * tones
+    sigmas = np.tile(relative, len(parts))
+    covariance = noise_covariance(sigmas, by_setting, errors, np.ones((every, every)))
+    nuisances = np.repeat(np.eye(len(parts)), tones, axis=0)  # of ln chi, and of the reference
+    columns = np.broadcast_to(nuisances, (*by_x.shape[:-1], len(parts)))
+    return information(np.concatenate([by_x, columns], axis=-1), covariance)

@@ -218,7 +218,14 @@ def limits_of(
         number=_number(table),
         tones=_tones(bound, table),
         lines=() if all(line.order == 1 for line in read) else read,
+        phases=_phases(bound, said),
     )
+
+
+def _phases(bound: BoundCampaign, said: WrittenDesign) -> bool:
+    if said.phases is not None:
+        return said.phases
+    return any(e.phases is not None for e in bound.experiments)
 
 
 def _levels(drive: Drive, table: DesignTable) -> tuple[float, ...]:

@@ -7,6 +7,7 @@ from it; the choice is the best on average (geometric mean of the expected stand
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
@@ -44,6 +45,8 @@ LEAST_SIGNAL = 3.0
 LINEAR = 1e-6
 #: Step in x for the gradient of a derived output.
 GRADIENT_STEP = 1e-4
+#: Standard deviation of a phase that may be any, rad.
+ANY_PHASE = math.pi / math.sqrt(3.0)
 #: Points of equal fit from which their spread bounds what is known of the target.
 ENOUGH = 5
 
@@ -113,10 +116,10 @@ class Weighed:
 class _Known:
     """What is known before anything new is measured, at the `places` where a design is judged.
 
-    `unit` (n + 1,) are the standard deviations of the prior in x and of the scale's logarithm; in
-    their units `base` (k, n + 1, n + 1) is the information of prior and data and `gradients`
-    (k, n + 1) the target's. `values` (k,) of the target there, `spread_values` at all points of
-    equal fit, in its unit.
+    `unit` (n + 1,) are the standard deviations of the prior in x and of the scale's logarithm, and
+    of the reference phase where there is one; in their units `base` (k, n + 1, n + 1) is the
+    information of prior and data and `gradients` (k, n + 1) the target's. `values` (k,) of the
+    target there, `spread_values` at all points of equal fit, in its unit.
     """
 
     places: tuple[Place, ...]
@@ -194,13 +197,16 @@ def _known(
     places = spread_out(parameters, given, eligible, PLACES, prior)
     progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
     gradients = _gradients(data, goal.target, places)
-    unit = np.append(prior, _scale_sigma(data))
+    unit = np.append(prior, [_scale_sigma(data), *([ANY_PHASE] if limits.phases else [])])
+    nuisances = len(unit) - len(prior)
     data_information = np.stack([_information_at(series, place, steps, limits) for place in places])
+    more = nuisances - 1  # the data so far say nothing of a reference phase to come
+    data_information = np.pad(data_information, ((0, 0), (0, more), (0, more)))
     return _Known(
         places=tuple(places),
         unit=unit,
         base=np.eye(len(unit)) + data_information * np.outer(unit, unit),
-        gradients=np.column_stack([gradients * prior, np.zeros(len(places))]),
+        gradients=np.column_stack([gradients * prior, np.zeros((len(places), nuisances))]),
         values=_values(data, goal.target, places),
         spread_values=spread_values,
     )
@@ -356,6 +362,8 @@ def _simulated(
             amplitude_v=row.amplitude_v[picked] * factors,
             by_x=row.by_x[picked],
             by_setting=row.by_setting[picked],
+            phase_by_x=row.phase_by_x[picked],
+            phase_by_setting=row.phase_by_setting[picked],
         )
         for row in series.rows(places, steps, errors)
     )
@@ -363,7 +371,7 @@ def _simulated(
 
 
 def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup]) -> Series:
-    return Series(unmeasured(as_campaign(bound, setups)), workers)
+    return Series(unmeasured(as_campaign(bound, setups)), workers, setups=True)
 
 
 def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
@@ -379,7 +387,9 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
         kept = np.flatnonzero(seen & borne).tolist()
         for rank, row in enumerate(simulated.rows):
             relative = np.maximum(sigmas[rank, kept] / amplitudes[rank, kept], SMALLEST_SIGMA)
-            found = information_of_setups(row, relative, kept, limits.setting_sigmas)
+            found = information_of_setups(
+                row, relative, kept, limits.setting_sigmas, phases=limits.phases
+            )
             gains.append((count, rank, found * np.outer(unit, unit)))
         repeats += [count] * len(kept)
         setup_of += kept
@@ -398,7 +408,7 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
         base=known.base,
         gains=stacked,
         gradients=known.gradients,
-        shown=len(unit) - 1,
+        shown=known.places[0].x.size,
         costs=costs,
     )
     return Weighed(

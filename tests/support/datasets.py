@@ -106,7 +106,7 @@ def answer(
     runs: int = 0,
 ) -> Evaluation:
     """An answer to the measurements of `dataset`: those of peaks first, then that of the sweep."""
-    predictions = [] if peaks is None else [Prediction(np.asarray(peaks))]
+    predictions = [] if peaks is None else [Prediction(peaks)]
     if sweep is not None or maximum is not None:
         predictions.append(Prediction(np.empty(0) if sweep is None else sweep, maximum))
     return Evaluation(tuple(predictions), runs)
