@@ -310,7 +310,7 @@ class WrittenExperiments(WrittenTrace):
     @property
     def data_columns(self) -> tuple[str, ...]:
         """Columns that hold what was measured."""
-        return (*self.peaks, *self.peak_sigmas, *self.phases, *self.x, *self.y)
+        return (*self.peaks, *self.phases, *self.x, *self.y, *self.peak_sigmas)
 
     def _found(self) -> str:
         return super()._found() if self.spectra is not None else "ready peaks"

@@ -43,7 +43,7 @@ def campaign_files(
     """
     files: dict[str, str | bytes] = {
         CAMPAIGN_NAME: _campaign(design, bound, limits, folder, command),
-        EXPERIMENTS_NAME: _experiments(design, bound, command),
+        EXPERIMENTS_NAME: _experiments(design, bound, limits, command),
     }
     if bound.sweep is not None:
         files[_sweep_name(bound.sweep)] = bound.sweep.source.read_bytes()
@@ -70,7 +70,7 @@ def _campaign(
             tables["sweep"]["use"] = "scale"  # fitted once, in the campaign it was taken for
         _edit_drive(tables["drive"], design, bound.setup.drive, limits)
         what = "what to measure: a row each, with its peaks"
-        put(tables, "experiments", _experiments_table(design, bound), what)
+        put(tables, "experiments", _experiments_table(design, bound, limits), what)
         if bound.drift.ends:
             drift = _drift_table(tables["drift"])
             put(tables, "drift", drift, "to be measured before and after these, again")
@@ -96,18 +96,30 @@ def _edit_drive(drive: Tables, design: Design, source: Drive, limits: Limits) ->
         drive.pop("read", None)
 
 
-def _experiments_table(design: Design, bound: BoundCampaign) -> dict[str, Any]:
+def _experiments_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[str, Any]:
     peaks = range(len(design.proposals[0].peaks_v))
-    return {
+    columns: dict[str, Any] = {"peaks": [_peak(k) for k in peaks]}
+    if limits.phases:
+        columns = {"x": [f"X_{k + 1}" for k in peaks], "y": [f"Y_{k + 1}" for k in peaks]}
+    table = {
         "file": EXPERIMENTS_NAME,
-        "peaks": [_peak(k) for k in peaks],
+        **columns,
         "peak_sigmas": [_sigma(k) for k in peaks],
         "amplitude": f"{bound.amplitude_unit} peak",
     }
+    return {**table, "unknown": "phase"} if limits.phases else table
 
 
 def _peak(index: int) -> str:
     return f"{PEAK}{index + 1}"
+
+
+def _measured_columns(design: Design, limits: Limits) -> list[str]:
+    """Heads of the columns that the laboratory fills in."""
+    peaks = range(len(design.proposals[0].peaks_v))
+    if limits.phases:
+        return [f"{name}_{k + 1}" for name in ("X", "Y") for k in peaks]
+    return [_peak(k) for k in peaks]
 
 
 def _sigma(index: int) -> str:
@@ -140,6 +152,7 @@ def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[
         "repeats": list(limits.repeats),
         "noise_floor": f"{limits.noise_floor_v!r} {unit}",
         "relative_noise": limits.relative_noise,
+        "phases": limits.phases,
         "largest": f"{limits.largest_v!r} {unit}",
         "number": limits.number,
         "averaged": [p.repeats for p in design.proposals],
@@ -153,7 +166,7 @@ def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[
     return table
 
 
-def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
+def _experiments(design: Design, bound: BoundCampaign, limits: Limits, command: str) -> str:
     """The rows to be measured; remarks between them say what, how often and what is expected."""
     drive = bound.setup.drive
     factor, unit = _amplitudes(design)
@@ -168,10 +181,12 @@ def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
     hertz_unit = "MHz" if mega else "Hz"
     driven = drive.frequency_names[: len(first.tones_hz)]
     head = ["experiment", *(f"{name} ({hertz_unit})" for name in driven), "output", *columns]
-    head += [f"{_peak(k)} ({unit})" for k in range(len(first.peaks_v))]
+    filled = _measured_columns(design, limits)
+    head += [f"{name} ({unit})" for name in filled]
     head += [f"{_sigma(k)} ({unit})" for k in range(len(first.peaks_v))]
     lines = [
-        "# Next measurements. Fill in the columns peak_*; replace sigma_* by what you find.",
+        f"# Next measurements. Fill in the columns {'X_* and Y_*' if limits.phases else 'peak_*'}; "
+        "replace sigma_* by what you find.",
         f"# Proposed by: {command}",
         ",".join(head),
     ]
@@ -179,7 +194,7 @@ def _experiments(design: Design, bound: BoundCampaign, command: str) -> str:
         settings = {**columns, **levels_and_more(drive, len(p.tones_hz), p.level, p.settings)}
         tones = [repr(f / _MEGA if mega else f) for f in p.tones_hz]
         cells = [f"next{p.rank}", *tones, p.output, *map(_cell, settings.values())]
-        cells += ["" for _ in p.peaks_v]
+        cells += ["" for _ in filled]
         cells += [f"{s / factor:.4g}" for s in p.sigmas_v]
         lines += [f"# {_what(p, design)}", ",".join(cells)]
     return "\n".join(lines) + "\n"

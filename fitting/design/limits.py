@@ -149,6 +149,11 @@ def refuse_wider(
             raise BadInput(
                 f"{where(key)}: found {high}, wanted {wanted} the {low} of {table.where(key)}"
             )
+    if "phases" in table.said and limits.phases and not own.phases:
+        raise BadInput(
+            f"{where('phases')}: found true, wanted false as in {table.where('phases')}: the "
+            "detector tells none"
+        )
     more = [name for name in limits.outputs if name not in own.outputs]
     if "outputs" in table.said and more:
         raise BadInput(

@@ -217,6 +217,8 @@ def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
         "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
         "measurements": str(limits.number),
     }
+    if limits.phases:
+        words["phases"] = "told, against a reference phase that is unknown"
     for name, values in limits.settings.items():
         words[name] = listed(str(v) for v in values)
     return words

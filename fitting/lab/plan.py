@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from fitting.campaign.file import read_campaign_file
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
 from fitting.lab.drive import Drive
@@ -43,11 +45,12 @@ class Plan:
         self._table: Table = read_table(experiments.file)
         self._frequencies = file.drive.frequencies
         self._amplitudes = file.drive.amplitudes or ()
-        self._filled = (*experiments.peaks, *experiments.peak_sigmas)
+        self._filled = experiments.data_columns
         self._refuse_unknown()
         self.rows = self._rows(design.averaged)
         floor_v = positive_in(design.noise_floor, "V") if design.noise_floor else 0.0
-        self.instrument = Averaged(floor_v, design.relative_noise or 0.0)
+        phases = experiments.is_complex
+        self.instrument = Averaged(floor_v, design.relative_noise or 0.0, phases=phases)
 
     def measure(self, bench: Bench, seed: int) -> Measured:
         """Measure its rows on a bench.
@@ -133,7 +136,7 @@ class Plan:
         """The file's text with peaks and their standard deviations."""
         columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
         for row, reading in enumerate(measured.readings):
-            volts = (*reading.arrays["peaks_v"], *reading.arrays["sigmas_v"])
+            volts = np.concatenate([reading.arrays[name] for name in self.instrument.arrays])
             for name, value in zip(self._filled, volts, strict=True):
                 column = self._table.column(name)
                 where = f"{self._table.path}: column '{name}'"

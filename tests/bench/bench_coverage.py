@@ -38,6 +38,7 @@ from fitting.lab.benches import string_bench
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
+from fitting.measurements.complex_tones import phases_of
 from fitting.measurements.measurement import Response
 from fitting.text.files import write_all
 from tests.support.datasets import drafted, through
@@ -143,6 +144,16 @@ def phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
     return offsets(seed, variables, folder, PhaseDetectors(noise=CROSS_NOISE, restarts=(3,)))
 
 
+def gain(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """The same through a complex gain that nobody knows: without a sweep."""
+    laboratory = phases(seed, variables, folder)
+    experiments = tuple(
+        replace(e, phases=replace(phases_of(e), unknown="gain"))
+        for e in laboratory.bound.experiments
+    )
+    return replace(laboratory, bound=replace(laboratory.bound, experiments=experiments, sweep=None))
+
+
 def cross_phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
     """X and Y of both modes at the pairs of both series, against one reference phase."""
     return cross(seed, variables, folder, phases=True)
@@ -200,6 +211,7 @@ SETTINGS = (
     Setting("offsets", "q1 series, drift bent by 30 Hz, offsets fitted", offsets),
     Setting("cross", "both modes at both series' pairs, 1 % noise", cross, starts=2),
     Setting("phases", "q1 series with phases, bent drift, a restart, 1 % noise", phases),
+    Setting("gain", "the same, gain unknown, no sweep", gain),
     Setting("cross-phases", "both modes, both pairs, with phases, 1 %", cross_phases, starts=2),
 )
 

@@ -82,6 +82,8 @@ class PhasorResponse:
         return np.abs(_phasors(tones, swept, self._damping(p), mode))
 
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        if self.bound.sweep is None:
+            return [answer(self.peaks(p), runs=1) for p in ps]
         return [
             answer(self.peaks(p), self.sweep(p) if whole else None, self._maximum(p), 1) for p in ps
         ]
