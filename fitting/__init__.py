@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
     from fitting.api.jobs import identify, report
     from fitting.api.problem import Problem
-    from fitting.api.synthesis import synthesize
+    from fitting.api.synthesis import synthesize, synthesize_curves
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
     from fitting.campaign.binding import Drive, Setup
@@ -43,7 +43,7 @@ _HOMES = {
     "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
     "api.jobs": ("identify", "report"),
     "api.problem": ("Problem",),
-    "api.synthesis": ("synthesize",),
+    "api.synthesis": ("synthesize", "synthesize_curves"),
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
@@ -95,6 +95,7 @@ __all__ = [
     "simulate",
     "sweep",
     "synthesize",
+    "synthesize_curves",
     "tradeoff",
     "write_tradeoff",
 ]

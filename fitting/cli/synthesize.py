@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import fitting as ff
-from fitting.api.synthesis import SERIES, TRUTH_NAME, LockIns, PhaseDetectors
+from fitting.api.synthesis import CURVES, SERIES, TRUTH_NAME, LockIns, PhaseDetectors
 from fitting.cli.options import bounded_number, seed
 from fitting.cli.results import writes
 
@@ -48,8 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind = parser.add_mutually_exclusive_group(required=True)
     kind.add_argument(
         "--series",
-        choices=SERIES,
-        help="one of the paper's two series, or the q1 string driven until it is nonlinear",
+        choices=(*SERIES, *CURVES),
+        help="one of the paper's two series, the q1 string driven until it is nonlinear, one mode "
+        "as a network analyser sees it, or spectra over a voltage",
     )
     kind.add_argument(
         "--like",
@@ -92,7 +93,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise",
         type=bounded_number,
         metavar="X",
-        help="with --cross-mode or --phases: relative noise of every quadrature (default 0.01)",
+        help="with --cross-mode or --phases: relative noise of every quadrature (default 0.01); "
+        "of a network analyser or spectra: over the largest value",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():
@@ -115,6 +117,8 @@ def run(args: argparse.Namespace) -> int:
     """
     if (args.plan is None) != (args.truth is None):
         raise ff.BadInput("synthesize: --plan and --truth are wanted together")
+    if args.series in CURVES:
+        return _curve(args)
     if args.noise is not None and not (args.cross_mode or args.phases):
         raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
     if args.restart and not args.phases:
@@ -131,6 +135,22 @@ def run(args: argparse.Namespace) -> int:
     pairs = len(made.measured.bench.pairs_hz)
     what = f"the plan {args.plan}" if args.plan else f"{pairs} drive pairs"
     print(f"{path}: synthetic, seed {args.seed}, {what}")
+    return 0
+
+
+def _curve(args: argparse.Namespace) -> int:
+    """Write the campaign of a curve, which has a seed and a noise alone."""
+    others = {"cross-mode": args.cross_mode, "phases": args.phases, "restart": args.restart}
+    others |= {"plan": args.plan, "reflection": args.reflection is not None}
+    others |= {option: _value(args, option) is not None for option in OPTIONS}
+    for option, given in others.items():
+        if given:
+            raise ff.BadInput(f"--{option}: has no meaning with --series {args.series}")
+    changes = {} if args.noise is None else {"noise": args.noise}
+    made = ff.synthesize_curves(
+        args.series, seed=args.seed, command=_command(args), out=None, **changes
+    )
+    print(f"{made.write(args.out)}: synthetic, seed {args.seed}, {args.series}")
     return 0
 
 

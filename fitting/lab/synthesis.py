@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,26 +10,22 @@ from typing import Any
 
 from fitting.lab.bench import Bench, Instrument, Measured, measure
 from fitting.lab.benches import bench_named, changed
+from fitting.lab.curves import curve_named
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.plan import Plan
 from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
-from fitting.lab.writer import CAMPAIGN_NAME, campaign_files
+from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
 from fitting.text.results_folder import results_folder
 
 
-@dataclass(frozen=True)
-class Synthetic:
-    """A synthetic campaign: what was ``measured``, its truth, and ``files`` by relative name.
+@dataclass(frozen=True, kw_only=True)
+class SyntheticFiles:
+    """A synthetic campaign: content of truth.toml as ``truth``, ``files`` by relative name."""
 
-    ``measured.readings`` hold the arrays of the campaign, ``measured.sweep`` (of a series) its
-    sweep, ``measured.answers`` the truth at every drive. ``truth`` is the content of truth.toml.
-    """
-
-    measured: Measured
     truth: Mapping[str, Any]
     files: Mapping[str, str | bytes]
 
@@ -44,6 +41,55 @@ class Synthetic:
         with results_folder(folder, "synthesize", self.files):
             write_all(folder, self.files)
         return folder / CAMPAIGN_NAME
+
+
+@dataclass(frozen=True, kw_only=True)
+class Synthetic(SyntheticFiles):
+    """A synthetic series beside what was ``measured``.
+
+    ``measured.readings`` hold the arrays of the campaign, ``measured.sweep`` (of a series) its
+    sweep, ``measured.answers`` the truth at every drive.
+    """
+
+    measured: Measured
+
+
+def synthesize_curves(
+    kind: str,
+    *,
+    seed: int = 1,
+    out: Path | None = None,
+    command: str = "fitting.synthesize_curves",
+    **changes: Any,
+) -> SyntheticFiles:
+    """A campaign of one complex sweep, or of spectra over a voltage, with known truth.
+
+    S = a e (1 + s x + c H) behind a wiring, or |q1| of two coupled modes, by closed forms that are
+    not the FMU.
+
+    Args:
+        kind: "transmission", "notch" or "reflection": one mode as a network analyser sees it;
+            "crossing": two modes that a voltage tunes through each other.
+        seed: Seed of the noise, a whole number of at least 0.
+        out: Folder for the files; None: nothing is written.
+        command: What the head of every file says that it was made by.
+        **changes: Numbers that are different, by the names of the fields of `WiredResonance` or
+            `AvoidedCrossing`: ``noise``, ``points``, ``delay_s`` (s), ``lambda_hz`` (Hz), ...
+
+    Returns:
+        The files and the truth behind them.
+
+    Raises:
+        BadInput: no such kind, impossible numbers, or a folder with files that were not
+            synthesized.
+    """
+    if seed < 0:
+        raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")
+    files = curve_named(kind, changes).files(seed, head_lines(seed, command))
+    made = SyntheticFiles(truth=tomllib.loads(files[TRUTH_NAME]), files=files)
+    if out is not None:
+        made.write(out)
+    return made
 
 
 def synthesize(
@@ -113,13 +159,15 @@ def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path |
 
 def _series(bench: Bench, seed: int, command: str) -> Synthetic:
     series = measure(bench, seed)
-    return Synthetic(series, truth_tables(series), campaign_files(series, command))
+    files = campaign_files(series, command)
+    return Synthetic(measured=series, truth=truth_tables(series), files=files)
 
 
 def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
     plan = Plan(path)
     measured = plan.measure(bench, seed)
-    return Synthetic(measured, truth_tables(measured), plan.files(measured, command))
+    files = plan.files(measured, command)
+    return Synthetic(measured=measured, truth=truth_tables(measured), files=files)
 
 
 def bench_of(truth: Bench | Path | str) -> Bench:

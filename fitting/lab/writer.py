@@ -58,8 +58,18 @@ def head_of(measured: Measured, command: str) -> tuple[str, ...]:
         measured: what the laboratory measured.
         command: command line that made it, for the record.
     """
+    return head_lines(measured.seed, command)
+
+
+def head_lines(seed: int, command: str) -> tuple[str, ...]:
+    """The first lines of every synthetic file.
+
+    Args:
+        seed: of its noise.
+        command: command line that made it, for the record.
+    """
     return (
-        f"synthetic data of a virtual laboratory, not measured; seed {measured.seed}",
+        f"synthetic data of a virtual laboratory, not measured; seed {seed}",
         f"made by: {command}",
     )
 

@@ -315,7 +315,7 @@ def table_rows(setting: Setting, counts: dict[str, Count]) -> list[str]:
         word = (
             "determined"
             if c.determined == c.total
-            else ("not determined" if c.open == c.total else f"determined in {c.determined}")
+            else (f"determined in {c.determined}" if c.determined else "not determined")
         )
         rows.append(
             f"| {setting.words} | {name} | {word} | {c.inside}/{c.total} | "

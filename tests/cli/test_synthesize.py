@@ -143,6 +143,8 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "duffing", "--cross-mode"], "lock-in amplifiers have no meaning"),
         (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7, wanted"),
         (["--series", "q1", "--noise", "0.1"], "--noise: has no meaning here"),
+        (["--series", "notch", "--theta", "1"], "--theta: has no meaning with --series notch"),
+        (["--series", "crossing", "--phases"], "--phases: has no meaning with --series crossing"),
         (
             ["--series", "q1", "--restart", "3"],
             "--restart: has no meaning here, only with --phases",

@@ -1,0 +1,312 @@
+"""Curves of the virtual laboratory: a resonance behind a wiring, and spectra over a voltage.
+
+    transmission   S = a e H            notch, reflection   S = a e (1 + s x + c H)
+    e = exp(-i 2 pi (u - u0) tau)       x = (u - u0)/half the span
+
+H is the closed form of one mode of the string (`fitting.lab.string`), the spectra are |q1| of two
+coupled modes (`fitting.lab.modes`) whose first frequency a voltage tunes through the second. Noise
+is Gaussian. Nothing here is the FMU, nor the fit's own wiring.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from fitting.lab.modes import CoupledModes
+from fitting.lab.string import TwoModes, steady_state
+from fitting.lab.truth import REMARK, TRUTH_NAME
+from fitting.lab.writer import CAMPAIGN_NAME, csv_text
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.toml import toml_text
+
+WIRED = ("transmission", "notch", "reflection")
+CROSSING = "crossing"
+KINDS = (*WIRED, CROSSING)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WiredResonance:
+    """One mode as a network analyser sees it.
+
+    ``coupling`` is |Qc|/Q of a notch, or of a reflection, ``phase_rad`` that of the dip; ``gain``
+    and ``gain_phase_rad`` of the line, ``delay_s`` of the cable, ``slope`` s of the baseline;
+    ``span_widths`` the span in line widths. ``noise`` is the standard deviation of each quadrature
+    over the largest modulus.
+
+    Raises:
+        BadInput: numbers that no resonance has.
+    """
+
+    kind: str = "notch"
+    eta_hz: float = 5e9
+    width_hz: float = 420e3
+    coupling: float = 1.6
+    phase_rad: float = 0.35
+    gain: float = 0.3
+    gain_phase_rad: float = 1.1
+    delay_s: float = 41e-9
+    slope: float = 0.05
+    span_widths: float = 12.0
+    points: int = 201
+    noise: float = 0.005
+
+    def __post_init__(self) -> None:
+        _check(self, ("eta_hz", "width_hz", "coupling", "gain", "span_widths"))
+        if self.width_hz * self.span_widths >= 2.0 * self.eta_hz:
+            raise BadInput("synthesize: the span reaches below zero frequency")
+
+    @property
+    def coupling_q(self) -> float:
+        """Q_coupling, diameter corrected: 1/Qc = Re(exp(i phase))/|Qc|."""
+        return self.coupling * self.eta_hz / self.width_hz / math.cos(self.phase_rad)
+
+    def frequencies_hz(self) -> FloatArray:
+        """Of the points, (n,)."""
+        half = 0.5 * self.span_widths * self.width_hz
+        return np.asarray(self.eta_hz + np.linspace(-half, half, self.points))
+
+    def values(self) -> ComplexArray:
+        """S at the points, without noise, (n,)."""
+        u = self.frequencies_hz()
+        modes = TwoModes(
+            theta_rad=0.0,
+            d1_hz=self.width_hz,
+            d2_hz=self.width_hz,
+            eta_plus_hz=self.eta_hz,
+            eta_minus_hz=2.0 * self.eta_hz,
+        )
+        h = steady_state(modes, np.append(u, self.eta_hz), (1.0, 0.0))[:, 0]
+        h, top = h[:-1], h[-1]
+        x = (u - self.eta_hz) / (0.5 * float(np.ptp(u)))
+        gain = self.gain * np.exp(1j * self.gain_phase_rad)
+        turned = np.exp(-2j * np.pi * (u - self.eta_hz) * self.delay_s)
+        if self.kind == "transmission":
+            return np.asarray(gain * turned * h / abs(top))
+        depth = (2.0 if self.kind == "reflection" else 1.0) / self.coupling
+        dip = depth * np.exp(1j * self.phase_rad) * h / top
+        return np.asarray(gain * turned * (1.0 + self.slope * x - dip))
+
+    def files(self, seed: int, head: tuple[str, ...]) -> dict[str, str]:
+        """Texts by file name: campaign, sweep and truth.
+
+        Args:
+            seed: of the noise.
+            head: lines that open every file.
+        """
+        u, exact = self.frequencies_hz(), self.values()
+        draws = np.random.default_rng(seed).standard_normal((2, u.size))
+        sigma = self.noise * float(np.max(np.abs(exact)))
+        seen = exact + sigma * (draws[0] + 1j * draws[1])
+        columns = {"frequency (Hz)": u, "X (V)": seen.real, "Y (V)": seen.imag}
+        truth: dict[str, Any] = {CURVE: asdict(self), "outcome": {"seed": seed}}
+        if self.kind != "transmission":
+            truth["outcome"] |= {"Q_coupling": self.coupling_q}
+        truth["outcome"] |= {"Q_plus": self.eta_hz / self.width_hz}
+        return {
+            CAMPAIGN_NAME: toml_text(self._campaign(), head),
+            "sweep.csv": csv_text(columns, head),
+            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+        }
+
+    def _campaign(self) -> dict[str, Any]:
+        """Starts are a third of a width off, and twice the width."""
+        eta, width = self.eta_hz, self.width_hz
+        sweep: dict[str, Any] = {"file": "sweep.csv", "wiring": self.kind, "delay": "fit"}
+        if self.kind != "transmission" and self.slope:
+            sweep["background"] = "slope"
+        start = {
+            "periodic_start": True,
+            "theta": 0.0,
+            "g2": 0.0,
+            "d2": width,
+            "eta_minus": 2.0 * eta,
+            "u2": 1.5 * eta,
+        }
+        return {
+            "title": f"One mode in {self.kind} (synthetic)",
+            "synthetic": True,
+            "fmu": {"model": "CoupledOscillator", "start": start},
+            "observe": {"output": "q1_hybrid", "steady_start": True},
+            "drive": {
+                "kind": "tones",
+                "frequencies": ["u1", "u2"],
+                "amplitudes": ["A1", "A2"],
+            },
+            "complex_sweep": [sweep],
+            "parameters": [
+                _parameter("eta_plus", "Hz", (eta - 3 * width, eta + 3 * width), eta + width / 3.0),
+                _parameter("d1", "Hz", (0.1 * width, 10.0 * width), 2.0 * width),
+            ],
+            "derived": {"outputs": ["Q_plus"]},
+            "continuation": FEW_LEVELS,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvoidedCrossing:
+    """Spectra |q1| over a voltage: f1 = ``f1_hz`` + ``tuning_hz_v`` V, f2, lambda, widths d, Hz.
+
+    ``volts`` V from -``reach_v`` to ``reach_v``, ``points`` frequencies each over ``span_hz``;
+    ``gain`` in V per m; ``drift_hz`` is what both frequencies move by from the first to the last
+    spectrum, ``noise`` the standard deviation of every amplitude over its spectrum's largest.
+
+    Raises:
+        BadInput: numbers that no laboratory has.
+    """
+
+    f1_hz: float = 1001.0
+    tuning_hz_v: float = 4.0
+    f2_hz: float = 1000.0
+    lambda_hz: float = 100.0
+    d1_hz: float = 3.0
+    d2_hz: float = 3.0
+    reach_v: float = 3.0
+    volts: int = 7
+    span_hz: float = 40.0
+    points: int = 61
+    gain: float = 1e6
+    drift_hz: float = 0.0
+    noise: float = 0.01
+
+    def __post_init__(self) -> None:
+        names = ("f1_hz", "f2_hz", "lambda_hz", "d1_hz", "d2_hz", "reach_v", "span_hz", "gain")
+        _check(self, names)
+        if self.volts < 2:
+            raise BadInput(f"synthesize: volts: found {self.volts}, wanted 2 spectra at least")
+
+    def frequencies_hz(self) -> FloatArray:
+        """Of the points of every spectrum, (n,)."""
+        half = 0.5 * self.span_hz
+        return np.asarray(self.f2_hz + np.linspace(-half, half, self.points))
+
+    def voltages(self) -> FloatArray:
+        """Of the spectra, (m,)."""
+        return np.linspace(-self.reach_v, self.reach_v, self.volts)
+
+    def values(self) -> FloatArray:
+        """|q1| in V of every spectrum, without noise, (m, n)."""
+        found = []
+        for k, volt in enumerate(self.voltages()):
+            moved = self.drift_hz * (k / (self.volts - 1) - 0.5)
+            sample = CoupledModes(
+                f_hz=(self.f1_hz + self.tuning_hz_v * float(volt) + moved, self.f2_hz + moved),
+                d_hz=(self.d1_hz, self.d2_hz),
+                coupling_hz={(0, 1): self.lambda_hz},
+                gains=(1.0, 0.0),
+            )
+            found.append(self.gain * np.abs(sample.response(self.frequencies_hz())[:, 0]))
+        return np.array(found)
+
+    def files(self, seed: int, head: tuple[str, ...]) -> dict[str, str]:
+        """Texts by file name: campaign, map and truth.
+
+        Args:
+            seed: of the noise.
+            head: lines that open every file.
+        """
+        exact = self.values()
+        draws = np.random.default_rng(seed).standard_normal(exact.shape)
+        seen = np.abs(exact + self.noise * np.max(exact, axis=1, keepdims=True) * draws)
+        volts, u = np.meshgrid(self.voltages(), self.frequencies_hz(), indexing="ij")
+        columns = {
+            "V (V)": volts.ravel(),
+            "frequency (Hz)": u.ravel(),
+            "amplitude (V)": seen.ravel(),
+        }
+        truth = {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
+        return {
+            CAMPAIGN_NAME: toml_text(self._campaign(), head),
+            "map.csv": csv_text(columns, head),
+            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+        }
+
+    def _campaign(self) -> dict[str, Any]:
+        """Boxes about the middle of the spectra, starts beside the truth."""
+        middle, half = self.f2_hz, 0.5 * self.span_hz
+        box, tuning = (middle - half, middle + half), abs(self.tuning_hz_v) or 1.0
+        width, start = self.d1_hz, 1.3 * self.lambda_hz
+        return {
+            "title": "An avoided crossing (synthetic)",
+            "synthetic": True,
+            "fmu": {
+                "model": "CoupledModes2",
+                "start": {"periodic_start": True, "A2": 0.0, "g2": 0.0, "u2": 2.0 * middle},
+            },
+            "observe": {"output": "q1", "steady_start": True},
+            "drive": {
+                "kind": "tones",
+                "frequencies": ["u1", "u2"],
+                "amplitudes": ["A1", "A2"],
+            },
+            "control_sweep": {"file": "map.csv", "controls": ["V"], "amplitude": "V peak"},
+            "laws": {"f1": "a0 + a1*V"},
+            "parameters": [
+                _parameter("a0", "Hz", box, self.f1_hz + 0.05 * half),
+                _parameter("a1", "Hz/V", (-5.0 * tuning, 5.0 * tuning), 0.8 * self.tuning_hz_v),
+                _parameter("f2", "Hz", box, middle - 0.05 * half),
+                _parameter("lambda12", "Hz", (0.1 * start, 3.0 * start), start),
+                _parameter("d1", "Hz", (0.1 * width, 10.0 * width), 1.5 * width),
+                _parameter("d2", "Hz", (0.1 * width, 10.0 * width), 1.5 * width),
+            ],
+            "continuation": FEW_LEVELS,
+        }
+
+
+#: Table of truth.toml that holds the record.
+CURVE = "curve"
+FEW_LEVELS = {
+    "nu_start": 1e-6,
+    "beta": 0.01,
+    "iterations": 3,
+    "misfit": "squares",
+    "starts": 1,
+}
+
+
+def curve_named(kind: str, changes: Mapping[str, Any]) -> WiredResonance | AvoidedCrossing:
+    """A built-in curve with numbers of its own.
+
+    Args:
+        kind: one of `KINDS`.
+        changes: numbers that are different, by the names of the record's fields.
+
+    Raises:
+        BadInput: no such kind, a name that it does not have, impossible numbers.
+    """
+    if kind not in KINDS:
+        raise BadInput(f"curve {kind!r}: wanted one of {', '.join(KINDS)}")
+    made = AvoidedCrossing() if kind == CROSSING else WiredResonance(kind=kind)
+    known = {field.name for field in fields(made)} - {"kind"}
+    for name in changes:
+        if name not in known:
+            raise BadInput(
+                f"{name}: has no meaning for the curve {kind!r}, wanted {', '.join(sorted(known))}"
+            )
+    return replace(made, **changes)
+
+
+def _parameter(
+    name: str, unit: str, box: tuple[float, float], start: float
+) -> dict[str, float | str]:
+    return {"name": name, "unit": unit, "lower": box[0], "upper": box[1], "start": start}
+
+
+def _check(record: WiredResonance | AvoidedCrossing, positive: tuple[str, ...]) -> None:
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if isinstance(value, str):
+            continue
+        above = field.name in positive
+        if not math.isfinite(value) or (above and value <= 0.0):
+            wanted = "a number above zero" if above else "a number"
+            raise BadInput(f"synthesize: {field.name}: found {value!r}, wanted {wanted}")
+    if record.points < 8:
+        raise BadInput(f"synthesize: points: found {record.points}, wanted 8 at least")
+    if record.noise < 0.0:
+        raise BadInput(f"synthesize: noise: found {record.noise}, wanted zero or more")

@@ -1,0 +1,112 @@
+"""Curves of the virtual laboratory: complex sweeps, spectra over a voltage, by closed forms."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.campaign.complex_trace import read_complex
+from fitting.lab.curves import WIRED, AvoidedCrossing, WiredResonance
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.text.errors import BadInput
+from tests.support import crossing_spectra
+from tests.support.complex_data import mode, notch
+
+
+@pytest.mark.parametrize("kind", WIRED)
+def test_a_wired_resonance_is_that_of_the_closed_form(kind: str, tmp_path: Path) -> None:
+    """The dip, its complex coupling, slope, gain and delay, as a file tells them."""
+    made = ff.synthesize_curves(kind, noise=0.0, out=tmp_path)
+    told = made.truth["curve"]
+    read = read_complex(tmp_path / "sweep.csv")
+    u, eta, width = read.frequency_hz, told["eta_hz"], told["width_hz"]
+    q = eta / width
+    line = 0.3 * np.exp(1.1j) * np.exp(-2j * np.pi * (u - eta) * told["delay_s"])
+    if kind == "transmission":
+        [top] = np.abs(mode(np.array([eta]), eta, width))
+        exact = line * mode(u, eta, width) / top
+    else:
+        coupling = told["coupling"] * q * np.exp(-1j * told["phase_rad"])
+        twice = 2.0 if kind == "reflection" else 1.0
+        slope = told["slope"] * (u - eta) / (0.5 * np.ptp(u))
+        exact = line * (notch(u, eta, q, coupling / twice) + slope)
+        quality = 1.0 / np.real(1.0 / coupling)
+        assert made.truth["outcome"]["Q_coupling"] == pytest.approx(quality, rel=1e-12)
+    assert read.values == pytest.approx(exact, abs=1e-9 * float(np.max(np.abs(exact))))
+
+
+def test_the_fit_finds_what_was_put_in(oscillator_fmu: Path, tmp_path: Path) -> None:
+    made = ff.synthesize_curves("notch", seed=5, points=101, out=tmp_path)
+    problem = ff.Problem.of(tmp_path / "campaign.toml", ff.Fmu(oscillator_fmu, workers=1))
+    result = ff.fit(problem).result
+    for name, truth in (("eta_plus", 5e9), ("d1", 420e3), ("delay", 41e-9)):
+        found = result.parameters[name]
+        assert abs(found.value - truth) < 4.0 * found.std
+    [coupling] = [q for q in result.quadratures.qualities if q.name == "Q_coupling"]
+    assert abs(coupling.value - made.truth["outcome"]["Q_coupling"]) < 4.0 * coupling.std
+
+
+def test_spectra_over_a_voltage_are_those_of_the_closed_form(tmp_path: Path) -> None:
+    made = ff.synthesize_curves("crossing", noise=0.0, out=tmp_path)
+    told = made.truth["curve"]
+    assert told == {
+        **told,
+        "f1_hz": crossing_spectra.A0,
+        "tuning_hz_v": crossing_spectra.A1,
+        "f2_hz": crossing_spectra.B0,
+        "lambda_hz": crossing_spectra.LAMBDA,
+        "d1_hz": crossing_spectra.WIDTH,
+    }
+    campaign = ff.read_campaign(tmp_path / "campaign.toml")
+    [sweep] = ff.Problem.of(campaign).record.measurements
+    assert isinstance(sweep, ControlSweep)
+    assert len(sweep.spectra) == told["volts"]
+    for spectrum in sweep.spectra:
+        exact = crossing_spectra.response(spectrum.u_hz, float(spectrum.settings["V"]))
+        assert spectrum.y == pytest.approx(1e6 * exact, rel=1e-9)
+
+
+def test_noise_comes_from_the_seed() -> None:
+    one, same, other = (ff.synthesize_curves("notch", seed=s).files["sweep.csv"] for s in (1, 1, 2))
+    assert one == same != other
+    exact = WiredResonance().values()
+    table = [row.split(",") for row in str(one).splitlines() if row[0].isdigit()]
+    seen = np.array([complex(float(x), float(y)) for _, x, y in table])
+    left = (seen - exact) / np.max(np.abs(exact))
+    assert np.std(left.real) == pytest.approx(0.005, rel=0.2)
+    assert np.std(left.imag) == pytest.approx(0.005, rel=0.2)
+
+
+def test_both_frequencies_drift() -> None:
+    still, moved = AvoidedCrossing(lambda_hz=1e-3), AvoidedCrossing(lambda_hz=1e-3, drift_hz=10.0)
+    tops = [x.frequencies_hz()[np.argmax(x.values(), axis=1)] for x in (still, moved)]
+    steps = np.linspace(-5.0, 5.0, 7)
+    assert tops[1] - tops[0] == pytest.approx(steps, abs=0.7)
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "words"),
+    [
+        ("hanger", {}, r"curve 'hanger': wanted one of transmission"),
+        ("notch", {"lambda_hz": 1.0}, r"lambda_hz: has no meaning for the curve 'notch', wanted"),
+        ("notch", {"width_hz": 0.0}, r"width_hz: found 0\.0, wanted a number above zero"),
+        ("notch", {"points": 3}, r"points: found 3, wanted 8 at least"),
+        ("notch", {"noise": -1.0}, r"noise: found -1\.0, wanted zero or more"),
+        ("notch", {"span_widths": 1e9}, r"the span reaches below zero frequency"),
+        ("crossing", {"volts": 1}, r"volts: found 1, wanted 2 spectra at least"),
+        ("notch", {"seed": -1}, r"seed: found -1"),
+    ],
+)
+def test_what_no_laboratory_has_is_refused(kind: str, changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadInput, match=words):
+        ff.synthesize_curves(kind, **changes)
+
+
+def test_the_campaign_names_its_model(tmp_path: Path) -> None:
+    files = ff.synthesize_curves("crossing").files
+    assert tomllib.loads(str(files["campaign.toml"]))["fmu"]["model"] == "CoupledModes2"
