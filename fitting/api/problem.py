@@ -24,6 +24,7 @@ from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arr
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
 from fitting.campaign.repeats import refuse_repeats
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
 from fitting.fit.options import Options, options_of
 from fitting.fit.planned_fmu import PlannedFmu, plan_problem
@@ -275,10 +276,11 @@ class Problem:
             BadInput: the noise of some rows is not known.
             FmuFailure: the FMU failed at one of them.
         """
-        root = self._noise_root
-        white = np.linalg.solve(root, np.expand_dims(self.residuals(p), -1))[..., 0]
-        size = 0.5 * root.shape[0] * math.log(2.0 * math.pi) + np.sum(np.log(np.diag(root)))
-        return np.asarray(-0.5 * np.sum(white**2, axis=-1) - size)
+        noise, rows = self._noise, self.residuals(p)
+        white = noise.whitened(rows.reshape(-1, noise.size).T)
+        size = noise.size * math.log(2.0 * math.pi) + noise.log_determinant
+        found = -0.5 * (np.sum(white**2, axis=0) + size)
+        return np.asarray(found.reshape(rows.shape[:-1]))
 
     def logp(self, p: npt.ArrayLike) -> FloatArray:
         """ln of posterior, shape (...), but for its constant: ln L and the logarithm of the prior.
@@ -313,8 +315,8 @@ class Problem:
         return total
 
     @cached_property
-    def _noise_root(self) -> FloatArray:
-        """Lower triangular root of V, (m, m)."""
+    def _noise(self) -> RowCovariance:
+        """V, with the error of the scale as the data have it."""
         data = self.record.data
         if not np.all(data.sigma > 0.0):
             missing = int(np.sum(~(data.sigma > 0.0)))
@@ -324,7 +326,7 @@ class Problem:
             )
         mine = data.series_of_rows[:, None] == np.arange(len(data.series))
         shared = np.where(mine, data.measured_rows[:, None] * np.array(data.scale_sigmas), 0.0)
-        return np.asarray(np.linalg.cholesky(np.diag(data.sigma**2) + shared @ shared.T))
+        return RowCovariance(data.sigma, shared)
 
     def _rows(self, table: FloatArray) -> FloatArray:
         xs = list(to_search(self.record.parameters, table))

@@ -14,11 +14,12 @@ is stricter than 1 - C_ii/(P^-1)_ii, and so meant: the linearisation sees no cur
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from fitting.fit.covariance import RowCovariance, WhitenedErrors
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Share of the variance from which a linearised value counts as one of the data.
@@ -48,15 +49,15 @@ class Linearisation:
 
     `rows` (m,) are residuals of unit variance, `matrix` (m, n) their derivatives in x, `prior` (n,)
     the standard deviations in x without data. `inflation` is the factor on the given sigmas that
-    the residuals asked for (one if they fit); it is in the rows already. `bounded` (m, j) are
-    columns of errors of the rows, each times a number from -1 to 1 that nobody knows.
+    the residuals asked for (one if they fit); it is in the rows already. `bounded` are errors of
+    the rows, each column times a number from -1 to 1 that nobody knows; None: there are none.
     """
 
     rows: FloatArray
     matrix: FloatArray
     prior: FloatArray
     inflation: float = 1.0
-    bounded: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    bounded: WhitenedErrors | None = None
 
     @property
     def scaled(self) -> FloatArray:
@@ -121,10 +122,9 @@ class Linearisation:
         Args:
             gradient: d value/dx, shape (n,), in the value's unit; the shift is in it too.
         """
-        if not self.bounded.size:
+        if self.bounded is None:
             return 0.0
-        pull = self.matrix @ (self.covariance @ gradient)
-        return float(np.sum(np.abs(pull @ self.bounded)))
+        return self.bounded.moved(self.matrix @ (self.covariance @ gradient))
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -188,7 +188,7 @@ class Linearisation:
             matrix=self.matrix / factor,
             prior=self.prior,
             inflation=self.inflation * factor,
-            bounded=self.bounded / factor,
+            bounded=None if self.bounded is None else self.bounded.widened(factor),
         )
 
 
@@ -208,9 +208,9 @@ def joined(parts: Sequence[Linearisation]) -> Linearisation:
 def linearise(
     residuals: FloatArray,
     matrix: FloatArray,
-    noise: FloatArray,
+    noise: FloatArray | RowCovariance,
     prior: FloatArray,
-    weighed: FloatArray | None = None,
+    weighed: FloatArray | RowCovariance | None = None,
     solved: int = 0,
 ) -> Linearisation:
     """The problem at a point, its noise widened where the residuals are larger.
@@ -220,7 +220,7 @@ def linearise(
     Args:
         residuals: r at the point, shape (m,).
         matrix: dr/dx, shape (m, n).
-        noise: covariance V of the rows, shape (m, m), positive definite, as it is stated.
+        noise: covariance V of the m rows, positive definite, as it is stated.
         prior: standard deviations in x without data, shape (n,).
         weighed: covariance by which the rows count in place of V, where some weigh less than their
             noise (a sweep whose residuals hang together: `fitting.signal.residual_tests`).
@@ -238,20 +238,18 @@ def linearise(
     )
 
 
-def whitened(rows: FloatArray, covariance: FloatArray) -> FloatArray:
+def whitened(rows: FloatArray, covariance: FloatArray | RowCovariance) -> FloatArray:
     """L^-1 rows with L L^T = V: rows of unit variance, or their derivatives.
 
     Args:
         rows: shape (m,) or (..., m, n).
-        covariance: V, shape (..., m, m), positive definite.
+        covariance: V, positive definite: that of m rows, or an array (..., m, m).
 
     Raises:
         LinAlgError: the covariance is not positive definite.
     """
-    if covariance.ndim == 2 and np.count_nonzero(covariance) == covariance.shape[0]:
-        variance = np.diagonal(covariance)
-        if np.all(variance > 0.0):  # rows of their own noise: thousands of them cost nothing
-            return np.asarray((rows.T / np.sqrt(variance)).T)
+    if isinstance(covariance, RowCovariance):
+        return covariance.whitened(rows)
     return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), rows))
 
 

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fitting.fit.covariance import BoundedErrors, RowCovariance
 from fitting.fit.linearisation import row_sigmas
 from fitting.fit.objective import Objective, Point
 from fitting.measurements.dataset import Dataset
@@ -34,23 +35,22 @@ from fitting.text.arrays import FloatArray
 class RowNoise:
     """Relative noise of the rows: `sigma` (m,) of each alone, `common` (m, k) shared by rows.
 
-    `bounded` (m, j) are the columns B of what the simulation may be off by, none where it is exact.
+    `bounded` are the columns B of what the simulation may be off by, none where it is exact.
     """
 
     sigma: FloatArray
     common: FloatArray
-    bounded: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
 
     @property
-    def covariance(self) -> FloatArray:
-        """V (m, m)."""
-        own = np.diag(self.sigma**2)
-        return own + self.common @ self.common.T if self.common.shape[1] else own
+    def covariance(self) -> RowCovariance:
+        """V."""
+        return RowCovariance(self.sigma, self.common)
 
     @property
-    def loosest(self) -> FloatArray:
-        """V (m, m), loosened for what the simulation may be off by: for tests of agreement."""
-        return loosened(self.covariance, self.bounded)
+    def loosest(self) -> RowCovariance:
+        """V, loosened for what the simulation may be off by: for tests of agreement."""
+        return self.covariance.loosened(self.bounded)
 
     def widened(self, rows: slice, factor: float) -> RowNoise:
         """The same noise, some rows counting as if theirs were wider.
@@ -62,19 +62,6 @@ class RowNoise:
         sigma = self.sigma.copy()
         sigma[rows] *= factor
         return replace(self, sigma=sigma)
-
-
-def loosened(covariance: FloatArray, bounded: FloatArray) -> FloatArray:
-    """V + j B B^T (m, m): by it no error of the simulation adds more than one to chi square.
-
-    |d|^2 <= j for all |d_i| <= 1, and (B d)^T (j B B^T)^-1 B d <= |d|^2/j.
-
-    Args:
-        covariance: V of the rows, shape (m, m).
-        bounded: B, shape (m, j); nothing changes without columns.
-    """
-    count = bounded.shape[1]
-    return np.asarray(covariance + count * (bounded @ bounded.T)) if count else covariance
 
 
 def noise_of(objective: Objective, point: Point) -> RowNoise:
@@ -97,23 +84,22 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
     return RowNoise(sigma, common, _bounded(data, point))
 
 
-def _bounded(data: Dataset, point: Point) -> FloatArray:
-    """Columns of what the simulation may be off by, (m, j)."""
-    rows = point.residuals.size
+def _bounded(data: Dataset, point: Point) -> BoundedErrors:
+    """What the simulation may be off by."""
     if not any(point.promised):
-        return np.empty((rows, 0))
-    share = np.zeros(rows)
+        return BoundedErrors.none()
+    share = np.zeros(point.residuals.size)
     for promised, place in zip(point.promised, data.slices, strict=True):
         share[place] = promised
     along = point.residuals + data.measured_rows  # dr/d ln amplitude, of rows that have a scale
     along = np.where(data.measured_rows == 0.0, 1.0 + np.abs(point.residuals), along)
-    columns = [np.diag(share * along)]
-    columns += [
-        (share * _along_scale(data, point, series))[:, np.newaxis]
+    columns = [
+        share * _along_scale(data, point, series)
         for series, chi in enumerate(point.chis)
         if chi != 1.0  # else nothing was simulated for it
     ]
-    return np.hstack(columns)
+    common = np.stack(columns, axis=1) if columns else np.empty((share.size, 0))
+    return BoundedErrors(share * along, common)
 
 
 def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:

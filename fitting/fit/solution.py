@@ -9,7 +9,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
-from fitting.fit.linearisation import Linearisation, linearise, whitened
+from fitting.fit.covariance import WhitenedErrors
+from fitting.fit.linearisation import Linearisation, linearise
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, Point, weights
 from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
@@ -89,8 +90,9 @@ def solution_of(
         widened.covariance,
         objective.data.solved_inside,
     )
-    bounded = whitened(noise.bounded, widened.covariance) / errors.inflation
-    errors = replace(errors, bounded=bounded)
+    if noise.bounded.columns:
+        counted = widened.covariance.times(errors.inflation)
+        errors = replace(errors, bounded=WhitenedErrors(noise.bounded, counted))
     tikhonov_weights = weights(objective, nu, misfit)
     return Solution(
         objective=objective,

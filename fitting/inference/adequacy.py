@@ -24,9 +24,8 @@ import numpy as np
 from scipy.special import gammaincc
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_model
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
-from fitting.fit.linearisation import whitened
-from fitting.fit.noise import loosened
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.text.arrays import FloatArray
@@ -42,19 +41,18 @@ def adequacy_of(optimum: Optimum) -> Adequacy:
     Args:
         optimum: the most likely point and its likelihood.
     """
-    likelihood, m = optimum.likelihood, optimum.likelihood.whitening.shape[0]
-    root = np.linalg.inv(likelihood.whitening) / likelihood.inflation
+    likelihood, m = optimum.likelihood, optimum.likelihood.data_rows
     known = likelihood.objective.data.sigma > 0.0
     here = optimum.expansion
-    rows = (root @ here.sample.rows[:m])[known] * likelihood.inflation
-    matrix = (root @ here.matrix[:m])[known] * likelihood.inflation
-    noise = root @ root.T
+    rows = likelihood.residuals(here.sample.rows[:m])[known]
+    matrix = likelihood.residuals(here.matrix[:m])[known]
+    noise = likelihood.noise
     covariance = data_covariance(optimum, stated=True)
     solved = likelihood.objective.data.solved_of(known=True)
-    found = judged(rows, matrix, noise[np.ix_(known, known)], covariance, solved)
-    if found.describes or not likelihood.bounded.size:
+    found = judged(rows, matrix, noise.restricted(known), covariance, solved)
+    if found.describes or not likelihood.bounded.columns:
         return found
-    loosest = loosened(noise, likelihood.bounded)[np.ix_(known, known)]
+    loosest = noise.loosened(likelihood.bounded).restricted(known)
     excused = judged(rows, matrix, loosest, covariance, solved).describes
     return replace(found, describes=excused)
 
@@ -62,7 +60,7 @@ def adequacy_of(optimum: Optimum) -> Adequacy:
 def judged(
     rows: FloatArray,
     matrix: FloatArray,
-    noise: FloatArray,
+    noise: RowCovariance,
     covariance: FloatArray,
     solved: int = 0,
 ) -> Adequacy:
@@ -71,15 +69,15 @@ def judged(
     Args:
         rows: residuals of known noise, shape (m,).
         matrix: their derivatives in x, shape (m, n).
-        noise: their covariance, shape (m, m).
+        noise: their covariance.
         covariance: of x, shape (n, n), from all data.
         solved: number of unknowns that the rows are solved for inside.
     """
     if not rows.size:
         return Adequacy(chi_square=np.nan, freedom=0.0, p_value=np.nan, describes=True)
-    white, slopes = whitened(rows, noise), whitened(matrix, noise)
+    white, slopes = noise.whitened(rows), noise.whitened(matrix)
     square = float(white @ white)
-    freedom = float(rows.size - solved - np.trace(slopes @ covariance @ slopes.T))
+    freedom = float(rows.size - solved - np.sum((slopes @ covariance) * slopes))
     if freedom < 0.5:  # as many unknowns as rows: nothing is left to judge by
         return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
     p_value = float(gammaincc(0.5 * freedom, 0.5 * square))
@@ -97,7 +95,7 @@ def is_redundant(optimum: Optimum) -> bool:
     """
     likelihood = optimum.likelihood
     priors = np.count_nonzero(likelihood.inverse_prior_sigma)
-    rows = likelihood.whitening.shape[0] - likelihood.objective.data.solved_inside
+    rows = likelihood.data_rows - likelihood.objective.data.solved_inside
     return bool(rows + priors > len(likelihood.parameters))
 
 

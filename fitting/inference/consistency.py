@@ -24,7 +24,7 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import prior_sigmas, search_bounds
 from fitting.fit.differences import central
-from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined, whitened
+from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point
 from fitting.fit.outputs import output_means
@@ -159,10 +159,10 @@ def _whitened(solution: Solution) -> tuple[_System, list[float]]:
     parts, owners = [], []
     for k in range(len(data.series)):
         mine = data.series_of_rows == k
-        own = noise[np.ix_(mine, mine)]
+        own = noise.restricted(mine)
         rows, matrix = point.residuals[mine], solution.matrix[mine]
         parts.append(
-            Linearisation(rows=whitened(rows, own), matrix=whitened(matrix, own), prior=prior)
+            Linearisation(rows=own.whitened(rows), matrix=own.whitened(matrix), prior=prior)
         )
         owners.append(np.asarray(np.any(matrix != 0.0, axis=0)))
     system = _System(tuple(parts), own_priors, tuple(owners))

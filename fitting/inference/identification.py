@@ -128,8 +128,6 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     curves = objective.data.curve_rows
     if not point.residuals[curves].size:
         return noise
-    rows = np.linalg.solve(
-        evaluator.likelihood.whitening, optimum.expansion.matrix[: noise.sigma.size]
-    )
-    found = curve_structure(objective, point, np.asarray(rows))
+    matrix = evaluator.likelihood.residuals(optimum.expansion.matrix[: noise.sigma.size])
+    found = curve_structure(objective, point, matrix)
     return noise if found is None else noise.widened(curves, found.widening)

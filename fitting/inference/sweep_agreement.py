@@ -23,9 +23,9 @@ import numpy as np
 from scipy.special import chdtrc, ndtri
 
 from fitting.campaign.parameters import prior_sigmas, search_bounds
+from fitting.fit.covariance import RowCovariance
 from fitting.fit.differences import forward
-from fitting.fit.linearisation import whitened
-from fitting.fit.noise import loosened, noise_of
+from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.solution import Solution
 from fitting.inference.consistency import BETTER_THAN_BOX
@@ -132,8 +132,8 @@ class _Both:
         # the error of the scale moves all peaks together as they were measured, not as a fit has
         # them that a contradiction has bent
         common = data.scale_sigmas[series] * self.measured
-        own = np.diag(sigma**2) + np.outer(common, common)
-        self.covariance = loosened(own, noise.bounded[self.peaks])
+        own = RowCovariance(sigma, common[:, np.newaxis])
+        self.covariance = own.loosened(noise.bounded.restricted(self.peaks))
         self.bounds = search_bounds(solution.parameters)
         self.prior = prior_sigmas(solution.parameters)
         self.held = np.array(
@@ -231,9 +231,9 @@ class _Both:
             free = -values if "F" in parts else np.zeros(values.size)
             columns = np.column_stack([slope, np.zeros(values.size), free])
             held = self.held > 0.0
-            rows += [whitened(values - self.measured, self.covariance), (self.held * x)[held]]
+            rows += [self.covariance.whitened(values - self.measured), (self.held * x)[held]]
             priors = np.pad(np.diag(self.held)[held], ((0, 0), (0, 2)))
-            matrices += [whitened(columns, self.covariance), priors]
+            matrices += [self.covariance.whitened(columns), priors]
         if "T" in parts:
             values = math.exp(scale) * known.swept
             slope = math.exp(scale) * known.swept_slope

@@ -159,7 +159,7 @@ def test_the_error_of_the_scale_moves_rows_as_it_should(tmp_path: Path) -> None:
         else:
             rows = point.chi * response.sweep(point.parameters) / sweep.maximum_v
             assert noise.common[count:, 0] == pytest.approx(sigma * rows)
-        assert noise.covariance.shape == (point.residuals.size,) * 2
+        assert noise.covariance.size == point.residuals.size
 
 
 def test_scale_errors_of_joined_campaigns_stay_apart() -> None:

@@ -57,7 +57,9 @@ def test_chi_square_is_that_of_the_full_covariance() -> None:
     v = np.diag(sigma**2) + 0.03**2
     wanted = point.residuals @ np.linalg.solve(v, point.residuals)
     assert rows @ rows == pytest.approx(wanted, rel=1e-9)
-    assert evaluator.likelihood.row_sigma == pytest.approx(np.sqrt(sigma**2 + 0.03**2), rel=1e-9)
+    assert evaluator.likelihood.noise.row_sigma == pytest.approx(
+        np.sqrt(sigma**2 + 0.03**2), rel=1e-9
+    )
 
 
 def test_the_most_likely_point_is_that_of_scipy() -> None:

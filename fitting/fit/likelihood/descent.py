@@ -280,13 +280,13 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
     """
     likelihood = evaluator.likelihood
     best, converged = _best_of(evaluator, starts)
-    m = likelihood.whitening.shape[0]
+    m = likelihood.data_rows
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
     free = freedom_of(likelihood, best)
     inflation = inflation_of(chi_square, free)
     if inflation > 1.0:
-        wider = replace(likelihood, whitening=likelihood.whitening / inflation, inflation=inflation)
+        wider = replace(likelihood, inflation=inflation)
         evaluator.likelihood = wider
         best, converged = _best_of(evaluator, [best.x])
     [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, best.x)], evaluator)
@@ -408,7 +408,7 @@ def freedom_of(likelihood: Likelihood, end: Expansion) -> float:
         likelihood: of the data.
         end: rows and slopes at the point where the fit ended.
     """
-    m = likelihood.whitening.shape[0]
+    m = likelihood.data_rows
     prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
     here = Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
     return max(0.5, here.degrees_of_freedom - likelihood.objective.data.solved_inside)

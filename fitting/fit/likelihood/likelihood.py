@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, in_box, search_bounds, to_model, to_search
+from fitting.fit.covariance import BoundedErrors, RowCovariance
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective, Point, evaluate_many
@@ -38,17 +39,17 @@ FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
 class Likelihood:
     """Whitened rows of an objective, with the box in which they are looked at.
 
-    `whitening` (m, m) turns residuals into rows of unit variance, inflation included;
-    `inverse_prior_sigma` (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted
-    from the residuals (a synthetic data set of the bootstrap). `lower`, `upper` (n,) are hard
+    `noise` is the covariance V of the rows as it is stated, `inflation` k; `inverse_prior_sigma`
+    (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted from the residuals (a synthetic
+    data set of the bootstrap). `lower`, `upper` (n,) are hard
     limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
     that can go round between them, else infinity: such a parameter has no limits here. `names` of
-    the outputs. `bounded` (m, j) are columns of what the simulation may be off by
-    (`fitting.fit.noise`): they take no part in chi square.
+    the outputs. `bounded` is what the simulation may be off by (`fitting.fit.noise`): it takes no
+    part in chi square.
     """
 
     objective: Objective
-    whitening: FloatArray
+    noise: RowCovariance
     inverse_prior_sigma: FloatArray
     shift: FloatArray
     lower: FloatArray
@@ -56,7 +57,7 @@ class Likelihood:
     periods: FloatArray
     names: tuple[str, ...]
     inflation: float = 1.0
-    bounded: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -72,13 +73,20 @@ class Likelihood:
     @property
     def stated(self) -> Likelihood:
         """The same with the noise as it is stated, not widened."""
-        return replace(self, whitening=self.whitening * self.inflation, inflation=1.0)
+        return replace(self, inflation=1.0)
 
     @property
-    def row_sigma(self) -> FloatArray:
-        """Standard deviation of every residual row, what it shares with others included, (m,)."""
-        root = np.linalg.inv(self.whitening) / self.inflation
-        return np.asarray(np.sqrt(np.sum(root**2, axis=1)))
+    def data_rows(self) -> int:
+        """Number m of rows of the data; those of the priors follow."""
+        return self.noise.size
+
+    def residuals(self, rows: FloatArray) -> FloatArray:
+        """Residuals, or changes of them, behind whitened rows of the data, (m,) or (m, n).
+
+        Args:
+            rows: as `rows` has them, without those of the priors.
+        """
+        return self.inflation * self.noise.coloured(rows)
 
     def rows(self, point: Point) -> FloatArray:
         """Rows of data and priors whose sum of squares is chi square, shape (m + n,).
@@ -86,7 +94,7 @@ class Likelihood:
         Args:
             point: evaluated, with residuals of shape (m,).
         """
-        data = self.whitening @ (point.residuals - self.shift)
+        data = self.noise.whitened(point.residuals - self.shift) / self.inflation
         return np.concatenate([data, point.x * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:
@@ -160,7 +168,7 @@ def likelihood_of(
     sigma: FloatArray,
     common: FloatArray,
     names: Sequence[str] = (),
-    bounded: FloatArray | None = None,
+    bounded: BoundedErrors | None = None,
 ) -> Likelihood:
     """Likelihood without inflation from the relative noise of the rows.
 
@@ -169,7 +177,7 @@ def likelihood_of(
         sigma: relative standard deviations of the rows, shape (m,), all positive.
         common: columns of relative errors shared by the rows, shape (m, k).
         names: derived outputs that are looked at.
-        bounded: columns of what the simulation may be off by, shape (m, j); none if not given.
+        bounded: what the simulation may be off by; nothing if not given.
     """
     own = np.maximum(sigma, SMALLEST_SIGMA)
     lower, upper = search_bounds(objective.parameters)
@@ -186,22 +194,15 @@ def likelihood_of(
     bound = np.isinf(periods)
     return Likelihood(
         objective=objective,
-        whitening=_inverse_root(own, common),
+        noise=RowCovariance(own, common),
         inverse_prior_sigma=inverse_prior_sigma,
         shift=np.zeros(sigma.size),
         lower=np.where(bound, lower, -np.inf),
         upper=np.where(bound, upper, np.inf),
         periods=periods,
         names=tuple(names),
-        bounded=np.empty((0, 0)) if bounded is None else bounded,
+        bounded=BoundedErrors.none() if bounded is None else bounded,
     )
-
-
-def _inverse_root(sigma: FloatArray, common: FloatArray) -> FloatArray:
-    """L^-1, L L^T = diag(sigma^2) + U U^T, shape (m, m)."""
-    if common.shape[1] == 0:
-        return np.diag(1.0 / sigma)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.diag(sigma**2) + common @ common.T)))
 
 
 class LikelihoodEvaluator:
@@ -280,7 +281,7 @@ class LikelihoodEvaluator:
         if asked_for and self.failures >= MOST_FAILURES:
             raise failure
         self.failures += asked_for
-        return np.full(self.likelihood.whitening.shape[0] + x.size, np.nan)
+        return np.full(self.likelihood.data_rows + x.size, np.nan)
 
     def _outputs(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         names = self.likelihood.names

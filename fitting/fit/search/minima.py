@@ -199,7 +199,7 @@ def _is_explained(likelihood: Likelihood, ended: Sequence[tuple[FloatArray, Desc
     if not ended:
         return False
     end = min((d for _, d in ended), key=lambda each: each.chi_square).end
-    m = likelihood.whitening.shape[0]
+    m = likelihood.data_rows
     rows = end.sample.rows[:m]
     free = freedom_of(likelihood, end)
     return inflation_of(float(rows @ rows), free) == 1.0

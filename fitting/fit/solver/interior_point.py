@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
+from scipy.sparse import diags_array
 
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.solver.evaluator import Evaluator, total
@@ -325,7 +326,7 @@ def _slack_problem(
     n = x0.size
     rows = np.abs(evaluator.point(x0).residuals)
     m = rows.size
-    curvature = np.diag(np.concatenate([np.full(n, nu), np.zeros(m)]))
+    curvature = diags_array(np.concatenate([np.full(n, nu), np.zeros(m)]), format="csr")
 
     def bands(y: FloatArray) -> FloatArray:
         r, s = evaluator.point(np.array(y[:n])).residuals, y[n:]

@@ -53,7 +53,7 @@ def bootstrap(
     likelihood, expansion = optimum.likelihood, optimum.expansion
     generator = np.random.default_rng(seed)
     noise = generator.standard_normal((samples, expansion.sample.rows.size))
-    noise[:, likelihood.whitening.shape[0] :] *= likelihood.inverse_prior_sigma > 0.0
+    noise[:, likelihood.data_rows :] *= likelihood.inverse_prior_sigma > 0.0
     if executor is None:
         refits = _refits(likelihood, expansion, noise, limit)
     else:

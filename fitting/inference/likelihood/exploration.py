@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import UNIFORM_WIDTH, to_model
+from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.likelihood.descent import (
     AT_LIMIT,
     Expansion,
@@ -437,7 +438,7 @@ def data_covariance(optimum: Optimum, *, stated: bool = False) -> FloatArray:
     at, likelihood = optimum.expansion, optimum.likelihood
     matrix = at.matrix.copy()
     if stated:
-        matrix[: likelihood.whitening.shape[0]] *= likelihood.inflation
+        matrix[: likelihood.data_rows] *= likelihood.inflation
     room = np.where(
         np.isfinite(likelihood.periods), likelihood.periods, likelihood.upper - likelihood.lower
     )
@@ -451,16 +452,16 @@ def _reach(optimum: Optimum, covariance: FloatArray, slope: FloatArray) -> float
     |g C J^T V^-1/2 B|_1/sqrt(g C g); along a slope that is not known, sum_j |V^-1/2 B_j|.
     """
     likelihood = optimum.likelihood
-    if not likelihood.bounded.size:
+    if not likelihood.bounded.columns:
         return 0.0
-    columns = likelihood.whitening @ likelihood.bounded
+    errors = WhitenedErrors(likelihood.bounded, likelihood.noise.times(likelihood.inflation))
     if not np.all(np.isfinite(slope)):
-        return float(np.sum(np.linalg.norm(columns, axis=0)))
+        return errors.reach
     variance = float(slope @ covariance @ slope)
     if not variance > 0.0:
         return 0.0
-    pull = optimum.expansion.matrix[: columns.shape[0]] @ (covariance @ slope)
-    return float(np.sum(np.abs(pull @ columns)) / math.sqrt(variance))
+    pull = optimum.expansion.matrix[: likelihood.data_rows] @ (covariance @ slope)
+    return errors.moved(pull) / math.sqrt(variance)
 
 
 def first_steps(likelihood: Likelihood, x: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
         optimum: the most likely point and its likelihood.
     """
     likelihood, expansion = optimum.likelihood, optimum.expansion
-    m = likelihood.whitening.shape[0]
+    m = likelihood.data_rows
     matrix = expansion.matrix[:m] * likelihood.inflation  # of the stated noise
     _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
     values = np.zeros(rows.shape[0])
@@ -123,8 +123,8 @@ def _same_rows(
 ) -> FloatArray | None:
     """From a point beside the optimum to the nearest one whose rows are those of the optimum."""
     expansion, likelihood = optimum.expansion, optimum.likelihood
-    m = likelihood.whitening.shape[0]
-    left = np.linalg.solve(likelihood.whitening, expansion.sample.rows[:m])
+    m = likelihood.data_rows
+    left = likelihood.residuals(expansion.sample.rows[:m])
     # data that the model meets exactly at the optimum
     noiseless = replace(likelihood, shift=likelihood.shift + left)
 
@@ -143,11 +143,10 @@ def _same_rows(
 def _largest_move(evaluator: LikelihoodEvaluator, optimum: Optimum, x: FloatArray) -> float:
     """Largest change of any row against the optimum, in sigma of that row."""
     sample = evaluator([Request((x,), outputs=False)])[0][0]
-    m = optimum.likelihood.whitening.shape[0]
-    unwhitened = np.linalg.solve(
-        optimum.likelihood.whitening, (sample.rows - optimum.expansion.sample.rows)[:m]
-    )
-    return float(np.max(np.abs(unwhitened) / optimum.likelihood.row_sigma))
+    likelihood = optimum.likelihood
+    white = (sample.rows - optimum.expansion.sample.rows)[: likelihood.data_rows]
+    sigma = likelihood.inflation * likelihood.noise.row_sigma
+    return float(np.max(np.abs(likelihood.residuals(white)) / sigma))
 
 
 def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:

@@ -54,7 +54,7 @@ def choose_nu(
     evaluator = LikelihoodEvaluator(likelihood)
     xs = [np.array(step.x) for step in steps]
     samples = evaluator([Request(tuple(xs), outputs=False)])[0]
-    m = likelihood.whitening.shape[0]
+    m = likelihood.data_rows
     squares = [float(np.sum(sample.rows[:m] ** 2)) for sample in samples]
     own = likelihood.inverse_prior_sigma == 0.0
     distances = [float(np.linalg.norm(x[own])) for x in xs]
