@@ -45,7 +45,7 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
     likelihood, expansion = optimum.likelihood, optimum.expansion
     m = likelihood.data_rows
     matrix = expansion.matrix[:m] * likelihood.inflation  # of the stated noise
-    _, singular, rows = np.linalg.svd(matrix, full_matrices=True)
+    _, singular, rows = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
     values = np.zeros(rows.shape[0])
     values[: singular.size] = singular
     names = [p.name for p in likelihood.parameters]
