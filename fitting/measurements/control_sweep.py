@@ -8,7 +8,9 @@ of the FMU follow it. Whole spectra are fitted, and nobody has to say which bran
 L measured, A simulated amplitude under the unit drive, D the drive at each frequency. The scale
 chi_k is that of its spectrum, solved inside by weighted least squares, or one of all. Of amplitudes
 in dB the rows are logarithms, ln(chi_k D A) - ln L: noise that is a share of each point would bias
-a ratio whose denominator it is.
+a ratio whose denominator it is. Other amplitudes whose noise is known are magnitudes of quadratures
+that have it, and larger than the response by what noise makes of it on average
+(`fitting.signal.magnitude`): M(chi_k D A) stands in place of chi_k D A.
 """
 
 from __future__ import annotations
@@ -50,10 +52,11 @@ from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
 from fitting.signal.amplitudes import declared_amplitude
+from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.scale import half_power_width
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput, NoScale
 from fitting.text.formula import Formula
 from fitting.text.keys import (
@@ -80,6 +83,8 @@ DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
 LEAST_FOR_NOISE = 50
 #: Median of |x| of a normal distribution of unit variance.
 MEDIAN_OF_NORMAL = 0.6744897501960817
+#: Steps towards the scale of magnitudes, and the share of itself that it keeps in one at least.
+SCALE_STEPS, LEAST_SCALE = 2, 0.1
 #: Residuals below this share of the maximum are no misfit.
 SMALLEST_MISFIT = 1e-3
 
@@ -113,6 +118,9 @@ class ControlSweepTable(MeasurementTable):
     scale: Annotated[Text, OneOf(SCALES)] = "each"
     """From simulated to measured amplitudes: "each": one for every spectrum, "shared": one for all;
     "none": 1."""
+    rectified: bool = True
+    """Whether amplitudes are magnitudes of two quadratures with the noise sigma each, as those of
+    lock-in and network analysers and of Fourier transforms are: noise then makes them larger."""
     drive: Text | None = None
     """Amplitude of the drive at each frequency, relative to the level: a column of the file, or a
     formula of the frequency f and of constants, as "f0/f" for the harmonics of a square wave."""
@@ -196,6 +204,7 @@ class ReadControlSweep:
                 for name in table.controls
             },
             scaled_by=table.scale,
+            rectified=table.rectified,
             estimated=table.sigma is None and not table.relative and table.lines is None,
             logarithmic=self.format.trace.amplitude.kind == "dB",
             output=table.output or "",
@@ -293,6 +302,7 @@ class ControlSweep(MeasurementKind):
         spectra: One for each value of the controls, two or more.
         units: Units of the controls by name; those of the FMU's own variables may be left out.
         scaled_by: "each": every spectrum has a scale of its own; "shared": one for all; "none": 1.
+        rectified: Whether amplitudes are magnitudes of two quadratures with the noise sigma each.
         estimated: Whether noise that is not known is told by the scatter of each spectrum; else
             the residuals of all tell it.
         logarithmic: Whether the rows are differences of logarithms.
@@ -308,6 +318,7 @@ class ControlSweep(MeasurementKind):
     spectra: tuple[ControlSpectrum, ...]
     units: Mapping[str, str] = field(default_factory=dict)
     scaled_by: str = "each"
+    rectified: bool = True
     estimated: bool = True
     logarithmic: bool = False
     output: str = ""
@@ -381,6 +392,27 @@ class ControlSweep(MeasurementKind):
         return np.concatenate([s.sigmas for s in self.spectra]) / self.sizes
 
     @cached_property
+    def _quadrature_sigma(self) -> FloatArray:
+        """Noise that makes magnitudes larger, in the unit of the amplitudes, (rows,); 0: none."""
+        if self.logarithmic or not self.rectified:
+            return np.zeros(self.rows)
+        return np.concatenate([s.sigmas for s in self.spectra])
+
+    @cached_property
+    def _is_rectified(self) -> bool:
+        return bool(np.any(self._quadrature_sigma > 0.0))
+
+    def seen_as(self, amplitude: FloatArray) -> FloatArray:
+        """What a detector makes of amplitudes on average, (rows,).
+
+        Args:
+            amplitude: under the drive and the scale, (rows,), in the unit of the control sweep.
+        """
+        if not self._is_rectified:
+            return amplitude
+        return mean_magnitude(amplitude, self._quadrature_sigma).mean
+
+    @cached_property
     def measured_rows(self) -> FloatArray:
         """Measured amplitudes as rows; none where the scale is solved inside."""
         return self.measured / self.sizes if self.scaled_by == "shared" else np.zeros(self.rows)
@@ -402,7 +434,10 @@ class ControlSweep(MeasurementKind):
             prediction: of all spectra, without scale.
         """
         found = np.zeros((self.rows, self.solved_inside))
-        values = self.scaled(prediction, 1.0) / self.sizes
+        values = self.scaled(prediction, 1.0)
+        if self._is_rectified:
+            values = mean_magnitude(values, self._quadrature_sigma).slope * values
+        values = values / self.sizes
         if self.logarithmic:
             values = np.ones(self.rows)
         for column, mine in zip(found.T, self.slices, strict=False):
@@ -521,29 +556,70 @@ class ControlSweep(MeasurementKind):
         """
         if self.scaled_by != "shared":
             return None
-        return Scale(self._chi(np.asarray(prediction.values, dtype=float), slice(None)))
+        chi = self._scales(np.asarray(prediction.values, dtype=float))
+        return Scale(float(chi[0]))
 
-    def _chi(self, values: FloatArray, rows: slice) -> float:
-        """Weighted least-squares factor from values to measured amplitudes."""
+    @cached_property
+    def _parts(self) -> tuple[IntArray, IntArray]:
+        """Rows that share a scale: first row and number of rows of each part."""
+        if self.scaled_by == "shared":
+            return np.array([0]), np.array([self.rows])
+        return np.array([s.start for s in self.slices]), np.array([s.y.size for s in self.spectra])
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """Weights of all rows in the least squares of a scale, (rows,), equal to a factor."""
+        starts, counts = self._parts
         if self.logarithmic:
-            return self._chi_of_logarithms(values[rows], rows)
-        sigma = self.sigma[rows] * self.sizes[rows]
-        weights = sigma**-2 if np.all(sigma > 0.0) else self.sizes[rows] ** -2
-        power = float(np.sum(weights * values[rows] ** 2))
-        if not power > 0.0:
-            raise NoScale(f"{self.seen}: the model answers with nothing; wanted a response")
-        return float(np.sum(weights * values[rows] * self.measured[rows])) / power
+            sigma, unknown = self.sigma, np.ones(self.rows)
+        else:
+            sigma, unknown = self.sigma * self.sizes, self.sizes
+        known = np.repeat(np.minimum.reduceat(sigma, starts) > 0.0, counts)
+        return np.where(known, np.where(known, sigma, 1.0), unknown) ** -2
 
-    def _chi_of_logarithms(self, values: FloatArray, rows: slice) -> float:
-        if not np.all(values > 0.0):
-            raise NoScale(f"{self.seen}: the model answers with zero, which has no logarithm")
-        apart = np.log(self.measured[rows]) - np.log(values)
-        known = bool(np.all(self.sigma[rows] > 0.0))
-        weights = self.sigma[rows] ** -2 if known else np.ones(apart.size)
-        return float(np.exp(np.average(apart, weights=weights)))
+    @cached_property
+    def _remembered(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """The last values and their scales: rows and figures ask for the same, no state."""
+        return {}
+
+    def _scales(self, values: FloatArray) -> FloatArray:
+        """Weighted least-squares factors from values to measured amplitudes, (parts,)."""
+        last = self._remembered.get(0)
+        if last is None or last[0] is not values:
+            last = self._remembered[0] = (values, self._solved_scales(values))
+        return last[1]
+
+    def _solved_scales(self, values: FloatArray) -> FloatArray:
+        starts, counts = self._parts
+        weights = self._weights
+        if self.logarithmic:
+            if not np.all(values > 0.0):
+                raise NoScale(f"{self.seen}: the model answers with zero, which has no logarithm")
+            apart = weights * (np.log(self.measured) - np.log(values))
+            means: FloatArray = np.add.reduceat(apart, starts) / np.add.reduceat(weights, starts)
+            return np.exp(means)
+        power = np.add.reduceat(weights * values**2, starts)
+        if not np.all(power > 0.0):
+            raise NoScale(f"{self.seen}: the model answers with nothing; wanted a response")
+        found = np.add.reduceat(weights * values * self.measured, starts) / power
+        if not self._is_rectified:
+            return found
+        # from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps of Gauss and
+        # Newton; a fixed number of them keeps the rows smooth
+        sigma, least = self._quadrature_sigma, LEAST_SCALE * found
+        shape = weights * values**2
+        square = np.add.reduceat(shape * (self.measured**2 - 2.0 * sigma**2), starts)
+        square /= np.add.reduceat(shape * values**2, starts)
+        found = np.sqrt(np.maximum(square, least**2))
+        for _ in range(SCALE_STEPS):
+            seen = mean_magnitude(np.repeat(found, counts) * values, sigma)
+            slopes = seen.slope * values
+            pull = np.add.reduceat(weights * slopes * (self.measured - seen.mean), starts)
+            found = np.maximum(found + pull / np.add.reduceat(weights * slopes**2, starts), least)
+        return found
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
-        """What stands beside the measured amplitudes, (rows,).
+        """Simulated amplitudes beside the measured ones, (rows,), without noise.
 
         Args:
             prediction: of all spectra, without scale.
@@ -552,10 +628,10 @@ class ControlSweep(MeasurementKind):
         values = np.asarray(prediction.values, dtype=float)
         if self.scaled_by != "each":
             return chi * values
-        return np.concatenate([self._chi(values, k) * values[k] for k in self.slices])
+        return np.asarray(np.repeat(self._scales(values), self._parts[1]) * values)
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
-        """(chi D A - L)/max L of each spectrum, shape (rows,).
+        """(M(chi D A) - L)/max L of each spectrum, shape (rows,).
 
         Args:
             prediction: of all spectra, without scale.
@@ -564,7 +640,7 @@ class ControlSweep(MeasurementKind):
         scaled = self.scaled(prediction, chi)
         if self.logarithmic:
             return np.asarray(np.log(scaled / self.measured))
-        return (scaled - self.measured) / self.sizes
+        return (self.seen_as(scaled) - self.measured) / self.sizes
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra of whose variance less than half is explained are not described.
@@ -683,7 +759,8 @@ class ControlMaps:
         )
         known = bool(np.all(sweep.sigma > 0.0))
         size = sweep.sigma * sweep.sizes if known else 0.01 * sweep.sizes
-        rest, unit = (self.fitted - sweep.measured) / size, "σ" if known else "% of maximum"
+        rest = (sweep.seen_as(self.fitted) - sweep.measured) / size
+        unit = "σ" if known else "% of maximum"
         if sweep.logarithmic:
             rest, unit = _decibels(self.fitted / sweep.measured), "dB"
         most = float(np.max(np.abs(rest), initial=0.0)) or 1.0

@@ -40,6 +40,9 @@ def test_rows_at_the_truth_are_those_of_the_closed_form(
     """From a file, in other units, and from arrays; a scale of each spectrum costs nothing."""
     exact = crossing.measured(0, 0.0)
     path = crossing.written(tmp_path, oscillator_fmu, exact)
+    path.write_text(
+        path.read_text().replace("[control_sweep]", "[control_sweep]\nrectified = false")
+    )
     told = ff.Problem.of(ff.read_campaign(path))
     p = [TRUTH[name] for name in told.names]
     assert told.residuals(p) == pytest.approx(np.zeros(exact.size), abs=1e-9)
