@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure as Canvas
 import fitting as ff
 from fitting.campaign.control_table import MeasuredSpectrum, with_harmonics
 from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep
+from fitting.measurements.measurement import Prediction
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra as crossing
 
@@ -104,6 +106,33 @@ def test_the_coupling_is_found_with_its_error(fit: ff.Fit) -> None:
     assert values == pytest.approx([found["k"].value] * 5, rel=2e-3)
     slopes = np.diff(fit.result.derived["f1"].values)
     assert slopes == pytest.approx(1.5 * crossing.A1 * np.ones(4), rel=0.02)
+
+
+def test_magnitudes_of_noisy_quadratures_are_compared_with_their_mean() -> None:
+    """At the truth rows of a noise as large as half the spectrum average to nothing."""
+    sigma, gain = 0.5, 3.0
+    rng = np.random.default_rng(8)
+    f = np.linspace(1.0, 2.0, 401)
+    lines = [np.exp(-0.5 * ((f - at) / 0.1) ** 2) for at in (1.3, 1.7)]
+    noisy = []
+    for a in lines:
+        noise = sigma * rng.standard_normal((2, 4000, f.size))
+        noisy.append(np.mean(np.abs(gain * a + noise[0] + 1j * noise[1]), axis=0))
+    setup = ff.Setup(ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)), "q1")
+    spectra = [ff.ControlSpectrum(f, y, {"V": float(k)}, sigma=sigma) for k, y in enumerate(noisy)]
+    sweep = ff.ControlSweep(setup=setup, spectra=tuple(spectra), units={"V": "V"})
+    rows = sweep.residuals(Prediction(np.concatenate(lines)), 1.0)
+    # 4,000 draws leave 0.5/sqrt(4000) of each point, less where it is small
+    assert np.std(rows) < 1.1 * sigma / np.sqrt(4000.0) / np.max(noisy)
+    assert abs(np.mean(rows)) < 0.1 * np.std(rows)
+    plain = replace(sweep, rectified=False)
+    assert np.std(plain.residuals(Prediction(np.concatenate(lines)), 1.0)) > 10.0 * np.std(rows)
+    # a step of the scale changes the rows as they say of themselves
+    scaled = sweep.scaled(Prediction(np.concatenate(lines)), 1.0)
+    assert scaled == pytest.approx(gain * np.concatenate(lines), rel=2e-3)
+    moved = (sweep.seen_as(1.001 * scaled) - sweep.seen_as(0.999 * scaled)) / 0.002 / sweep.sizes
+    columns = sweep.solved_columns(Prediction(np.concatenate(lines)))
+    assert np.sum(columns, axis=1) == pytest.approx(moved, rel=1e-5, abs=1e-6)
 
 
 def coupling_error() -> float:
