@@ -456,7 +456,7 @@ def scale_sentences(campaigns: Sequence[BoundCampaign], scale_bias: float) -> li
     said: list[str] = []
     sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
     compared = any(bound.experiments for bound in campaigns)
-    gains = [e.phases for e in campaigns[0].experiments if e.phases is not None]
+    gains = [e.phases for b in campaigns[:1] for e in b.experiments if e.phases is not None]
     unknown = any(phases.unknown == "gain" for phases in gains)
     if len(campaigns) == 1 and not sweeps and compared and not unknown:
         said.append("No sweep: simulated amplitudes are compared as they are, in the FMU's unit.")
