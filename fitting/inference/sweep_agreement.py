@@ -127,6 +127,8 @@ class _Both:
         mine = data.series_of_rows == series
         self.peaks = mine & (rows < data.curve_rows.start)
         self.measured = data.measured_rows[self.peaks]
+        # peaks of an unknown gain know no factor
+        self.factor = "F" if np.any(self.measured) else ""
         noise = noise_of(solution.objective, solution.final)
         sigma = noise.sigma[self.peaks]
         # the error of the scale moves all peaks together as they were measured, not as a fit has
@@ -158,10 +160,11 @@ class _Both:
         if shared < 1:
             return None
         both = self._least("ST", begin, swept.y)
-        joined = self._least("STF", both.y, swept.y)
-        told = self._told_by_factor(both, joined)
-        if told is not None:
-            return told
+        if self.factor:
+            joined = self._least("STF", both.y, swept.y)
+            told = self._told_by_factor(both, joined)
+            if told is not None:
+                return told
         excess = max(1.0, peaks.chi_square / max(1, peaks.rows.size - self._rank(peaks)))
         apart = both.chi_square - swept.chi_square - peaks.chi_square
         return SweepAgreement(series=self.sweep.series, sigmas=_sigmas(apart / excess, shared))
@@ -171,7 +174,7 @@ class _Both:
 
         One step foresees it, from where both stand; what they contradict each other by is no more.
         """
-        swept, peaks = self._at("T", begin), self._at("SF", begin)
+        swept, peaks = self._at("T", begin), self._at(f"S{self.factor}", begin)
         (gain, left), (more, _) = self._foreseen(swept), self._foreseen(peaks)
         freedom = max(1, swept.rows.size - self._rank(swept) - 1)
         return gain / max(1.0, left / freedom) + more

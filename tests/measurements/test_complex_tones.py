@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 import fitting as ff
 from fitting.campaign import Setup
 from fitting.fmu import Run
+from fitting.inference.sweep_agreement import sweep_agreement
 from fitting.inference.warnings import Kind
 from fitting.measurements.complex_tones import ComplexTones
 from fitting.measurements.measurement import Prediction
@@ -374,3 +375,18 @@ def test_phases_that_are_read_wrongly_are_told(
         assert not said
     else:
         assert [s for s in said if re.search(words, s)]
+
+
+@pytest.mark.parametrize(("width", "contradicts"), [(WIDTH, False), (1.3 * WIDTH, True)])
+def test_an_unknown_gain_contradicts_a_sweep_by_its_line_alone(
+    width: float, contradicts: bool, oscillator: ff.Fmu
+) -> None:
+    """No factor between their amplitudes is a mistake, and none is told: each has its own scale."""
+    swept = 1e6 * np.abs(mode(SWEPT, ETA, width))
+    noisy = swept * (1.0 + 0.003 * np.random.default_rng(2).standard_normal(SWEPT.size))
+    sweep = ff.Sweep(SETUP, SWEPT, noisy, use="fit", scale="fit", amplitude_unit="m")
+    problem = ff.Problem(oscillator, PARAMETERS, [tones_of(7.0 * measured()), sweep])
+    fit = ff.fit(problem, method=METHOD, starts=1)
+    told = sweep_agreement(fit.record.solution)
+    assert [t.contradicts for t in told] in ([[True]] if contradicts else ([], [False]))
+    assert all(np.isnan(t.factor) for t in told)
