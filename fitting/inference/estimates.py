@@ -15,6 +15,7 @@ from fitting.fit.solution import Solution
 from fitting.inference.likelihood.ranges import output_ranges
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.measurements.dataset import places_of_outputs
 from fitting.text.arrays import FloatArray
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the box.
@@ -116,6 +117,7 @@ def derived_results(
     answers = response.derived_many([to_model(parameters, y) for y in everything])
     ranges = output_ranges(response, parameters, seed, everything)
     reported, likely = response.derived_many([found.reported, found.best])
+    places = _labels(solution)
     results = {}
     for name, values in reported.items():
         means = np.array([mean(answer[name]) for answer in answers])
@@ -128,6 +130,8 @@ def derived_results(
         std = std if shrinkage >= SEEN else float("nan")
         shift = solution.errors.shift(gradient) if np.isfinite(std) else 0.0
         value = mean(values)
+        each = len(places) == values.size > 1
+        slopes = around.quotients([answer[name] for answer in answers[2:]]) if each else ()
         results[name] = DerivedResult(
             value=value,
             unit=units.get(name, ""),
@@ -144,8 +148,22 @@ def derived_results(
             most_likely=best,
             simulation=shift,
             reason=LINEARISED,
+            places=places if each else (),
+            stds=tuple(_bounded_error(solution, slope) for slope in slopes),
         )
     return results
+
+
+def _labels(solution: Solution) -> tuple[str, ...]:
+    """Of the places at which derived outputs are read, in their order."""
+    found = places_of_outputs(solution.objective.data.measurements)
+    return tuple(label for places in found.values() for label, _ in places)
+
+
+def _bounded_error(solution: Solution, gradient: FloatArray) -> float:
+    """Standard deviation of one value with what its simulation may be off by; NaN: open."""
+    std, shrinkage = _error(solution, gradient)
+    return std + solution.errors.shift(gradient) if shrinkage >= SEEN else float("nan")
 
 
 def _error(solution: Solution, gradient: FloatArray) -> tuple[float, float]:

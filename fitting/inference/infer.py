@@ -137,6 +137,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     parameters = {n: _judged(v, profiles.get(n), describes) for n, v in parameters.items()}
     derived = {n: _judged(v, profiles.get(n), describes) for n, v in derived.items()}
     if not describes:
+        derived = {n: replace(d, stds=(math.nan,) * len(d.stds)) for n, d in derived.items()}
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
     sweeps = request.sweeps or sweep_findings(problem, solution)
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]

@@ -70,7 +70,9 @@ class DerivedResult(_Reported):
     """One derived output: `values` per experiment, `mean` and `spread` (standard deviation).
 
     `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
-    mean over the box of the parameters: what it could be without any data. The rest is as for a
+    mean over the box of the parameters: what it could be without any data. `stds` are linearised
+    standard deviations of each of the `values`, at the `places` they belong to; both are empty
+    where there is but one, NaN where the data leave it open. The rest is as for a
     `ParameterResult`. Where the data leave it open, `value` is only where the search stopped.
     """
 
@@ -90,6 +92,8 @@ class DerivedResult(_Reported):
     simulation: float = 0.0
     precision: float = math.nan
     reason: str = ""
+    places: tuple[str, ...] = ()
+    stds: Floats = ()
 
     def text(self) -> str:
         """Value for people; never a value with a small error where the data do not give one."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 
@@ -10,10 +10,28 @@ import numpy as np
 
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.tones import Tones
-from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 
 #: Residuals beyond this many standard deviations count linearly with outliers = "huber".
 HUBER = 1.345
+
+
+def places_of_outputs(
+    measurements: Sequence[Measurement],
+) -> dict[str, list[tuple[str, Mapping[str, Scalar]]]]:
+    """Labels and settings at which derived outputs are read, by series.
+
+    Those of its experiments; of a series without any, those of its first curve.
+
+    Args:
+        measurements: of all series.
+    """
+    places: dict[str, list[tuple[str, Mapping[str, Scalar]]]] = {}
+    for series in dict.fromkeys(m.series for m in measurements):
+        mine = [m for m in measurements if m.series == series]
+        single = [m for m in mine if not m.is_curve and m.places] or mine[:1]
+        places[series] = [place for m in single for place in m.places]
+    return places
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter
 from fitting.fmu import Run
+from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation, Measurement, Predicting, Prediction
 from fitting.signal.window import tone_misfit
@@ -98,12 +99,7 @@ class FmuResponse:
     @cached_property
     def _places(self) -> dict[str, list[tuple[str, Mapping[str, Scalar]]]]:
         """Labels and settings at which derived outputs are read, by series."""
-        places: dict[str, list[tuple[str, Mapping[str, Scalar]]]] = {}
-        for series in dict.fromkeys(m.series for m in self.measurements):
-            mine = [m for m in self.measurements if m.series == series]
-            single = [m for m in mine if not m.is_curve and m.places] or mine[:1]
-            places[series] = [place for m in single for place in m.places]
-        return places
+        return places_of_outputs(self.measurements)
 
     def _outputs(
         self,

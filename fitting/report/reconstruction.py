@@ -26,6 +26,7 @@ from fitting.report.tables.values import (
     offset_table,
     parameter_table,
     per_experiment_table,
+    per_place_table,
 )
 from fitting.report.words.agreement import agreement_sentences
 from fitting.report.words.inference import knowledge_heading, knowledge_words
@@ -178,7 +179,9 @@ def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section |
         id="derived",
         title="Derived quantities",
         paragraphs=("Outputs of the FMU at the fitted parameters, read after initialisation.",),
-        tables=_existing(derived_table(result), per_experiment_table(result, data)),
+        tables=_existing(
+            derived_table(result), per_experiment_table(result, data), per_place_table(result)
+        ),
         figures=figures,
     )
 

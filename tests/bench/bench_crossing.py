@@ -1,26 +1,29 @@
 """Avoided crossings at laboratory size: is the coupling found, and does its interval hold it?
 
     python -m tests.bench.bench_crossing [--laboratories 200] [--three 50] [--rising 20] [--fmu 2]
-        [--workers 2]
+        [--workers 2] [--record crossing.jsonl]
 
 Virtual laboratories of `tests.support.virtual.crossing`, each with numbers, boxes and starts of its
 own: 41 voltages in random order, 401 points each, drift of all frequencies, a wandering gain, noise
 on both quadratures of which the magnitude is measured. Whole spectra are fitted by ``ff.fit`` and
 profiled by ``ff.profile``. The closed form stands in place of the FMU, with --fmu so many
 laboratories go through the FMU itself, one after the other, and tell the processor time of caller
-and worker together. Prints Markdown tables.
+and worker together. With --record finished laboratories are kept and not done again. Prints
+Markdown tables.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import time
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -28,6 +31,8 @@ import fitting as ff
 from tests.support.virtual.crossing import CrossingLaboratory, laboratory
 
 METHOD = ff.Tikhonov(nu=1e-6, beta=0.01, levels=2, misfit="squares")
+#: Seed, number of modes, and noise (None: the laboratory's own).
+Wanted = tuple[int, int, float | None]
 #: Noise of the second table, as a share of the largest amplitude of each spectrum.
 RISING = (0.03, 0.1, 0.3, 1.0, 3.0)
 
@@ -65,8 +70,9 @@ def _fmu(modes: int) -> ff.Fmu:
 
 
 def told(lab: CrossingLaboratory, problem: ff.Problem) -> tuple[Coupling, ...]:
-    """Fit and profile a laboratory."""
-    inference = ff.profile(ff.fit(problem, METHOD, starts=3), list(lab.couplings))
+    """Fit and profile a laboratory; of three modes the box is searched for the profiles alone."""
+    starts = 3 if lab.modes == 2 else 1
+    inference = ff.profile(ff.fit(problem, METHOD, starts=starts), list(lab.couplings))
     found = []
     for name in lab.couplings:
         value = inference[name]
@@ -86,13 +92,40 @@ def told(lab: CrossingLaboratory, problem: ff.Problem) -> tuple[Coupling, ...]:
     return tuple(found)
 
 
-def by_closed_form(wanted: tuple[int, int, float | None]) -> Told:
+def by_closed_form(wanted: Wanted) -> Told:
     """One laboratory of a seed, a number of modes and a noise, in a process of its own."""
     seed, modes, noise = wanted
     lab = laboratory(seed, modes=modes, noise=noise)
     begun = time.process_time()
     couplings = told(lab, lab.by_closed_form(_fmu(modes)))
     return Told(couplings=couplings, seconds=time.process_time() - begun)
+
+
+class Records:
+    """Laboratories that are finished, in a file of JSON lines where one is named."""
+
+    def __init__(self, path: Path | None, workers: int) -> None:
+        self.path, self.workers = path, workers
+        self.known: dict[Wanted, Told] = {}
+        if path is not None and path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines():
+                entry = json.loads(line)
+                couplings = tuple(Coupling(**c) for c in entry["couplings"])
+                seed, modes, noise = entry["wanted"]
+                self.known[seed, modes, noise] = Told(couplings=couplings, seconds=entry["seconds"])
+
+    def of(self, wanted: Sequence[Wanted]) -> list[Told]:
+        """What was said of some laboratories; those that are not known yet are fitted."""
+        with ProcessPoolExecutor(self.workers) as pool:
+            missing = [key for key in wanted if key not in self.known]
+            pending = {pool.submit(by_closed_form, key): key for key in missing}
+            for future in as_completed(pending):
+                key, found = pending[future], future.result()
+                self.known[key] = found
+                if self.path is not None:
+                    with self.path.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps({"wanted": key, **asdict(found)}) + "\n")
+        return [self.known[key] for key in wanted]
 
 
 def spent_s() -> float:
@@ -185,22 +218,23 @@ def main() -> None:
     parser.add_argument("--rising", type=int, default=20, help="laboratories at each noise")
     parser.add_argument("--fmu", type=int, default=2, help="laboratories through the FMU")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--record", type=Path, help="JSON lines, to resume from")
     args = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    records = Records(args.record, args.workers)
     print(_head(HEAD), flush=True)
-    with ProcessPoolExecutor(args.workers) as pool:
-        for modes, count in ((2, args.laboratories), (3, args.three)):
-            found = list(pool.map(by_closed_form, [(seed, modes, None) for seed in range(count)]))
-            for k in range(1, modes if found else 1):
-                print(row(f"{modes} modes", f"lambda{k}{k + 1}", found), flush=True)
-        if args.fmu:
-            through = [by_fmu(seed, 2) for seed in range(args.fmu)]
-            print(row("2 modes, through the FMU", "lambda12", through), flush=True)
-        if args.rising:
-            print("", _head(RISING_HEAD), sep="\n", flush=True)
-        for noise in RISING if args.rising else ():
-            wanted = [(seed, 2, noise) for seed in range(args.rising)]
-            print(rising_row(noise, list(pool.map(by_closed_form, wanted))), flush=True)
+    for modes, count in ((2, args.laboratories), (3, args.three)):
+        found = records.of([(seed, modes, None) for seed in range(count)])
+        for k in range(1, modes if found else 1):
+            print(row(f"{modes} modes", f"lambda{k}{k + 1}", found), flush=True)
+    if args.fmu:
+        through = [by_fmu(seed, 2) for seed in range(args.fmu)]
+        print(row("2 modes, through the FMU", "lambda12", through), flush=True)
+    if args.rising:
+        print("", _head(RISING_HEAD), sep="\n", flush=True)
+    for noise in RISING if args.rising else ():
+        found = records.of([(seed, 2, noise) for seed in range(args.rising)])
+        print(rising_row(noise, found), flush=True)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import html
 
 import fitting as ff
 
@@ -15,7 +16,9 @@ COMPONENTS = 1.0 / (2.0 * np.pi)
 C3_NF = np.arange(10.0, 101.0, 10.0)
 
 
-def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(oscillator_fmu: Path) -> None:
+def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
     fit = ff.fit(ff.Problem.of(SPECTRA, ff.Fmu(oscillator_fmu)))
     assert fit.success
     k = fit.result.parameters["k"]
@@ -23,6 +26,15 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(oscillator_f
     assert abs(k.value - COMPONENTS) < 2.0 * k.std < 0.1 * COMPONENTS
     coupling = fit.result.derived["lambda"].values
     assert coupling == pytest.approx(k.value / np.sqrt(1e-9 * C3_NF), rel=1e-6)
+    # every spectrum's coupling has an error: that of k, by the law
+    derived = fit.result.derived["lambda"]
+    assert derived.places == tuple(f"{c:g} nF" for c in C3_NF)
+    assert derived.stds == pytest.approx(k.std / np.sqrt(1e-9 * C3_NF), rel=1e-3)
+    page = html.document_fromstring(ff.report(fit, tmp_path).read_text(encoding="utf-8"))
+    [table] = [t for t in page.iter("table") if "100 nF" in t.text_content()]
+    low, high = (coupling[-1] + z * 1.96 * derived.stds[-1] for z in (-1.0, 1.0))
+    assert f"{low:.4g}"[:4] in table.text_content()
+    assert f"{high:.4g}"[:4] in table.text_content()
 
 
 def test_every_spectrum_has_a_coupling_of_its_own(oscillator_fmu: Path, tmp_path: Path) -> None:

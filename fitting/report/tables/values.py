@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol, TypeVar
 
+from fitting.inference.estimates import Z95
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.words.values import verdict_words
 from fitting.result.result import Result
-from fitting.text.notation import markup, number, span, unit_text
+from fitting.text.notation import markup, number, span, unit_text, with_error
 
 #: Said where values and errors are of two estimators.
 BESIDE = (
@@ -305,6 +307,36 @@ def per_experiment_table(result: Result, data: ShownCampaign) -> Table | None:
     ]
     columns += [Column(n, _rounded(n), unit=d.unit, symbol=True) for n, d in outputs.items()]
     return tabulate("Derived outputs per experiment", columns, records)
+
+
+def per_place_table(result: Result) -> Table | None:
+    """Derived outputs of each spectrum with their errors; None where they are one for all.
+
+    Args:
+        result: of a reconstruction.
+    """
+    outputs = {n: d for n, d in result.derived.items() if any(map(math.isfinite, d.stds))}
+    labels = next((d.places for d in outputs.values()), ())
+    if not labels:
+        return None
+    columns: list[Column[int]] = [Column("measured at", lambda i: labels[i], role="name")]
+    for name, d in outputs.items():
+        columns.append(Column(name, partial(_shown, d), unit=d.unit, symbol=True))
+        columns.append(Column(f"{name}, 95 %", partial(_shown_interval, d), unit=d.unit))
+    note = "Errors are linearised: at each place, of all data together."
+    return tabulate("Derived outputs with errors at every place", columns, range(len(labels)), note)
+
+
+def _shown(d: DerivedResult, i: int) -> Cell:
+    """A value with its error; none where the data leave it open."""
+    if not math.isfinite(d.stds[i]):
+        return Cell("–")
+    return Cell(with_error(d.values[i], d.stds[i], ""), value=d.values[i])
+
+
+def _shown_interval(d: DerivedResult, i: int) -> Cell:
+    half = Z95 * d.stds[i]
+    return interval((d.values[i] - half, d.values[i] + half))
 
 
 def _rounded(name: str) -> Callable[[tuple[str, int, dict[str, float]]], Cell]:
