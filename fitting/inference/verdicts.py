@@ -16,7 +16,8 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.equivalent_fits import contradicts, exchange_words
-from fitting.inference.likelihood.exploration import Branches, Exploration
+from fitting.inference.likelihood.exploration import Exploration
+from fitting.inference.likelihood.inverses import Branches
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
 from fitting.inference.likelihood.profiles import (
     ROOT_68,

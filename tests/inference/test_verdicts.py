@@ -372,3 +372,27 @@ def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
 
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
     assert not [s for s in known.sentences if "rests on the box" in s]
+
+
+# --- outputs that say the same
+
+
+def test_an_inverse_has_the_verdict_and_the_interval_of_what_it_is_the_inverse_of() -> None:
+    """width = a to 4 ± 0.5 and open above, Q = 700/a: the interval of one is that of the other."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.full(3, max(0.0, 4.0 - float(p[0])) / 0.5 / math.sqrt(3.0))
+
+    known = learnt(
+        whitened(
+            rows,
+            parameter("a", 0.1, 100.0, start=4.0),
+            width=lambda p: float(p[0]),
+            Q=lambda p: 700.0 / float(p[0]),
+        )
+    ).derived
+    assert known["width"].verdict is Verdict.BELOW
+    assert known["Q"].verdict is Verdict.ABOVE
+    low = 4.0 - 0.5 * Z95
+    assert known["width"].interval95 == pytest.approx((low, 100.0), rel=1e-3)
+    assert known["Q"].interval95 == pytest.approx((7.0, 700.0 / low), rel=1e-3)

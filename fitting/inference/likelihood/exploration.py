@@ -20,6 +20,7 @@ from fitting.fit.likelihood.descent import (
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
+from fitting.inference.likelihood.inverses import Branches, RangeEnds, inverses, told_twice
 from fitting.inference.likelihood.profiles import (
     ROOT_95,
     STEPS,
@@ -32,8 +33,6 @@ from fitting.inference.likelihood.profiles import (
 from fitting.inference.likelihood.ranges import OutputRange
 from fitting.text.arrays import BoolArray, FloatArray
 
-Branches = tuple[ProfileBranch, ProfileBranch]
-RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
 #: Where a search for a fit at the end of a range begins, and the axes that are to stay there.
 Beginning = tuple[FloatArray, tuple[int, ...]]
 
@@ -100,7 +99,8 @@ def explore(
 
     Values that a linearisation calls open are then tried at the ends of their ranges, and walked
     where these do not both fit: what lies between two ends that fit decides nothing. In the end
-    every point in hand that fits and lies beyond an interval is gone on from.
+    every point in hand that fits and lies beyond an interval is gone on from. Outputs that are
+    inverse to each other are walked once.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -112,7 +112,9 @@ def explore(
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
-    chosen = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
+    wanted = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
+    twice = inverses(evaluator, optimum, wanted)
+    chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
     wide = [
         q
         for q in chosen
@@ -140,7 +142,15 @@ def explore(
         explored, more = _extended(evaluator, explored)
         if not more:
             break
-    return _with_ends(evaluator, explored, _lost_ends(explored), _nearest_to_end)
+    explored = _with_ends(evaluator, explored, _lost_ends(explored), _nearest_to_end)
+    ends = explored.range_ends
+    return replace(
+        explored,
+        quantities=wanted,
+        branches=told_twice(explored.branches, twice),
+        around=told_twice(explored.around, twice),
+        range_ends={**ends, **{i.quantity.name: i.range_ends(ends[i.of]) for i in twice}},
+    )
 
 
 def _both_ends(chosen: Sequence[Quantity]) -> list[tuple[Quantity, int]]:

@@ -269,10 +269,10 @@ class _BranchTracer:
         inner = self.points[-2] if len(self.points) > 1 else None
         at, root = (self.quantity.best, 0.0) if inner is None else (inner.value, inner.root)
         gone = abs(self.points[-1].value - at)
-        slope = (self._root() - root) / gone
         mark = ROOT_68 if self._root() < 0.9 * ROOT_68 else ROOT_95
-        if slope <= 0.0:
+        if not gone > 0.0 or self._root() <= root:  # the same value again: nothing tells a slope
             return 2.0 * step
+        slope = (self._root() - root) / gone
         return float(np.clip((mark + 0.5 * CLOSE - self._root()) / slope, 0.2 * step, 2.0 * step))
 
     def _crossed(self) -> Task[str]:
