@@ -133,7 +133,9 @@ def laboratory(
     truth |= {f"d{k + 1}": float(d) for k, d in enumerate(widths)}
     truth |= {f"lambda{k + 1}{k + 2}": float(np.sqrt(gap * centre)) for k, gap in enumerate(gaps)}
     u = _swept(truth, modes, volts, times, points, width)
-    exact = np.array([_spectrum(truth, modes, v, t, u) for v, t in zip(volts, times, strict=True)])
+    exact = np.array(
+        [response_of(truth, modes, v, t, u) for v, t in zip(volts, times, strict=True)]
+    )
     gain = np.exp(np.cumsum(0.02 * rng.standard_normal(spectra)))[np.argsort(order)]
     exact *= gain[:, None] / np.max(np.abs(exact))
     share = 10.0 ** rng.uniform(-2.3, -1.5) if noise is None else noise
@@ -188,9 +190,10 @@ def _sampled(truth: Mapping[str, float], modes: int, volt: float, time: float) -
     )
 
 
-def _spectrum(
+def response_of(
     truth: Mapping[str, float], modes: int, volt: float, time: float, u: FloatArray
 ) -> ComplexArray:
+    """Complex response of the first mode to a force on it at frequencies u, Hz."""
     return np.asarray(_sampled(truth, modes, volt, time).response(u)[:, 0])
 
 
