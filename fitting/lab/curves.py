@@ -154,7 +154,8 @@ class AvoidedCrossing:
 
     ``volts`` V from -``reach_v`` to ``reach_v``, ``points`` frequencies each over ``span_hz``;
     ``gain`` in V per m; ``drift_hz`` is what both frequencies move by from the first to the last
-    spectrum, ``noise`` the standard deviation of every amplitude over its spectrum's largest.
+    spectrum, ``noise`` the standard deviation of each quadrature, whose magnitude is
+    measured, over its spectrum's largest.
 
     Raises:
         BadInput: numbers that no laboratory has.
@@ -211,8 +212,9 @@ class AvoidedCrossing:
             head: lines that open every file.
         """
         exact = self.values()
-        draws = np.random.default_rng(seed).standard_normal(exact.shape)
-        seen = np.abs(exact + self.noise * np.max(exact, axis=1, keepdims=True) * draws)
+        one, other = np.random.default_rng(seed).standard_normal((2, *exact.shape))
+        noise = self.noise * np.max(exact, axis=1, keepdims=True) * (one + 1j * other)
+        seen = np.abs(exact + noise)
         volts, u = np.meshgrid(self.voltages(), self.frequencies_hz(), indexing="ij")
         columns = {
             "V (V)": volts.ravel(),
