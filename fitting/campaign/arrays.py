@@ -34,7 +34,7 @@ from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep, Phases
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
-from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arrays import ComplexArray, Scalar
@@ -463,7 +463,7 @@ class _Series:
                 "experiment"
             )
         for name in self.data.derived:
-            binder.real(name, "problem: derived", READABLE, "reported")
+            binder.real(name, "problem: derived", REPORTABLE, "reported")
         sweep = None if swept is None else self._sweep_data(swept, factor, unit)
         bound = BoundCampaign(
             title=self.data.title or "Data from arrays",

@@ -28,7 +28,7 @@ from fitting.campaign.noise import (
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import base_unit, convert, parse_quantity
@@ -224,7 +224,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived.outputs:
-        binder.real(name, f"{top}: [derived] outputs", READABLE, "reported")
+        binder.real(name, f"{top}: [derived] outputs", REPORTABLE, "reported")
     setup = Setup(
         drive=drive,
         output=output.name,

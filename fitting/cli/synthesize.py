@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import fitting as ff
-from fitting.api.synthesis import CURVES, SERIES, TRUTH_NAME, LockIns, PhaseDetectors
+from fitting.api.synthesis import CURVES, SERIES, TRUTH_NAME, LockIns, PhaseDetectors, PumpedSweeps
 from fitting.cli.options import bounded_number, seed
 from fitting.cli.results import writes
 
@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind.add_argument(
         "--series",
         choices=(*SERIES, *CURVES),
-        help="one of the paper's two series, the q1 string driven until it is nonlinear, one mode "
-        "as a network analyser sees it, or spectra over a voltage",
+        help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
+        "under a parametric pump, one mode as a network analyser sees it, or spectra over a voltage",
     )
     kind.add_argument(
         "--like",
@@ -132,10 +132,15 @@ def run(args: argparse.Namespace) -> int:
         **_changes(args),
     )
     path = made.write(args.out)
-    pairs = len(made.measured.bench.pairs_hz)
-    what = f"the plan {args.plan}" if args.plan else f"{pairs} drive pairs"
+    what = f"the plan {args.plan}" if args.plan else _measured(made.measured)
     print(f"{path}: synthetic, seed {args.seed}, {what}")
     return 0
+
+
+def _measured(measured: Any) -> str:
+    if isinstance(measured, PumpedSweeps):
+        return f"{len(measured.bench.settings)} sweeps"
+    return f"{len(measured.bench.pairs_hz)} drive pairs"
 
 
 def _curve(args: argparse.Namespace) -> int:

@@ -7,6 +7,8 @@ from typing import Protocol
 #: Causalities whose value an importer may set, for any FMI version.
 SETTABLE = ("parameter", "structuralParameter", "input", "local")
 READABLE = ("output", "local", "calculatedParameter")
+#: What a report may show beside parameters that are fitted: laws may set others.
+REPORTABLE = (*READABLE, "parameter")
 
 
 class VariableLike(Protocol):

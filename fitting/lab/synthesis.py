@@ -8,18 +8,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from fitting.lab.bench import Bench, Instrument, Measured, measure
+from fitting.lab.bench import Bench, Instrument, measure
 from fitting.lab.benches import bench_named, changed
 from fitting.lab.curves import curve_named
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.plan import Plan
+from fitting.lab.pumped import PumpedBench
+from fitting.lab.pumped_files import PUMPED, changed_pumped, pumped_bench_of, pumped_files
 from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
 from fitting.text.results_folder import results_folder
+from fitting.text.toml import read_toml
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +50,11 @@ class SyntheticFiles:
 class Synthetic(SyntheticFiles):
     """A synthetic series beside what was ``measured``.
 
-    ``measured.readings`` hold the arrays of the campaign, ``measured.sweep`` (of a series) its
-    sweep, ``measured.answers`` the truth at every drive.
+    It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
+    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`.
     """
 
-    measured: Measured
+    measured: Any
 
 
 def synthesize_curves(
@@ -93,7 +96,7 @@ def synthesize_curves(
 
 
 def synthesize(
-    truth: Bench | Path | str = "q1",
+    truth: Bench | PumpedBench | Path | str = "q1",
     *,
     seed: int = 1,
     instrument: Instrument | None = None,
@@ -109,7 +112,8 @@ def synthesize(
 
     Args:
         truth: What is measured: "q1" or "q2" (the paper's series), "duffing" (its string driven
-            hard), a `Bench`, or the path of a synthetic campaign or of its truth.toml.
+            hard), "pumped" (its sweeps under a parametric pump), a bench, or the path of a
+            synthetic campaign or of its truth.toml.
         seed: Seed of all noise, a whole number of at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: as the bench has it.
         plan: A campaign that `fmu-fit design` proposed, whose rows are measured instead of a
@@ -129,12 +133,20 @@ def synthesize(
     if seed < 0:
         raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")
     try:
-        bench = changed(bench_of(truth), **changes)
+        found = bench_of(truth)
+        if isinstance(found, PumpedBench):
+            made = _pumped(changed_pumped(found, **changes), seed, command, instrument or plan)
+            return _written(made, out)
+        bench = changed(found, **changes)
         _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
         made = _planned(bench, plan, seed, command) if plan else _series(bench, seed, command)
     except ValueError as error:
         raise BadInput(f"synthesize: {error}") from error
+    return _written(made, out)
+
+
+def _written(made: Synthetic, out: Path | None) -> Synthetic:
     if out is not None:
         made.write(out)
     return made
@@ -157,6 +169,17 @@ def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path |
             )
 
 
+def _pumped(
+    bench: PumpedBench, seed: int, command: str, asked: Instrument | Path | None
+) -> Synthetic:
+    if asked is not None:
+        raise BadInput(
+            f"synthesize: neither an instrument nor a plan has a meaning for the bench {PUMPED!r}"
+        )
+    measured, truth, files = pumped_files(bench, seed, command)
+    return Synthetic(measured=measured, truth=truth, files=files)
+
+
 def _series(bench: Bench, seed: int, command: str) -> Synthetic:
     series = measure(bench, seed)
     files = campaign_files(series, command)
@@ -170,7 +193,7 @@ def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
     return Synthetic(measured=measured, truth=truth_tables(measured), files=files)
 
 
-def bench_of(truth: Bench | Path | str) -> Bench:
+def bench_of(truth: Bench | PumpedBench | Path | str) -> Bench | PumpedBench:
     """A bench as it is, by its name, or by its truth file or the campaign beside that.
 
     Args:
@@ -179,9 +202,11 @@ def bench_of(truth: Bench | Path | str) -> Bench:
     Raises:
         BadInput: no such bench or file.
     """
-    if isinstance(truth, Bench):
+    if isinstance(truth, Bench | PumpedBench):
         return truth
     path = Path(truth)
     if path.suffix != ".toml":
-        return bench_named(str(truth))
-    return read_bench(path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME)
+        return PumpedBench() if str(truth) == PUMPED else bench_named(str(truth))
+    file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
+    tables = read_toml(file)
+    return pumped_bench_of(tables, file) if PUMPED in tables else read_bench(file)

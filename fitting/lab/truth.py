@@ -35,9 +35,9 @@ def truth_tables(measured: Measured) -> dict[str, Any]:
     """
     bench = measured.bench
     widths = bench.modes.widths_hz()
-    tables: dict[str, Any] = {"bench": _plain(bench, ELSEWHERE), "modes": _plain(bench.modes)}
+    tables: dict[str, Any] = {"bench": plain(bench, ELSEWHERE), "modes": plain(bench.modes)}
     if isinstance(bench.sample, CubicModes):
-        tables["cubic"] = _plain(bench.sample.cubic)
+        tables["cubic"] = plain(bench.sample.cubic)
     if bench.levels:
         tables["drive"] = {"weak_level": bench.weak_level}
         if isinstance(bench.instrument, Markers):
@@ -83,12 +83,12 @@ def read_bench(truth: Path) -> Bench:
     """
     tables = read_toml(truth)
     names = tuple(name for name in _names(Bench) if name not in ELSEWHERE)
-    bench = _values(tables, "bench", names, truth)
-    modes = _values(tables, "modes", _names(TwoModes), truth)
+    bench = values_of(tables, "bench", names, truth)
+    modes = values_of(tables, "modes", _names(TwoModes), truth)
     cubic, drive = None, {}
     if "cubic" in tables:
-        cubic = _values(tables, "cubic", _names(Cubic), truth)
-        drive = _values(tables, "drive", ("weak_level", "repeatability", "levels"), truth)
+        cubic = values_of(tables, "cubic", _names(Cubic), truth)
+        drive = values_of(tables, "drive", ("weak_level", "repeatability", "levels"), truth)
     try:
         bench["pairs_hz"] = tuple((float(low), float(high)) for low, high in bench["pairs_hz"])
         low, high = bench["floor_v"]
@@ -107,10 +107,20 @@ def read_bench(truth: Path) -> Bench:
         raise BadInput(f"{truth}: does not describe a virtual laboratory: {error}") from error
 
 
-def _values(
+def values_of(
     tables: Mapping[str, Any], table: str, names: Sequence[str], truth: Path
 ) -> dict[str, Any]:
-    """The values of a table by these names, all of which must be there."""
+    """The values of a table by these names, all of which must be there.
+
+    Args:
+        tables: of the file.
+        table: name of the table.
+        names: of its keys.
+        truth: path of the file, for complaints.
+
+    Raises:
+        BadInput: one is missing.
+    """
     values = tables.get(table, {})
     for name in names:
         if not isinstance(values, Mapping) or name not in values:
@@ -118,8 +128,13 @@ def _values(
     return {name: values[name] for name in names}
 
 
-def _plain(record: DataclassInstance, skip: Sequence[str] = ()) -> dict[str, Any]:
-    """A record's fields as TOML has them."""
+def plain(record: DataclassInstance, skip: Sequence[str] = ()) -> dict[str, Any]:
+    """A record's fields as TOML has them.
+
+    Args:
+        record: a frozen record.
+        skip: names of fields that are left out.
+    """
     values = {name: getattr(record, name) for name in _names(type(record)) if name not in skip}
     return {name: _lists(value) for name, value in values.items()}
 

@@ -1,0 +1,162 @@
+"""Pumped sweeps of the virtual laboratory: the string's lower line, split by a parametric pump.
+
+Sweeps of one tone over the line, one for each depth and detuning of the pump, unpumped ones before
+and after. The truth comes from `fitting.lab.modes`, which shares no code with the FMU; noise of
+both quadratures comes from a seed, and both eigenfrequencies drift while the sweeps are taken.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.lab.modes import CoupledModes, Pump
+from fitting.lab.string import TwoModes
+from fitting.text.arrays import FloatArray
+
+STRING = TwoModes(
+    theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
+)
+#: Depth of the pump and its detuning from `PumpedBench.apart_hz`, Hz, one pair for each sweep.
+SETTINGS = (
+    (0.0, 0.0),
+    (1e-4, 0.0),
+    (3e-4, -250.0),
+    (3e-4, -80.0),
+    (3e-4, 0.0),
+    (3e-4, 80.0),
+    (3e-4, 250.0),
+    (0.0, 0.0),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpedBench:
+    """The truth and how it is swept.
+
+    The pump modulates f1^2 of ``string`` as it is in the middle of the series: f1^2 (1 + depth
+    cos(2 pi u_p t)), u_p = ``apart_hz`` + detuning. ``settings`` are (depth, detuning in Hz) of the
+    sweeps, taken one every ``pause_h`` hours; ``drift_hz`` is what both eigenfrequencies change by
+    over all of them. ``points`` frequencies over ``span_hz`` about eta_plus are read with Gaussian
+    noise of ``noise_v`` in each quadrature, ``noise_scale`` times; ``crest_v`` is the height of the
+    unpumped line.
+
+    Raises:
+        ValueError: numbers that are no bench.
+    """
+
+    string: TwoModes = STRING
+    settings: tuple[tuple[float, float], ...] = SETTINGS
+    apart_hz: float = 87340.0
+    span_hz: float = 800.0
+    points: int = 61
+    crest_v: float = 40e-6
+    noise_v: float = 0.2e-6
+    noise_scale: float = 1.0
+    drift_hz: float = 20.0
+    pause_h: float = 0.1
+
+    def __post_init__(self) -> None:
+        if len(self.settings) < 2:
+            raise ValueError(f"{len(self.settings)} sweeps, wanted two or more")
+        if self.points < 8 or not (self.span_hz > 0.0 and self.crest_v > 0.0 and self.noise_v > 0):
+            raise ValueError("wanted 8 points or more, a positive span, crest and noise")
+        if self.noise_scale < 0.0 or not self.pause_h > 0.0:
+            raise ValueError("wanted a noise_scale that is not negative and a positive pause_h")
+        c, s = math.cos(self.string.theta_rad), math.sin(self.string.theta_rad)
+        if self.string.reflection or s * c > 0.0:
+            raise ValueError(
+                f"theta = {self.string.theta_rad} rad has no lambda: wanted a rotation with "
+                "sin 2 theta not above 0"
+            )
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies of every sweep, (points,)."""
+        reach = 0.5 * self.span_hz
+        return np.asarray(self.string.eta_plus_hz + np.linspace(-reach, reach, self.points))
+
+    def time_h(self, k: int) -> float:
+        """When the k-th sweep is taken, hours after the middle of the series.
+
+        Args:
+            k: number of the sweep, from 0.
+        """
+        return self.pause_h * (k - 0.5 * (len(self.settings) - 1))
+
+    def at(self, k: int) -> TwoModes:
+        """The string at the k-th sweep, drifted.
+
+        Args:
+            k: number of the sweep, from 0.
+        """
+        return self.string.shifted(self.drift_hz * (k / (len(self.settings) - 1) - 0.5))
+
+    def response(self, k: int) -> FloatArray:
+        """Amplitudes (points,) of the observed mode in the k-th sweep, in m under 1 m/s2.
+
+        Args:
+            k: number of the sweep, from 0.
+        """
+        waves = self.pumped(k).response(self.frequency_hz)
+        return np.asarray(np.abs(waves @ self.string.transform()[0]))
+
+    def pumped(self, k: int) -> CoupledModes:
+        """The sample in the k-th sweep, in its uncoupled coordinates.
+
+        Args:
+            k: number of the sweep, from 0.
+        """
+        depth, detuning = self.settings[k]
+        return pumped_modes(self.at(k), depth, self.apart_hz + detuning)
+
+
+def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes:
+    """The string in its uncoupled coordinates, f1^2 pumped.
+
+    Args:
+        string: the two modes, by angle and eigenfrequencies.
+        depth: of the pump on f1^2; 0: none.
+        pump_hz: its frequency, Hz.
+    """
+    c, s = math.cos(string.theta_rad), math.sin(string.theta_rad)
+    plus, minus = string.eta_plus_hz, string.eta_minus_hz
+    return CoupledModes(
+        f_hz=(math.hypot(c * plus, s * minus), math.hypot(s * plus, c * minus)),
+        d_hz=(string.d1_hz, string.d2_hz),
+        coupling_hz={(0, 1): math.sqrt(max(-s * c * (minus - plus) * (minus + plus), 0.0))},
+        gains=tuple(map(float, string.transform().T @ np.ones(2))),
+        pump=Pump(frequency_hz=pump_hz, depth_f=(depth, 0.0)) if depth else None,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PumpedSweeps:
+    """What was read, ``amplitude_v`` (sweeps, points), and without noise, ``true_v``."""
+
+    bench: PumpedBench
+    seed: int
+    amplitude_v: FloatArray
+    true_v: FloatArray
+
+
+def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
+    """Take all sweeps of a bench; the same arguments give the same numbers.
+
+    Args:
+        bench: the truth and how it is swept.
+        seed: of the noise.
+    """
+    rng = np.random.default_rng(seed)
+    waves = np.array([bench.response(k) for k in range(len(bench.settings))])
+    unpumped = replace(bench, settings=((0.0, 0.0),) * 2)
+    true_v = waves * (bench.crest_v / float(np.max(unpumped.response(0))))
+    noise = rng.standard_normal((2, *true_v.shape)) * bench.noise_v * bench.noise_scale
+    return PumpedSweeps(
+        bench=bench,
+        seed=seed,
+        amplitude_v=np.hypot(true_v + noise[0], noise[1]),
+        true_v=true_v,
+    )
