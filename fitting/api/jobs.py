@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fitting.api.fitted import Valued
@@ -11,14 +12,15 @@ from fitting.api.problem import Problem
 from fitting.inference.determine import BUDGET
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
-from fitting.inference.likelihood.knowledge import Identification
+from fitting.inference.likelihood.knowledge import Identification, PartAlone
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
 
-__all__ = ["BUDGET", "RESULT_FILES", "draw_report", "identify", "report"]
+__all__ = ["BUDGET", "RESULT_FILES", "draw_report", "identify", "report", "with_part"]
 
 #: What a report of a fit consists of.
 RESULT_FILES = ("result.json", "history.csv", "report.html", "figures/[0-9]*_*.*")
@@ -44,7 +46,8 @@ def identify(
         bootstrap: Synthetic data sets that are fitted anew; 0: none.
 
     Returns:
-        ``knowledge`` holds the profiles and sentences, ``at`` says where it set out from.
+        ``knowledge`` holds the profiles and sentences, ``at`` says where it set out from. What a
+        part of the measurements says alone: ``identify(problem.part({"depth": 0.0}))``.
 
     Raises:
         BadInput: the problem cannot be planned, or the fit is of another one.
@@ -76,6 +79,39 @@ def identify(
         knowledge=knowledge,
         provenance=provenance,
     )
+
+
+def with_part(
+    problem: Problem,
+    found: Identification,
+    settings: Mapping[str, Scalar],
+    *,
+    seed: int = 1,
+    budget: int = BUDGET,
+) -> Identification:
+    """The same with what was measured at some settings, and what that determines alone.
+
+    Args:
+        problem: What was identified.
+        found: What all its measurements determine.
+        settings: Values that places have, by name, as `Problem.part` takes them.
+        seed: Of further starts.
+        budget: Evaluations of the model at most.
+
+    Raises:
+        BadInput: settings that name no part of the measurements.
+        FmuFailure: the FMU failed.
+    """
+    alone = problem.part(settings)
+    expected = not found.knowledge.data
+    own = identify(alone, expected=expected, seed=seed, budget=budget)
+    places, total = len(_places(alone)), len(_places(problem))
+    part = PartAlone(settings=dict(settings), places=places, total=total, knowledge=own.knowledge)
+    return replace(found, part=part)
+
+
+def _places(problem: Problem) -> list[str]:
+    return [label for m in problem.record.measurements for label, _ in m.places]
 
 
 def check_problem(verb: str, problem: object) -> None:

@@ -32,6 +32,7 @@ from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
 from fitting.fmu.models import provide_fmu
 from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.dataset import part_of
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.text.arrays import FloatArray, Scalar
@@ -164,6 +165,24 @@ class Problem:
         other = copy(self)
         other.__dict__.pop("objective", None)
         other._alternative = number
+        return other
+
+    def part(self, settings: Mapping[str, Scalar]) -> Problem:
+        """The same problem with what was measured where settings have these values, alone.
+
+        Args:
+            settings: Values of control quantities or FMU variables that measurements set, by name,
+                in the unit that they are bound in.
+
+        Raises:
+            BadInput: a name that no measurement sets, values that nothing was measured at or
+                everything, or too little left of a measurement.
+        """
+        data = part_of(self.record.data, settings)
+        other = copy(self)
+        for cached in ("objective", "planned", "_noise_root"):
+            other.__dict__.pop(cached, None)
+        other.record = replace(self.record, data=data)
         return other
 
     @property

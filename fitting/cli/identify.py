@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import importlib
 import shlex
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.jobs import BUDGET
+from fitting.api.jobs import BUDGET, with_part
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.options import folder_name, seed, whole_number, worker_count
 from fitting.cli.progress import status_line
@@ -47,6 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="refit N synthetic data sets (none)",
     )
+    parser.add_argument(
+        "--beside",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="also what was measured at this setting alone, as depth=0; may be repeated",
+    )
     parser.add_argument("--seed", type=seed(), default=1, help="of starts and bootstrap")
     parser.add_argument(
         "--budget",
@@ -73,6 +81,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
+    settings = _settings(args.beside)
     campaign = ff.read_campaign(args.campaign)
     out = _out(args)
     fitted = read_result(args.at) if args.at is not None else None
@@ -80,14 +89,19 @@ def run(args: argparse.Namespace) -> int:
         fmu_for([campaign], out, args.workers) as fmu,
         status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs"),
     ):
+        problem = ff.Problem.of(campaign, fmu)
+        if settings:
+            problem.part(settings)  # complained of before the long run
         found = ff.identify(
-            ff.Problem.of(campaign, fmu),
+            problem,
             fitted,
             expected=args.expected,
             bootstrap=args.bootstrap,
             seed=args.seed,
             budget=args.budget,
         )
+        if settings:
+            found = with_part(problem, found, settings, seed=args.seed, budget=args.budget)
     found = replace(
         found,
         at=found.at if fitted is None else args.at.as_posix(),
@@ -103,11 +117,26 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _settings(texts: Sequence[str]) -> dict[str, float | str]:
+    """Settings from texts NAME=VALUE, numbers in the unit of the campaign's column."""
+    found: dict[str, float | str] = {}
+    for text in texts:
+        name, sign, value = text.partition("=")
+        if not (name and sign and value):
+            raise ff.BadInput(f"--beside {text}: wanted NAME=VALUE")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
 def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, args.campaign.as_posix()]
     for name in ("out", "at", "bootstrap", "seed", "budget", "workers"):
         value = getattr(args, name)
         if value:
             words += [f"--{name}", str(value)]
+    words += [word for text in args.beside for word in ("--beside", text)]
     words += [f"--{n.replace('_', '-')}" for n in ("expected", "no_report") if getattr(args, n)]
     return shlex.join(words)

@@ -16,7 +16,7 @@ that have it, and larger than the response by what noise makes of it on average
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -664,6 +664,18 @@ class ControlSweep(MeasurementKind):
         fitted = self.scaled(Prediction(np.asarray(after, dtype=float)), 1.0)
         return (ControlMaps(self, fitted).figure,)
 
+    def part(self, labels: Collection[str]) -> Self | None:
+        """The spectra at the places of these labels.
+
+        Args:
+            labels: of places.
+
+        Raises:
+            BadInput: a single spectrum is left.
+        """
+        kept = tuple(s for s in self.spectra if s.label in labels)
+        return replace(self, spectra=kept) if kept else None
+
     def within(self, setup: Setup, series: str) -> Self:
         """The same as part of a series, whose name stands before the labels.
 
@@ -694,8 +706,26 @@ class ControlMaps:
         return next(iter(spectra[0].settings))
 
     @cached_property
+    def numbered(self) -> bool:
+        """Whether the maps go by the number of the spectrum: several share a value of a control."""
+        values = [s.settings.get(self.control) for s in self.sweep.spectra]
+        return len(set(values)) < len(values)
+
+    @property
+    def over(self) -> str:
+        """What the maps are drawn over."""
+        return "spectrum" if self.numbered else self.control
+
+    @property
+    def _unit(self) -> str:
+        return "" if self.numbered else self.sweep.units.get(self.control, "")
+
+    @cached_property
     def _at(self) -> list[float]:
-        return [float(s.settings[self.control]) for s in self.sweep.spectra]
+        spectra = self.sweep.spectra
+        if self.numbered:
+            return [float(k) for k in range(1, len(spectra) + 1)]
+        return [float(s.settings[self.control]) for s in spectra]
 
     @cached_property
     def _x(self) -> FloatArray:
@@ -723,17 +753,23 @@ class ControlMaps:
         if not apart:
             return ""
         least, at = min(apart)
-        unit = self.sweep.units.get(self.control, "")
-        return (
-            f" The model's maxima come closest at {self.control} = {f'{at:.4g} {unit}'.strip()}, "
-            f"{hertz(least, digits=4)} apart."
-        )
+        where = f"{self.over} = {f'{at:.4g} {self._unit}'.strip()}"
+        if self.numbered:
+            where = f"spectrum {at:.0f} ({self.sweep.spectra[round(at) - 1].label})"
+        return f" The model's maxima come closest at {where}, {hertz(least, digits=4)} apart."
+
+    @property
+    def _order(self) -> str:
+        """What the numbers mean, where spectra are numbered."""
+        if not self.numbered:
+            return ""
+        first = self.sweep.spectra[0]
+        return f" number in the order of the data (1: {', '.join(first.settings)} = {first.label})"
 
     def _panel(self, title: str, z: FloatArray, axis: Axis, *further: Layer) -> Panel:
-        unit = self.sweep.units.get(self.control, "")
         drawn = Layer(Role.MEASURED, Form.MAP, self._x, self._f, z=z)
         return Panel(
-            x=Axis(self.control, unit),
+            x=Axis(self.over, self._unit),
             y=Axis("drive frequency", "Hz"),
             z=axis,
             layers=(drawn, *further),
@@ -768,12 +804,12 @@ class ControlMaps:
         spectra = len(sweep.spectra)
         return Figure(
             name="8_control_sweep",
-            title=f"Response over {self.control} and drive frequency",
+            title=f"Response over {self.over} and drive frequency",
             caption=(
-                f"Amplitudes of {spectra} spectra over {self.control}, measured, simulated with "
+                f"Amplitudes of {spectra} spectra over {self.over}{self._order}, measured, simulated with "
                 f"the fitted parameters, and what is left.{self.gap}"
             ),
-            alt=f"Maps of {spectra} spectra over {self.control}: measured, simulated, difference.",
+            alt=f"Maps of {spectra} spectra over {self.over}: measured, simulated, difference.",
             rows=(
                 (
                     self._panel("measured", maps[0], amplitudes, lines),

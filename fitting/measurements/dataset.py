@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,8 @@ import numpy as np
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.tones import Tones
 from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.text.errors import BadInput
+from fitting.text.tables import did_you_mean
 
 #: Residuals beyond this many standard deviations count linearly with outliers = "huber".
 HUBER = 1.345
@@ -195,3 +198,41 @@ class Dataset:
         far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)
         value = np.sum(weights * residuals**2 * (2.0 * far - 1.0) / far**2)
         return float(value), weights / far
+
+
+def part_of(data: Dataset, settings: Mapping[str, Scalar]) -> Dataset:
+    """What was measured where settings have these values, alone.
+
+    Args:
+        data: all measurements.
+        settings: values that places have to have, by name.
+
+    Raises:
+        BadInput: a name that no place sets, values that no place has or all have, or too little
+            left of a measurement.
+    """
+    wanted = ", ".join(f"{name} = {value}" for name, value in settings.items())
+    places = [place for m in data.measurements for place in m.places]
+    known = sorted({name for _, has in places for name in has})
+    for name in settings:
+        if name not in known:
+            raise BadInput(
+                f"'{name}' is set by no measurement{did_you_mean(name, known)}; they set "
+                f"{', '.join(known) or 'nothing'}"
+            )
+    inside = {
+        label
+        for label, has in places
+        if all(name in has and _same(has[name], value) for name, value in settings.items())
+    }
+    if not inside or len(inside) == len(places):
+        many = "everything" if inside else "nothing"
+        raise BadInput(f"{many} was measured at {wanted}; wanted a part of the measurements")
+    found = (m.part(inside) for m in data.measurements)
+    return replace(data, measurements=tuple(m for m in found if m is not None))
+
+
+def _same(one: Scalar, other: Scalar) -> bool:
+    if isinstance(one, str | bool) or isinstance(other, str | bool):
+        return str(one) == str(other)
+    return math.isclose(one, other, rel_tol=1e-9, abs_tol=0.0)

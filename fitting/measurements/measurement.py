@@ -14,7 +14,7 @@ settings of the runs, by label, as those of an experiment are.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, cast
 
@@ -31,6 +31,7 @@ from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
 
 #: Predicted or measured values (n,), real or complex.
 Values = npt.NDArray[np.float64] | npt.NDArray[np.complex128]
@@ -292,6 +293,17 @@ class Measurement(Protocol):
         """
         ...
 
+    def part(self, labels: Collection[str]) -> Self | None:
+        """What was measured at the places of these labels; None where nothing was.
+
+        Args:
+            labels: of places.
+
+        Raises:
+            BadInput: a part that is no measurement of this kind by itself.
+        """
+        ...
+
 
 class MeasurementKind:
     """Answers for what a kind of measurement does not care about: a base class for its record.
@@ -421,6 +433,29 @@ class MeasurementKind:
         """
         changed: Any = replace(self, setup=setup, series=series)  # type: ignore[type-var]
         return cast(Self, changed)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """None that is known."""
+        return ()
+
+    def part(self, labels: Collection[str]) -> Self | None:
+        """All of it or nothing.
+
+        Args:
+            labels: of places.
+
+        Raises:
+            BadInput: some of its places are among them, and some are not.
+        """
+        own = [label for label, _ in self.places]
+        inside = [label for label in own if label in labels]
+        if inside and len(inside) < len(own):
+            raise BadInput(
+                f"of the measurements {', '.join(own)} only {', '.join(inside)} would be left; "
+                "this kind of measurement is not divided"
+            )
+        return self if inside else None
 
 
 def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:

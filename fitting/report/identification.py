@@ -11,9 +11,22 @@ from fitting.report.figures.style import save, style
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.reconstruction import knowledge_section
 from fitting.report.table import pairs_table
+from fitting.report.tables.inference import part_table
+from fitting.report.words.identification import part_sentences
 from fitting.report.words.inference import open_values_sentence
 
 FIGURES = "figures"
+
+
+def _part(found: Identification) -> Section | None:
+    if found.part is None:
+        return None
+    return Section(
+        "part",
+        "A part of the measurements alone",
+        paragraphs=part_sentences(found.knowledge, found.part),
+        tables=(part_table(found.knowledge, found.part),),
+    )
 
 
 def write_report(found: Identification, out_dir: Path) -> Path:
@@ -34,6 +47,7 @@ def write_report(found: Identification, out_dir: Path) -> Path:
     )
     made = (
         knowledge_section(found.knowledge, figures),
+        _part(found),
         Section("provenance", "Provenance", tables=(origin,)),
     )
     profiles = found.knowledge.profiles.values()

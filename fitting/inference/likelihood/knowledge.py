@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fitting.inference.verdict import Verdict
+from fitting.text.arrays import Scalar
 
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
@@ -198,11 +199,28 @@ class Knowledge:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PartAlone:
+    """What the measurements at some `settings` determine without the others.
+
+    `places` of `total` were measured there.
+    """
+
+    settings: Mapping[str, Scalar]
+    places: int
+    total: int
+    knowledge: Knowledge
+
+
+@dataclass(frozen=True, kw_only=True)
 class Identification:
-    """What `fmu-fit identify` writes: where it set out from (`at`), and what it found."""
+    """What `fmu-fit identify` writes: where it set out from (`at`), and what it found.
+
+    `part`: what some of the measurements determine alone, if that was asked.
+    """
 
     title: str
     synthetic: bool
     at: str
     knowledge: Knowledge
     provenance: Mapping[str, str]
+    part: PartAlone | None = None

@@ -11,12 +11,14 @@ from fitting.inference.likelihood.knowledge import (
     Knowledge,
     NuChoice,
     NuRow,
+    PartAlone,
     Percentiles,
     Profile,
 )
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.tables.values import interval, verdict
 from fitting.report.words.inference import end_words, typeset
+from fitting.report.words.values import settings_words
 from fitting.text.notation import number, on_log_axis, unit_text
 
 Named = tuple[str, Profile]
@@ -74,6 +76,32 @@ def profile_table(knowledge: Knowledge) -> Table:
         "Precision is half the width of the 95 % interval over the value, of an angle over its "
         "period. Verdicts follow from the ends that the data cut, inside the box or outside; where "
         "they cut none, the interval is what the box leaves, as far as it was walked.",
+    )
+
+
+def part_table(whole: Knowledge, part: PartAlone) -> Table:
+    """A row per value: what some of the measurements say alone, and what all say.
+
+    Args:
+        whole: what all determine.
+        part: what some of them determine.
+    """
+    where = settings_words(part.settings)
+    pairs = [(name, part.knowledge.profiles[name], p) for name, p in whole.profiles.items()]
+    columns: tuple[Column[tuple[str, Profile, Profile]], ...] = (
+        Column("value", lambda row: symbol(row[0]), role="name"),
+        Column("unit", lambda row: unit_text(row[2].unit)),
+        Column(f"95 %, {where} alone", lambda row: interval(row[1].interval95)),
+        Column(f"verdict, {where} alone", lambda row: verdict(row[1].verdict)),
+        Column("95 %, all", lambda row: interval(row[2].interval95)),
+        Column("verdict, all", lambda row: verdict(row[2].verdict)),
+    )
+    return tabulate(
+        f"What was measured at {where} determines alone, and what all of it determines",
+        columns,
+        pairs,
+        f"{part.places} of {part.total} places were measured there. Where data cut no end of an "
+        "interval, it is what the box leaves, as far as it was walked.",
     )
 
 

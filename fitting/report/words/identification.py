@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from fitting.inference.likelihood.knowledge import Identification
+from fitting.inference.likelihood.knowledge import Identification, Knowledge, PartAlone
+from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
-from fitting.report.tables.inference import direction_table
+from fitting.report.tables.inference import direction_table, part_table
 from fitting.report.words.inference import knowledge_lines
+from fitting.report.words.values import settings_words
+from fitting.text.notation import listed
 
 
 def identification_lines(found: Identification) -> list[str]:
@@ -24,4 +27,31 @@ def identification_lines(found: Identification) -> list[str]:
     directions = direction_table(found.knowledge)
     if directions is not None:  # what was tried along them is told below
         lines += text_lines(directions.without("what was tried"))
-    return [*lines, "", *knowledge_lines(found.knowledge)]
+    lines += ["", *knowledge_lines(found.knowledge)]
+    if found.part is None:
+        return lines
+    lines += ["", *part_sentences(found.knowledge, found.part), ""]
+    return lines + text_lines(part_table(found.knowledge, found.part))
+
+
+def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
+    """What a part of the measurements determines alone, and what all of them determine beyond it.
+
+    Args:
+        whole: what all determine.
+        part: what some of them determine.
+    """
+    where = settings_words(part.settings)
+    before = [n for n, p in part.knowledge.profiles.items() if p.verdict is Verdict.DETERMINED]
+    after = [n for n, p in whole.profiles.items() if p.verdict is Verdict.DETERMINED]
+    more, fewer = [n for n in after if n not in before], [n for n in before if n not in after]
+    said = [
+        f"Measured at {where} ({part.places} of {part.total} places) alone: "
+        f"{listed(before) or 'nothing'} determined.",
+        f"All {part.total} places together determine {listed(more)} beyond that."
+        if more
+        else f"All {part.total} places together determine nothing beyond that.",
+    ]
+    if fewer:
+        said.append(f"With all of them {listed(fewer)} is no longer determined.")
+    return tuple(said)

@@ -1,0 +1,85 @@
+"""A part of the measurements alone: what sweeps under a pump say beside unpumped ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.campaign import bind
+from fitting.fit.problem import problem_of
+from fitting.inference.likelihood.knowledge import Identification, PartAlone
+from fitting.inference.verdict import Verdict
+from fitting.lab.pumped import PumpedBench
+from fitting.lab.synthesis import synthesize
+from fitting.report.words.identification import identification_lines
+from fitting.text.errors import BadInput
+from tests.support.pumped_line import SidebandLine
+
+#: Unpumped before and after, pumped on either side of the distance of the lines.
+BENCH = PumpedBench(settings=((0.0, 0.0), (3e-4, -80.0), (3e-4, 80.0), (0.0, 0.0)), points=31)
+UNPUMPED = (0, 3)
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory: pytest.TempPathFactory) -> ff.Problem:
+    folder = tmp_path_factory.mktemp("pumped")
+    synthesize(BENCH, seed=1, out=folder)
+    campaign = ff.read_campaign(folder / "campaign.toml")
+    with ff.Fmu("CoupledModes2", 1) as fmu:
+        record = problem_of([bind(campaign, fmu.variables)])
+    return ff.Problem.answered_by(lambda _: SidebandLine(BENCH), record)
+
+
+def test_a_part_has_the_rows_of_its_places(problem: ff.Problem) -> None:
+    part = problem.part({"depth": 0.0})
+    [whole], [kept] = problem.record.measurements, part.record.measurements
+    assert [label for label, _ in kept.places] == [whole.places[k][0] for k in UNPUMPED]
+    rows = problem.record.data.sigma.reshape(4, -1)[list(UNPUMPED)]
+    assert np.array_equal(part.record.data.sigma, rows.ravel())
+    assert problem.record.measurements == (whole,)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"dephts": 0.0}, "'dephts' is set by no measurement.*they set depth, detuning, time"),
+        ({"depth": 7.0}, "nothing was measured at depth = 7.0"),
+        ({"detuning": -80.0}, "wanted two or more"),
+    ],
+)
+def test_what_is_no_part_is_refused(
+    problem: ff.Problem, settings: dict[str, float], words: str
+) -> None:
+    with pytest.raises(BadInput, match=words):
+        problem.part(settings)
+
+
+def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.Problem) -> None:
+    """The closed form's own truth: theta enters the unpumped line through its width alone."""
+    whole = ff.identify(problem)
+    record = problem.part({"depth": 0.0}).record
+    alone = ff.Problem.answered_by(lambda _: SidebandLine(BENCH, UNPUMPED), record)
+    part = ff.identify(alone).knowledge
+    for name, truth in (("theta", BENCH.string.theta_rad), ("d1", 120.0), ("d2", 90.0)):
+        low, high = whole.knowledge.profiles[name].interval95
+        assert low - 0.5 * (high - low) <= truth <= high + 0.5 * (high - low)
+        assert whole.knowledge.profiles[name].verdict is Verdict.DETERMINED
+        assert not part.profiles[name].verdict.has_value
+    low, high = part.profiles["lambda12"].interval95
+    assert high - low > 1e5
+    both = PartAlone(settings={"depth": 0.0}, places=2, total=4, knowledge=part)
+    said = "\n".join(
+        identification_lines(
+            Identification(
+                title="sweeps",
+                synthetic=True,
+                at="here",
+                knowledge=whole.knowledge,
+                provenance={},
+                part=both,
+            )
+        )
+    )
+    assert "Measured at depth = 0 (2 of 4 places) alone: " in said
+    assert "All 4 places together determine theta, d1, d2" in said
