@@ -50,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--series",
         choices=(*SERIES, *CURVES),
         help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
-        "under a parametric pump, one mode as a network analyser sees it, or spectra over a voltage",
+        "under a parametric pump, one mode as a network analyser sees it, or spectra over a "
+        "voltage",
     )
     kind.add_argument(
         "--like",

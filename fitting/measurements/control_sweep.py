@@ -806,8 +806,8 @@ class ControlMaps:
             name="8_control_sweep",
             title=f"Response over {self.over} and drive frequency",
             caption=(
-                f"Amplitudes of {spectra} spectra over {self.over}{self._order}, measured, simulated with "
-                f"the fitted parameters, and what is left.{self.gap}"
+                f"Amplitudes of {spectra} spectra over {self.over}{self._order}, measured, "
+                f"simulated with the fitted parameters, and what is left.{self.gap}"
             ),
             alt=f"Maps of {spectra} spectra over {self.over}: measured, simulated, difference.",
             rows=(
