@@ -176,3 +176,13 @@ def test_nothing_is_resampled_that_the_data_do_not_determine(
     assert knowledge.bootstrap is not None
     assert "w" not in knowledge.bootstrap.values
     assert math.isfinite(knowledge.parameters["w"].interval95[0])
+
+
+@pytest.mark.parametrize("text", ["depth", "=0", "depth="])
+def test_a_part_is_named_by_a_setting(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = DATA / "string_q1" / "campaign.toml"
+    assert main(["identify", str(path), "--beside", text, "--out", str(tmp_path)]) == 2
+    assert f"--beside {text}: wanted NAME=VALUE" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
