@@ -183,7 +183,10 @@ def design(
         "FMU sha256": description.sha256,
         "seed": str(asked.seed),
     }
-    unit = description.variables[variable_of(bound, wanted.target)].unit or ""
+    # a coefficient of laws is no variable of the FMU
+    variable = description.variables.get(variable_of(bound, wanted.target))
+    own = {p.name: p.unit for p in bound.parameters}
+    unit = own.get(wanted.target, "") if variable is None else variable.unit or ""
     found = propose(bound, weighed, kept, wanted, unit, provenance)
     return NextMeasurements(found, problem, kept)
 
