@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from fitting.campaign.binding import Drive, Setup
     from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
-    from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweep
+    from fitting.measurements.complex_curve import ComplexCurve
+    from fitting.measurements.complex_sweep import ComplexSweep
     from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep
     from fitting.measurements.kinds import read_campaign
     from fitting.measurements.wiring import Wiring
@@ -51,7 +52,8 @@ _HOMES = {
     "measurements.control_sweep": ("ControlSpectrum", "ControlSweep"),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
-    "measurements.complex_sweep": ("ComplexCurve", "ComplexSweep"),
+    "measurements.complex_curve": ("ComplexCurve",),
+    "measurements.complex_sweep": ("ComplexSweep",),
     "measurements.wiring": ("Wiring",),
     "text.errors": ("BadInput", "FmuFailure"),
 }

@@ -6,12 +6,9 @@ Two rows for each line, all real parts (along y) before all imaginary ones (acro
 residuals those of the amplitude, as `tones` has them, and those of the phase in rad. Lock-in
 amplifiers give such values; output(t) = Re[z exp(i 2 pi u t)], a drive of phase zero.
 
-What nobody knows of the detector is solved inside every evaluation, with h = z/y and weights w,
-
-    phase    phi_g = arg sum w conj(h)                          chi is that of the series
-    gain     chi = sum_g |sum w conj(h)| / sum w |h|^2          phi_g likewise
-
-the inner sums over the lines of one group g, which ends where the instrument was restarted.
+What nobody knows of the detector is solved inside every evaluation: the phase phi_g of every group
+of lines, which ends where the instrument was restarted, and with an unknown gain the modulus chi,
+which else is that of the series (`fitting.measurements.complex_gain`, with h = z/y and y = 1).
 """
 
 from __future__ import annotations
@@ -23,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from fitting.campaign import Experiment, Phases
+from fitting.measurements.complex_gain import gains_of
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import Prediction, Values
 from fitting.measurements.tones import Tones
@@ -114,13 +112,13 @@ class ComplexTones(Tones):
         if self.unknown == "none":
             return np.asarray(chi * z)
         h, weights = z / self.y, self._weights
-        count = int(self.groups[-1]) + 1
-        pulls = weights * np.conj(h)
-        sums = np.array([np.sum(pulls[self.groups == g]) for g in range(count)])
-        if self.unknown == "gain":
-            total = float(np.sum(weights * np.abs(h) ** 2))
-            chi = float(np.sum(np.abs(sums))) / max(total, 1e-300)
-        return np.asarray(chi * np.exp(1j * np.angle(sums))[self.groups] * z)
+        lines = [self.groups == g for g in range(int(self.groups[-1]) + 1)]
+        products = [complex(np.vdot(h[mine], weights[mine])) for mine in lines]
+        powers = [float(weights[mine] @ np.abs(h[mine]) ** 2) for mine in lines]
+        gains = gains_of(products, powers, turned=True)
+        if self.unknown == "phase":
+            gains = chi * np.exp(1j * np.angle(gains))
+        return np.asarray(gains[self.groups] * z)
 
     @cached_property
     def _weights(self) -> FloatArray:

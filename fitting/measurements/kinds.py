@@ -1,9 +1,9 @@
 """The kinds of measurements that a campaign file can tell of, and campaigns with them.
 
-A kind is one file in this folder. It holds the table of campaign.toml (a `MeasurementTable`), the
-data as arrays in a frozen record that answers to `Measurement`, and its figure; it is found by
-being here. `tones` and `sweep` have their tables in the campaign room, where drift, noise and scale
-rest on them.
+A kind is one file in this folder, or one for each of its nouns. It holds the table of campaign.toml
+(a `MeasurementTable`), the data as arrays in a frozen record that answers to `Measurement`, and its
+figure; it is found by being here. `tones` and `sweep` have their tables in the campaign room, where
+drift, noise and scale rest on them.
 """
 
 from __future__ import annotations

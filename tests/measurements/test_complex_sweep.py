@@ -13,7 +13,8 @@ import fitting as ff
 from fitting.campaign import Setup
 from fitting.campaign.complex_trace import read_complex
 from fitting.campaign.instruments import read_trace
-from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweeps
+from fitting.measurements.complex_curve import ComplexCurve
+from fitting.measurements.complex_sweep import ComplexSweeps
 from fitting.measurements.wiring import Wiring
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput

@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.measurements.complex_sweep import ComplexCurve
+from fitting.measurements.complex_curve import ComplexCurve
 from fitting.measurements.wiring import Wiring
 from fitting.text.arrays import Scalar
 from tests.support.complex_data import mode

@@ -1,0 +1,99 @@
+"""Complex curve: the values of one sweep, what is known of them, and one mode that they follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.complex_trace import MeasuredComplex
+from fitting.measurements.wiring import Wiring
+from fitting.signal.complex_line import ComplexLine, complex_line
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz
+
+#: Line widths that a sweep has to span for a delay to be told from the phase of the line itself.
+WIDTHS_FOR_DELAY = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class ComplexCurve:
+    """Complex values of one sweep.
+
+    Args:
+        frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
+        values: Measured X + i Y, shape (n,), in ``unit``, phases as Re[values exp(i 2 pi u t)].
+        sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
+        settings: Start values of the FMU during the sweep by variable, in the FMU's units.
+        label: Name of the sweep; wanted where there are several.
+        output: The FMU's output that is seen; empty: the setup's.
+        wiring: What stands beside the response.
+        delay_s: Delay of the cable, s; None: it is fitted.
+        shared: Whether it shares its complex gain with all others that do.
+        restarted: Whether the phase of a shared gain is its own.
+        unit: Of the values.
+        source: What complaints name it by.
+
+    Raises:
+        BadInput: fewer than 8 points, shapes that differ, values that are no numbers, a delay that
+            the sweep cannot resolve.
+    """
+
+    frequency_hz: npt.ArrayLike
+    values: npt.ArrayLike
+    _: KW_ONLY
+    sigma: float = 0.0
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str = ""
+    output: str = ""
+    wiring: Wiring = field(default_factory=Wiring)
+    delay_s: float | None = 0.0
+    shared: bool = False
+    restarted: bool = False
+    unit: str = "V"
+    source: str = "complex sweep"
+    u_hz: FloatArray = field(init=False)
+    y: ComplexArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        checked = MeasuredComplex(
+            frequency_hz=np.asarray(self.frequency_hz, dtype=float),
+            values=np.asarray(self.values, dtype=complex),
+            source=Path(self.source),
+        )
+        object.__setattr__(self, "u_hz", checked.frequency_hz)
+        object.__setattr__(self, "y", checked.values)
+        if self.delay_s is None and self._hides_delay:
+            raise BadInput(
+                f"{self.source}: the sweep spans {hertz(float(np.ptp(self.u_hz)))}, its line is "
+                f"{hertz(abs(self.line.width_hz))} wide: a delay is not resolved beside the phase "
+                f"of the line itself; wanted {WIDTHS_FOR_DELAY:g} line widths, or the delay"
+            )
+
+    @property
+    def _hides_delay(self) -> bool:
+        width = abs(self.line.width_hz)
+        return bool(width * WIDTHS_FOR_DELAY > np.ptp(self.u_hz))
+
+    @cached_property
+    def line(self) -> ComplexLine:
+        """One mode that the values follow, found without the FMU."""
+        return complex_line(self.u_hz, self.y, self.delay_s)
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest modulus, in ``unit``."""
+        return float(np.max(np.abs(self.y)))
+
+    def rows_of(self, values: ComplexArray) -> FloatArray:
+        """Real, then imaginary parts over the largest measured modulus, (2 n,).
+
+        Args:
+            values: complex (n,), in the curve's unit.
+        """
+        return np.concatenate([values.real, values.imag]) / self.largest

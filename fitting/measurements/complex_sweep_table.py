@@ -1,0 +1,178 @@
+"""The table [[complex_sweep]] of a campaign, and the curves that its files hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+from fitting.campaign import Setup
+from fitting.campaign.binder import Binder
+from fitting.campaign.complex_trace import (
+    WrittenComplexColumns,
+    check_sense,
+    conjugated,
+    read_complex,
+)
+from fitting.campaign.instruments import LAYOUTS, PLAIN
+from fitting.campaign.kind import MeasurementTable
+from fitting.fmu.variables import READABLE
+from fitting.measurements.complex_curve import ComplexCurve
+from fitting.measurements.complex_sweep import ComplexSweeps
+from fitting.measurements.wiring import BACKGROUNDS, WIRINGS, Wiring
+from fitting.text.errors import BadInput, gathered
+from fitting.text.keys import (
+    FileName,
+    OneOf,
+    Refused,
+    Switch,
+    Text,
+    Usually,
+    Value,
+    WholeNumber,
+    refusing,
+)
+from fitting.text.units import convert, parse_quantity
+from fitting.text.written import in_unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComplexSweepTable(MeasurementTable):
+    """A complex frequency response: lock-in amplifier or network analyser, over drive frequency.
+
+    Several of these tables are fitted together.
+    """
+
+    TABLE: ClassVar[str] = "complex_sweep"
+    REPEATED: ClassVar[bool] = True
+
+    file: FileName
+    """Frequency with X and Y, real and imaginary part, amplitude and phase, or dB and phase, each
+    column with its unit."""
+    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
+    """How the instrument writes."""
+    chunk: WholeNumber | None = None
+    """(zurich only) which sweep of the file; without it the only one there is."""
+    columns: WrittenComplexColumns = field(default_factory=WrittenComplexColumns)
+    """Names of columns, where they are not the usual ones."""
+    conjugate: Switch = False
+    """The instrument counts phases the other way: the phase of a response rises with frequency."""
+    sigma: Value | None = None
+    """Standard deviation of each quadrature, as "0.1 uV"; without it the residuals tell it."""
+    output: Text | None = None
+    """The FMU output that is seen; without it that of [observe]."""
+    label: Text = ""
+    """Name of the sweep, for values of its own; without it "1", "2" where there are several."""
+    set: Mapping[str, Value] = field(default_factory=dict)
+    """Start values of the FMU during the sweep."""
+    wiring: Annotated[Text, OneOf(WIRINGS)] = "transmission"
+    """How the response stands in what is seen, see the README."""
+    background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
+    """Complex background beside the response, solved inside."""
+    delay: Text = "none"
+    """Of the cable: "none", "fit", or a known one as "40 ns"."""
+    scale: Annotated[Text, OneOf(("own", "shared"))] = "own"
+    """Complex gain: its own, or one for all sweeps that share it."""
+    restarted: Switch = False
+    """With scale = "shared": the phase of the gain is its own, as after a restart of the
+    instrument."""
+
+    def __post_init__(self) -> None:
+        if self.restarted and self.scale != "shared":
+            raise Refused('has a meaning with scale = "shared" only', "restarted")
+        if self.wiring != "transmission":
+            if self.scale == "shared":
+                raise Refused(f'wanted "own" with wiring = "{self.wiring}"', "scale")
+            if self.background == "constant":
+                raise Refused(
+                    f'"constant" is what passes by in wiring = "{self.wiring}" anyway; wanted '
+                    '"none" or "slope"',
+                    "background",
+                )
+        with refusing("delay"):
+            _delay_of(self.delay, "")
+        if self.chunk is not None and self.layout != "zurich":
+            raise Refused('has no meaning without layout = "zurich"', "chunk")
+
+    def curve(self, label: str) -> ComplexCurve:
+        """The sweep of the file; settings and output are bound later.
+
+        Args:
+            label: of the sweep.
+        """
+        measured = read_complex(self.file, self.layout or PLAIN, self.columns, chunk=self.chunk)
+        measured = conjugated(measured) if self.conjugate else measured
+        delay_s = _delay_of(self.delay, "")
+        check_sense(measured, delay_s, str(self.file))
+        sigma = 0.0
+        if self.sigma is not None:
+            sigma = in_unit(self.sigma, measured.unit)
+            if not sigma > 0.0:
+                raise BadInput(f"{self.sigma.where}: found {sigma:g}, wanted more than zero")
+        return ComplexCurve(
+            measured.frequency_hz,
+            measured.values,
+            sigma=sigma,
+            label=label,
+            wiring=Wiring(kind=self.wiring, background=self.background),
+            delay_s=delay_s,
+            shared=self.scale == "shared",
+            restarted=self.restarted,
+            unit=measured.unit,
+            source=str(self.file),
+        )
+
+    @classmethod
+    def read_together(cls, tables: Sequence[Self]) -> ReadComplexSweeps:
+        """All sweeps, with the labels that they are told apart by."""
+        alone = len(tables) == 1
+        labels = [t.label or ("" if alone else str(k)) for k, t in enumerate(tables, start=1)]
+        for k, label in enumerate(labels):
+            if label in labels[:k]:
+                raise BadInput(
+                    f"{tables[k].file}: is the second sweep of the label '{label}'; wanted a label "
+                    "of its own for every [[complex_sweep]]"
+                )
+        pairs = zip(tables, labels, strict=True)
+        curves = gathered(_reader(table, label) for table, label in pairs)
+        return ReadComplexSweeps(tuple(tables), tuple(curves))
+
+
+def _reader(table: ComplexSweepTable, label: str) -> Any:
+    return lambda: table.curve(label)
+
+
+def _delay_of(text: str, where: str) -> float | None:
+    """Known delay, s; None: it is fitted."""
+    if text in ("none", "fit"):
+        return 0.0 if text == "none" else None
+    value, unit = parse_quantity(text, where=where, wanted="s")
+    if unit is None:
+        raise BadInput(f'{where}: found "{text}", wanted "none", "fit" or a time as "40 ns"')
+    return convert(value, unit, "s", where=where)
+
+
+@dataclass(frozen=True)
+class ReadComplexSweeps:
+    """The sweeps of all tables [[complex_sweep]], as their files have them."""
+
+    tables: tuple[ComplexSweepTable, ...]
+    curves: tuple[ComplexCurve, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of all tables, each once."""
+        return tuple(dict.fromkeys(table.file for table in self.tables))
+
+    def bind(self, binder: Binder, setup: Setup) -> ComplexSweeps:
+        """The sweeps with settings and outputs of the FMU."""
+        bound = []
+        for table, curve in zip(self.tables, self.curves, strict=True):
+            output = table.output or ""
+            if output:
+                where = f"{setup.source}: [complex_sweep] output"
+                binder.real(output, where, READABLE, "observed")
+            settings = {name: binder.setting(name, w) for name, w in table.set.items()}
+            bound.append(replace(curve, settings=settings, output=output))
+        return ComplexSweeps(setup=setup, curves=tuple(bound))
