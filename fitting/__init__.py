@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from fitting.campaign.noise import Noise
     from fitting.measurements.complex_curve import ComplexCurve
     from fitting.measurements.complex_sweep import ComplexSweep
-    from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep
+    from fitting.measurements.control_spectrum import ControlSpectrum
+    from fitting.measurements.control_sweep import ControlSweep
     from fitting.measurements.kinds import read_campaign
     from fitting.measurements.wiring import Wiring
     from fitting.text.errors import BadInput, FmuFailure
@@ -49,7 +50,8 @@ _HOMES = {
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.binding": ("Drive", "Setup"),
     "campaign.laws": ("Laws",),
-    "measurements.control_sweep": ("ControlSpectrum", "ControlSweep"),
+    "measurements.control_spectrum": ("ControlSpectrum",),
+    "measurements.control_sweep": ("ControlSweep",),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
     "measurements.complex_curve": ("ComplexCurve",),

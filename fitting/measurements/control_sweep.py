@@ -17,27 +17,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign import Setup
-from fitting.campaign.binder import Binder
-from fitting.campaign.control_table import (
-    LEAST_POINTS,
-    MeasuredSpectrum,
-    SpectraFormat,
-    read_spectra,
-)
-from fitting.campaign.file import TraceFormat
-from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
-from fitting.campaign.kind import MeasurementTable
-from fitting.fmu.variables import READABLE
 from fitting.measurements.control_maps import ControlMaps
+from fitting.measurements.control_spectrum import ControlSpectrum
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
@@ -51,246 +39,17 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
+from fitting.measurements.spectrum_scales import SCALES, SpectrumScales
 from fitting.measurements.tones import PLATEAU
-from fitting.signal.amplitudes import declared_amplitude
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.scale import half_power_width
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import FloatArray, IntArray, Scalar
-from fitting.text.errors import BadInput, NoScale
-from fitting.text.formula import Formula
-from fitting.text.keys import (
-    FileName,
-    Frequencies,
-    Missing,
-    OneOf,
-    Quantity,
-    Refused,
-    Share,
-    Text,
-    Texts,
-    Usually,
-    Value,
-    refusing,
-)
-from fitting.text.written import in_unit
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
 
-SCALES = ("each", "shared", "none")
-#: Differences of this order leave noise alone where a curve is resolved; its weight on white noise.
-DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
-#: Spectra with fewer points say nothing of their noise by themselves.
-LEAST_FOR_NOISE = 50
-#: Median of |x| of a normal distribution of unit variance.
-MEDIAN_OF_NORMAL = 0.6744897501960817
-#: Steps towards the scale of magnitudes, and the share of itself that it keeps in one at least.
-SCALE_STEPS, LEAST_SCALE = 2, 0.1
 #: Residuals below this share of the maximum are no misfit.
 SMALLEST_MISFIT = 1e-3
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlSweepTable(MeasurementTable):
-    """Spectra over drive frequency at several values of a control quantity, fitted as a whole."""
-
-    TABLE: ClassVar[str] = "control_sweep"
-
-    file: FileName
-    """Either all points, a row each: the controls, frequency, amplitude; or a row for each
-    spectrum: the controls, and in the column file the name of the spectrum's own file."""
-    controls: Texts
-    """Columns of the control quantities, each with its unit: what laws name, or variables of the
-    FMU."""
-    amplitude: Annotated[
-        Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
-    ]
-    """What the amplitudes mean: "V peak", "V rms", "dBm", "dB" (to a reference that nobody knows),
-    or another detector unit likewise, as "m peak"."""
-    impedance: Annotated[float | None, Quantity("ohm")] = None
-    """With dBm only, and required there."""
-    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
-    """How the instrument writes the spectra's own files."""
-    sigma: Value | None = None
-    """Standard deviation of every amplitude, as "0.1 uV"; without it, and without relative, that of
-    every spectrum is estimated from how its points scatter about a smooth curve."""
-    relative: Share = 0.0
-    """Standard deviation of every amplitude as a share of it, beside sigma."""
-    scale: Annotated[Text, OneOf(SCALES)] = "each"
-    """From simulated to measured amplitudes: "each": one for every spectrum, "shared": one for all;
-    "none": 1."""
-    rectified: bool = True
-    """Whether amplitudes are magnitudes of two quadratures with the noise sigma each, as those of
-    lock-in and network analysers and of Fourier transforms are: noise then makes them larger."""
-    drive: Text | None = None
-    """Amplitude of the drive at each frequency, relative to the level: a column of the file, or a
-    formula of the frequency f and of constants, as "f0/f" for the harmonics of a square wave."""
-    lines: Annotated[float | None, Quantity("Hz")] = None
-    """Fundamental of a periodic drive: of each spectrum the odd harmonics are picked, the highest
-    point within 0.8 of it, refined by a parabola through the logarithms beside it."""
-    range: Annotated[Frequencies | None, Usually(None)] = None
-    """First and last frequency that is fitted."""
-    output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
-
-    def __post_init__(self) -> None:
-        with refusing("amplitude"):
-            declared_amplitude(self.amplitude, self.impedance, "")
-        if not self.controls:
-            raise Refused("is empty, wanted at least one column", "controls")
-        if self.range is not None and len(self.range) != 2:
-            raise Refused(f"{len(self.range)} values, wanted the first and last one", "range")
-        if self.scale == "none" and self.amplitude == "dB":
-            raise Refused(
-                'wanted "each" or "shared": dB have a reference that nobody knows', "scale"
-            )
-
-    def read(self) -> ReadControlSweep:
-        """Its files: Hz, peak amplitudes, controls as written."""
-        first, last = 0.0, float("inf")
-        if self.range is not None:
-            first, last = (in_unit(w, "Hz") for w in self.range)
-        how = SpectraFormat(
-            trace=TraceFormat(
-                layout=self.layout or PLAIN,
-                amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
-                selection=Selection(),
-            ),
-            controls=self.controls,
-            drive_column=self.drive or "",
-            fundamental_hz=self.lines,
-            range_hz=(first, last),
-        )
-        return ReadControlSweep(self, how, read_spectra(self.file, how))
-
-
-@dataclass(frozen=True)
-class ReadControlSweep:
-    """Spectra as `table` tells of them, and as their files have them."""
-
-    table: ControlSweepTable
-    format: SpectraFormat
-    spectra: tuple[MeasuredSpectrum, ...]
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """All files that were read."""
-        own = (s.source for s in self.spectra if s.source != self.table.file)
-        return (self.table.file, *own)
-
-    def bind(self, binder: Binder, setup: Setup) -> ControlSweep:
-        """The same with the controls in the units of laws and of the FMU."""
-        table, where = self.table, f"{setup.source}: [control_sweep]"
-        if table.output:
-            binder.real(table.output, f"{where} output", READABLE, "observed")
-        unit = self.format.trace.amplitude.unit
-        sigma = 0.0 if table.sigma is None else in_unit(table.sigma, unit)
-        return ControlSweep(
-            setup=setup,
-            spectra=tuple(
-                ControlSpectrum(
-                    s.frequency_hz,
-                    s.amplitude,
-                    {name: float(binder.setting(name, w)) for name, w in s.controls.items()},
-                    label=s.label,
-                    sigma=np.hypot(sigma, table.relative * s.amplitude),
-                    drive=self._drive(s, setup, where),
-                )
-                for s in self.spectra
-            ),
-            units={
-                name: binder.control_units.get(name)
-                or getattr(binder.variables.get(name), "unit", None)
-                or ""
-                for name in table.controls
-            },
-            scaled_by=table.scale,
-            rectified=table.rectified,
-            estimated=table.sigma is None and not table.relative and table.lines is None,
-            logarithmic=self.format.trace.amplitude.kind == "dB",
-            output=table.output or "",
-            unit=unit,
-        )
-
-    def _drive(self, spectrum: MeasuredSpectrum, setup: Setup, where: str) -> FloatArray:
-        """Amplitude of the drive over its level, at every point of a spectrum."""
-        if spectrum.drive is not None:
-            return spectrum.drive
-        if self.table.drive is None:
-            return np.ones(spectrum.frequency_hz.size)
-        formula = Formula(self.table.drive, f"{where} drive")
-        if formula.names != ("f",):
-            raise BadInput(
-                f"{formula.where}: '{formula.text}' is neither a column of the file nor a formula "
-                "of the frequency f alone, in Hz"
-            )
-        values = formula.value({"f": spectrum.frequency_hz})
-        if not np.all(np.isfinite(values) & (values > 0.0)):
-            raise BadInput(
-                f"{formula.where}: '{formula.text}' is no positive number at all frequencies"
-            )
-        return np.asarray(values)
-
-
-@dataclass(frozen=True, eq=False)
-class ControlSpectrum:
-    """Amplitudes over drive frequency at one value of the controls.
-
-    Args:
-        frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-        amplitude: Measured peak amplitudes, shape (n,), in the unit of the control sweep.
-        settings: Values of the controls, and of variables of the FMU, by name.
-        label: Name of the place; empty: the values of the controls.
-        sigma: Standard deviations of the amplitudes, shape (n,) or one; 0: not known.
-        drive: Amplitude of the drive over its level, shape (n,) or one.
-
-    Raises:
-        BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, amplitudes
-            that are negative or no numbers.
-    """
-
-    frequency_hz: npt.ArrayLike
-    amplitude: npt.ArrayLike
-    settings: Mapping[str, Scalar]
-    _: KW_ONLY
-    label: str = ""
-    sigma: npt.ArrayLike = 0.0
-    drive: npt.ArrayLike = 1.0
-    u_hz: FloatArray = field(init=False)
-    y: FloatArray = field(init=False)
-    sigmas: FloatArray = field(init=False)
-    level: FloatArray = field(init=False)
-
-    def __post_init__(self) -> None:
-        u, y = (np.asarray(v, dtype=float) for v in (self.frequency_hz, self.amplitude))
-        where = f"control sweep: spectrum at {self.label or dict(self.settings)}"
-        if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS:
-            raise BadInput(
-                f"{where}: frequencies of the shape {u.shape}, amplitudes {y.shape}; wanted (n,) "
-                f"each, n at least {LEAST_POINTS}"
-            )
-        if not np.all(np.isfinite(u) & (u > 0.0)) or np.any(np.diff(u) <= 0.0):
-            raise BadInput(f"{where}: wanted positive frequencies that rise strictly")
-        if not np.all(np.isfinite(y) & (y >= 0.0)) or not np.any(y > 0.0):
-            raise BadInput(f"{where}: wanted amplitudes from zero on, not all of them zero")
-        object.__setattr__(self, "u_hz", u)
-        object.__setattr__(self, "y", y)
-        for name, value in (("sigmas", self.sigma), ("level", self.drive)):
-            object.__setattr__(self, name, np.broadcast_to(np.asarray(value, dtype=float), u.shape))
-
-    @cached_property
-    def largest(self) -> float:
-        """The largest amplitude."""
-        return float(np.max(self.y))
-
-    def scatter(self) -> float:
-        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it.
-
-        Median of |fourth differences|, which leave noise alone where the curve is resolved.
-        """
-        if self.y.size < LEAST_FOR_NOISE:
-            return 0.0
-        left = np.diff(self.y, DIFFERENCES) / WEIGHT
-        return float(np.median(np.abs(left))) / MEDIAN_OF_NORMAL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -476,14 +235,6 @@ class ControlSweep(MeasurementKind):
         """The FMU's output."""
         return self.output or self.setup.output
 
-    def planned(self, plan: Plan) -> Plan:
-        """Nothing of its own to plan before the FMU is looked at.
-
-        Args:
-            plan: settings, settling and windows.
-        """
-        return plan
-
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
         """The plan with few runs for each spectrum, where the FMU is linear.
 
@@ -556,67 +307,23 @@ class ControlSweep(MeasurementKind):
         """
         if self.scaled_by != "shared":
             return None
-        chi = self._scales(np.asarray(prediction.values, dtype=float))
-        return Scale(float(chi[0]))
+        [chi] = self._scales.of(np.asarray(prediction.values, dtype=float))
+        return Scale(float(chi))
 
     @cached_property
-    def _parts(self) -> tuple[IntArray, IntArray]:
-        """Rows that share a scale: first row and number of rows of each part."""
-        if self.scaled_by == "shared":
-            return np.array([0]), np.array([self.rows])
-        return np.array([s.start for s in self.slices]), np.array([s.y.size for s in self.spectra])
-
-    @cached_property
-    def _weights(self) -> FloatArray:
-        """Weights of all rows in the least squares of a scale, (rows,), equal to a factor."""
-        starts, counts = self._parts
-        if self.logarithmic:
-            sigma, unknown = self.sigma, np.ones(self.rows)
-        else:
-            sigma, unknown = self.sigma * self.sizes, self.sizes
-        known = np.repeat(np.minimum.reduceat(sigma, starts) > 0.0, counts)
-        return np.where(known, np.where(known, sigma, 1.0), unknown) ** -2
-
-    @cached_property
-    def _remembered(self) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """The last values and their scales: rows and figures ask for the same, no state."""
-        return {}
-
-    def _scales(self, values: FloatArray) -> FloatArray:
-        """Weighted least-squares factors from values to measured amplitudes, (parts,)."""
-        last = self._remembered.get(0)
-        if last is None or last[0] is not values:
-            last = self._remembered[0] = (values, self._solved_scales(values))
-        return last[1]
-
-    def _solved_scales(self, values: FloatArray) -> FloatArray:
-        starts, counts = self._parts
-        weights = self._weights
-        if self.logarithmic:
-            if not np.all(values > 0.0):
-                raise NoScale(f"{self.seen}: the model answers with zero, which has no logarithm")
-            apart = weights * (np.log(self.measured) - np.log(values))
-            means: FloatArray = np.add.reduceat(apart, starts) / np.add.reduceat(weights, starts)
-            return np.exp(means)
-        power = np.add.reduceat(weights * values**2, starts)
-        if not np.all(power > 0.0):
-            raise NoScale(f"{self.seen}: the model answers with nothing; wanted a response")
-        found = np.add.reduceat(weights * values * self.measured, starts) / power
-        if not self._is_rectified:
-            return found
-        # from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps of Gauss and
-        # Newton; a fixed number of them keeps the rows smooth
-        sigma, least = self._quadrature_sigma, LEAST_SCALE * found
-        shape = weights * values**2
-        square = np.add.reduceat(shape * (self.measured**2 - 2.0 * sigma**2), starts)
-        square /= np.add.reduceat(shape * values**2, starts)
-        found = np.sqrt(np.maximum(square, least**2))
-        for _ in range(SCALE_STEPS):
-            seen = mean_magnitude(np.repeat(found, counts) * values, sigma)
-            slopes = seen.slope * values
-            pull = np.add.reduceat(weights * slopes * (self.measured - seen.mean), starts)
-            found = np.maximum(found + pull / np.add.reduceat(weights * slopes**2, starts), least)
-        return found
+    def _scales(self) -> SpectrumScales:
+        """The scales of the spectra, or the one of all."""
+        shared = self.scaled_by == "shared"
+        counts = [self.rows] if shared else [s.y.size for s in self.spectra]
+        return SpectrumScales(
+            measured=self.measured,
+            sizes=self.sizes,
+            sigma=self.sigma,
+            quadrature_sigma=self._quadrature_sigma,
+            counts=np.array(counts),
+            logarithmic=self.logarithmic,
+            output=self.seen,
+        )
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
         """Simulated amplitudes beside the measured ones, (rows,), without noise.
@@ -628,7 +335,7 @@ class ControlSweep(MeasurementKind):
         values = np.asarray(prediction.values, dtype=float)
         if self.scaled_by != "each":
             return chi * values
-        return np.asarray(np.repeat(self._scales(values), self._parts[1]) * values)
+        return self._scales.scaled(values)
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(M(chi D A) - L)/max L of each spectrum, shape (rows,).

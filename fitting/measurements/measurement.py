@@ -371,7 +371,11 @@ class MeasurementKind:
         return []
 
     def planned(self, plan: Plan) -> Plan:
-        """Nothing of its own to plan."""
+        """Nothing of its own to plan before the FMU is looked at.
+
+        Args:
+            plan: settings, settling and windows.
+        """
         return plan
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:

@@ -12,7 +12,7 @@ import pytest
 import fitting as ff
 from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control_sweep import ReadControlSweep
+from fitting.measurements.control_sweep_table import ReadControlSweep
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

@@ -1,0 +1,83 @@
+"""Control spectrum: amplitudes over drive frequency at one value of the controls, their noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.campaign.control_table import LEAST_POINTS
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
+
+#: Differences of this order leave noise alone where a curve is resolved; its weight on white noise.
+DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
+#: Spectra with fewer points say nothing of their noise by themselves.
+LEAST_FOR_NOISE = 50
+#: Median of |x| of a normal distribution of unit variance.
+MEDIAN_OF_NORMAL = 0.6744897501960817
+
+
+@dataclass(frozen=True, eq=False)
+class ControlSpectrum:
+    """Amplitudes over drive frequency at one value of the controls.
+
+    Args:
+        frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
+        amplitude: Measured peak amplitudes, shape (n,), in the unit of the control sweep.
+        settings: Values of the controls, and of variables of the FMU, by name.
+        label: Name of the place; empty: the values of the controls.
+        sigma: Standard deviations of the amplitudes, shape (n,) or one; 0: not known.
+        drive: Amplitude of the drive over its level, shape (n,) or one.
+
+    Raises:
+        BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, amplitudes
+            that are negative or no numbers.
+    """
+
+    frequency_hz: npt.ArrayLike
+    amplitude: npt.ArrayLike
+    settings: Mapping[str, Scalar]
+    _: KW_ONLY
+    label: str = ""
+    sigma: npt.ArrayLike = 0.0
+    drive: npt.ArrayLike = 1.0
+    u_hz: FloatArray = field(init=False)
+    y: FloatArray = field(init=False)
+    sigmas: FloatArray = field(init=False)
+    level: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        u, y = (np.asarray(v, dtype=float) for v in (self.frequency_hz, self.amplitude))
+        where = f"control sweep: spectrum at {self.label or dict(self.settings)}"
+        if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS:
+            raise BadInput(
+                f"{where}: frequencies of the shape {u.shape}, amplitudes {y.shape}; wanted (n,) "
+                f"each, n at least {LEAST_POINTS}"
+            )
+        if not np.all(np.isfinite(u) & (u > 0.0)) or np.any(np.diff(u) <= 0.0):
+            raise BadInput(f"{where}: wanted positive frequencies that rise strictly")
+        if not np.all(np.isfinite(y) & (y >= 0.0)) or not np.any(y > 0.0):
+            raise BadInput(f"{where}: wanted amplitudes from zero on, not all of them zero")
+        object.__setattr__(self, "u_hz", u)
+        object.__setattr__(self, "y", y)
+        for name, value in (("sigmas", self.sigma), ("level", self.drive)):
+            object.__setattr__(self, name, np.broadcast_to(np.asarray(value, dtype=float), u.shape))
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest amplitude."""
+        return float(np.max(self.y))
+
+    def scatter(self) -> float:
+        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it.
+
+        Median of |fourth differences|, which leave noise alone where the curve is resolved.
+        """
+        if self.y.size < LEAST_FOR_NOISE:
+            return 0.0
+        left = np.diff(self.y, DIFFERENCES) / WEIGHT
+        return float(np.median(np.abs(left))) / MEDIAN_OF_NORMAL

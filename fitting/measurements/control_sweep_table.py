@@ -1,0 +1,185 @@
+"""The table [control_sweep] of a campaign, and the spectra that its files hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from fitting.campaign import Setup
+from fitting.campaign.binder import Binder
+from fitting.campaign.control_table import (
+    MeasuredSpectrum,
+    SpectraFormat,
+    read_spectra,
+)
+from fitting.campaign.file import TraceFormat
+from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
+from fitting.campaign.kind import MeasurementTable
+from fitting.fmu.variables import READABLE
+from fitting.measurements.control_spectrum import ControlSpectrum
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.spectrum_scales import SCALES
+from fitting.signal.amplitudes import declared_amplitude
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.formula import Formula
+from fitting.text.keys import (
+    FileName,
+    Frequencies,
+    Missing,
+    OneOf,
+    Quantity,
+    Refused,
+    Share,
+    Text,
+    Texts,
+    Usually,
+    Value,
+    refusing,
+)
+from fitting.text.written import in_unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlSweepTable(MeasurementTable):
+    """Spectra over drive frequency at several values of a control quantity, fitted as a whole."""
+
+    TABLE: ClassVar[str] = "control_sweep"
+
+    file: FileName
+    """Either all points, a row each: the controls, frequency, amplitude; or a row for each
+    spectrum: the controls, and in the column file the name of the spectrum's own file."""
+    controls: Texts
+    """Columns of the control quantities, each with its unit: what laws name, or variables of the
+    FMU."""
+    amplitude: Annotated[
+        Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
+    ]
+    """What the amplitudes mean: "V peak", "V rms", "dBm", "dB" (to a reference that nobody knows),
+    or another detector unit likewise, as "m peak"."""
+    impedance: Annotated[float | None, Quantity("ohm")] = None
+    """With dBm only, and required there."""
+    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
+    """How the instrument writes the spectra's own files."""
+    sigma: Value | None = None
+    """Standard deviation of every amplitude, as "0.1 uV"; without it, and without relative, that of
+    every spectrum is estimated from how its points scatter about a smooth curve."""
+    relative: Share = 0.0
+    """Standard deviation of every amplitude as a share of it, beside sigma."""
+    scale: Annotated[Text, OneOf(SCALES)] = "each"
+    """From simulated to measured amplitudes: "each": one for every spectrum, "shared": one for all;
+    "none": 1."""
+    rectified: bool = True
+    """Whether amplitudes are magnitudes of two quadratures with the noise sigma each, as those of
+    lock-in and network analysers and of Fourier transforms are: noise then makes them larger."""
+    drive: Text | None = None
+    """Amplitude of the drive at each frequency, relative to the level: a column of the file, or a
+    formula of the frequency f and of constants, as "f0/f" for the harmonics of a square wave."""
+    lines: Annotated[float | None, Quantity("Hz")] = None
+    """Fundamental of a periodic drive: of each spectrum the odd harmonics are picked, the highest
+    point within 0.8 of it, refined by a parabola through the logarithms beside it."""
+    range: Annotated[Frequencies | None, Usually(None)] = None
+    """First and last frequency that is fitted."""
+    output: Text | None = None
+    """The FMU output that is seen; without it that of [observe]."""
+
+    def __post_init__(self) -> None:
+        with refusing("amplitude"):
+            declared_amplitude(self.amplitude, self.impedance, "")
+        if not self.controls:
+            raise Refused("is empty, wanted at least one column", "controls")
+        if self.range is not None and len(self.range) != 2:
+            raise Refused(f"{len(self.range)} values, wanted the first and last one", "range")
+        if self.scale == "none" and self.amplitude == "dB":
+            raise Refused(
+                'wanted "each" or "shared": dB have a reference that nobody knows', "scale"
+            )
+
+    def read(self) -> ReadControlSweep:
+        """Its files: Hz, peak amplitudes, controls as written."""
+        first, last = 0.0, float("inf")
+        if self.range is not None:
+            first, last = (in_unit(w, "Hz") for w in self.range)
+        how = SpectraFormat(
+            trace=TraceFormat(
+                layout=self.layout or PLAIN,
+                amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
+                selection=Selection(),
+            ),
+            controls=self.controls,
+            drive_column=self.drive or "",
+            fundamental_hz=self.lines,
+            range_hz=(first, last),
+        )
+        return ReadControlSweep(self, how, read_spectra(self.file, how))
+
+
+@dataclass(frozen=True)
+class ReadControlSweep:
+    """Spectra as `table` tells of them, and as their files have them."""
+
+    table: ControlSweepTable
+    format: SpectraFormat
+    spectra: tuple[MeasuredSpectrum, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files that were read."""
+        own = (s.source for s in self.spectra if s.source != self.table.file)
+        return (self.table.file, *own)
+
+    def bind(self, binder: Binder, setup: Setup) -> ControlSweep:
+        """The same with the controls in the units of laws and of the FMU."""
+        table, where = self.table, f"{setup.source}: [control_sweep]"
+        if table.output:
+            binder.real(table.output, f"{where} output", READABLE, "observed")
+        unit = self.format.trace.amplitude.unit
+        sigma = 0.0 if table.sigma is None else in_unit(table.sigma, unit)
+        return ControlSweep(
+            setup=setup,
+            spectra=tuple(
+                ControlSpectrum(
+                    s.frequency_hz,
+                    s.amplitude,
+                    {name: float(binder.setting(name, w)) for name, w in s.controls.items()},
+                    label=s.label,
+                    sigma=np.hypot(sigma, table.relative * s.amplitude),
+                    drive=self._drive(s, setup, where),
+                )
+                for s in self.spectra
+            ),
+            units={
+                name: binder.control_units.get(name)
+                or getattr(binder.variables.get(name), "unit", None)
+                or ""
+                for name in table.controls
+            },
+            scaled_by=table.scale,
+            rectified=table.rectified,
+            estimated=table.sigma is None and not table.relative and table.lines is None,
+            logarithmic=self.format.trace.amplitude.kind == "dB",
+            output=table.output or "",
+            unit=unit,
+        )
+
+    def _drive(self, spectrum: MeasuredSpectrum, setup: Setup, where: str) -> FloatArray:
+        """Amplitude of the drive over its level, at every point of a spectrum."""
+        if spectrum.drive is not None:
+            return spectrum.drive
+        if self.table.drive is None:
+            return np.ones(spectrum.frequency_hz.size)
+        formula = Formula(self.table.drive, f"{where} drive")
+        if formula.names != ("f",):
+            raise BadInput(
+                f"{formula.where}: '{formula.text}' is neither a column of the file nor a formula "
+                "of the frequency f alone, in Hz"
+            )
+        values = formula.value({"f": spectrum.frequency_hz})
+        if not np.all(np.isfinite(values) & (values > 0.0)):
+            raise BadInput(
+                f"{formula.where}: '{formula.text}' is no positive number at all frequencies"
+            )
+        return np.asarray(values)

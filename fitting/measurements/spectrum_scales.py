@@ -1,0 +1,134 @@
+"""Scales of spectra: real factors from simulated to measured amplitudes, solved inside.
+
+For the rows i of one scale chi, of all spectra or of a single one, with A simulated and L measured
+amplitudes and weights w,
+
+    chi = sum_i w_i A_i L_i / sum_i w_i A_i^2                     amplitudes
+    ln chi = sum_i w_i (ln L_i - ln A_i) / sum_i w_i              amplitudes in dB
+    chi minimises sum_i w_i (M(chi A_i) - L_i)^2                  magnitudes of noisy quadratures
+
+(variable projection); M is the mean of a magnitude (`fitting.signal.magnitude`). Unlike complex
+gains (`fitting.measurements.complex_gain`) scales are positive, nothing stands beside them, and the
+last two enter otherwise than linearly: the one is a mean of logarithms, the other takes steps.
+Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitting.signal.magnitude import mean_magnitude
+from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.errors import NoScale
+
+#: A scale for each spectrum, one for all, or none.
+SCALES = ("each", "shared", "none")
+#: Steps towards the scale of magnitudes, and the share of itself that it keeps in one at least.
+SCALE_STEPS, LEAST_SCALE = 2, 0.1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpectrumScales:
+    """What the scales of rows are solved with.
+
+    Args:
+        measured: Amplitudes (rows,).
+        sizes: What each row is relative to, (rows,), in the unit of the amplitudes.
+        sigma: Standard deviation of every row, (rows,), over the sizes; 0: not known.
+        quadrature_sigma: Noise that makes magnitudes larger, (rows,), in the unit of the
+            amplitudes; 0: none.
+        counts: Numbers of rows that share a scale, (scales,), one after another.
+        logarithmic: Whether the rows are differences of logarithms.
+        output: The FMU's output, which complaints name.
+    """
+
+    measured: FloatArray
+    sizes: FloatArray
+    sigma: FloatArray
+    quadrature_sigma: FloatArray
+    counts: IntArray
+    logarithmic: bool
+    output: str
+
+    def of(self, values: FloatArray) -> FloatArray:
+        """Least-squares factors from values to measured amplitudes, (scales,).
+
+        Args:
+            values: simulated amplitudes under the drive, (rows,).
+
+        Raises:
+            NoScale: the model answers with nothing.
+        """
+        last = self._remembered.get(0)
+        if last is None or last[0] is not values:
+            last = self._remembered[0] = (values, self._solved(values))
+        return last[1]
+
+    def scaled(self, values: FloatArray) -> FloatArray:
+        """Values under the scales of their rows, (rows,).
+
+        Args:
+            values: simulated amplitudes under the drive, (rows,).
+
+        Raises:
+            NoScale: the model answers with nothing.
+        """
+        return np.asarray(np.repeat(self.of(values), self.counts) * values)
+
+    @cached_property
+    def _remembered(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """The last values and their scales: rows and figures ask for the same, no state."""
+        return {}
+
+    @cached_property
+    def _starts(self) -> IntArray:
+        """First row of every scale, (scales,)."""
+        return np.cumsum(self.counts) - self.counts
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """Weights of all rows, (rows,), equal to a factor."""
+        if self.logarithmic:
+            sigma, unknown = self.sigma, np.ones(self.measured.size)
+        else:
+            sigma, unknown = self.sigma * self.sizes, self.sizes
+        known = np.repeat(np.minimum.reduceat(sigma, self._starts) > 0.0, self.counts)
+        return np.where(known, np.where(known, sigma, 1.0), unknown) ** -2
+
+    def _sums(self, rows: FloatArray) -> FloatArray:
+        """Sums over the rows of each scale, (scales,)."""
+        return np.add.reduceat(rows, self._starts)
+
+    def _solved(self, values: FloatArray) -> FloatArray:
+        weights = self._weights
+        if self.logarithmic:
+            if not np.all(values > 0.0):
+                raise NoScale(f"{self.output}: the model answers with zero, which has no logarithm")
+            apart = np.log(self.measured) - np.log(values)
+            return np.exp(self._sums(weights * apart) / self._sums(weights))
+        power = self._sums(weights * values**2)
+        if not np.all(power > 0.0):
+            raise NoScale(f"{self.output}: the model answers with nothing; wanted a response")
+        found = self._sums(weights * values * self.measured) / power
+        if np.any(self.quadrature_sigma > 0.0):
+            return self._of_magnitudes(values, LEAST_SCALE * found)
+        return found
+
+    def _of_magnitudes(self, values: FloatArray, least: FloatArray) -> FloatArray:
+        """Scales from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps.
+
+        They are those of Gauss and Newton; a fixed number of them keeps the rows smooth.
+        """
+        sigma, weights = self.quadrature_sigma, self._weights
+        shape = weights * values**2
+        square = self._sums(shape * (self.measured**2 - 2.0 * sigma**2))
+        found = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
+        for _ in range(SCALE_STEPS):
+            seen = mean_magnitude(np.repeat(found, self.counts) * values, sigma)
+            slopes = seen.slope * values
+            pull = self._sums(weights * slopes * (self.measured - seen.mean))
+            found = np.maximum(found + pull / self._sums(weights * slopes**2), least)
+        return found
