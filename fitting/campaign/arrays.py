@@ -463,7 +463,8 @@ class _Series:
                 "experiment"
             )
         for name in self.data.derived:
-            binder.real(name, "problem: derived", REPORTABLE, "reported")
+            kinds = REPORTABLE if name in setup.laws.formulas else READABLE
+            binder.real(name, "problem: derived", kinds, "reported")
         sweep = None if swept is None else self._sweep_data(swept, factor, unit)
         bound = BoundCampaign(
             title=self.data.title or "Data from arrays",

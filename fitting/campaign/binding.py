@@ -224,7 +224,9 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived.outputs:
-        binder.real(name, f"{top}: [derived] outputs", REPORTABLE, "reported")
+        # a parameter that the fit sets itself is reported in any case
+        kinds = REPORTABLE if name in laws.formulas else READABLE
+        binder.real(name, f"{top}: [derived] outputs", kinds, "reported")
     setup = Setup(
         drive=drive,
         output=output.name,

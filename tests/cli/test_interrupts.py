@@ -94,7 +94,8 @@ def test_ends_during_the_profiles_keep_the_fit(
     for attempt in map(str, range(10)):
         result = tmp_path / attempt / "out" / "result.json"
         result.parent.parent.mkdir()
-        with reconstructing(campaign, result.parent.parent) as job:
+        # a bootstrap, too: the profiles alone may be done before a busy machine sends the signal
+        with reconstructing(campaign, result.parent.parent, "--bootstrap", "500") as job:
             wait_until(result.exists, "the result of the fit")
             early = read_result(result)
             job.send(how)

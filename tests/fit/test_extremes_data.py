@@ -128,7 +128,7 @@ def test_a_sweep_that_holds_half_of_the_peak(sweep: tuple[float, float], fitted:
 def test_a_sweep_that_holds_two_peaks(fitted: Fit) -> None:
     scene = Scene(eta_minus=6.9404e6, sweep=(-4.0, 8.0))
     result = fitted(scene)
-    assert said(result, "Sweep by itself: the residuals are not noise")
+    assert said(result, "Sweep by itself: a single line leaves residuals that hang together")
     scene = replace(scene, scale="fit")
     assert fitted(scene).derived["width_plus"].value == pytest.approx(scene.width, rel=1e-8)
 
