@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from fitting.api.synthesis import synthesize, synthesize_curves
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
     from fitting.campaign.arrays import Parameter, Sweep, Tones
-    from fitting.campaign.binding import Drive, Setup
     from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
+    from fitting.campaign.setup import Drive, Setup
     from fitting.measurements.complex_curve import ComplexCurve
     from fitting.measurements.complex_sweep import ComplexSweep
     from fitting.measurements.control_spectrum import ControlSpectrum
@@ -48,7 +48,7 @@ _HOMES = {
     "api.synthesis": ("synthesize", "synthesize_curves"),
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
-    "campaign.binding": ("Drive", "Setup"),
+    "campaign.setup": ("Drive", "Setup"),
     "campaign.laws": ("Laws",),
     "measurements.control_spectrum": ("ControlSpectrum",),
     "measurements.control_sweep": ("ControlSweep",),

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from fitting.api.written import DRIVE_FILES, SWEEP_FILES
 from fitting.campaign.binder import Binder
-from fitting.campaign.binding import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
+from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.models import provide_fmu

@@ -16,24 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign import parameters as bound_parameters
+from fitting.campaign.asked_parameters import bind_parameters
 from fitting.campaign.binder import Binder
-from fitting.campaign.binding import (
-    BoundCampaign,
-    Drive,
-    Setup,
-    SweepData,
-    bind_alternatives,
-    bind_experiment,
-    bind_parameters,
-    check_conflicts,
-    free_scale,
-    with_laws,
-)
+from fitting.campaign.binding import bind_alternatives, bind_experiment, free_scale, with_laws
+from fitting.campaign.bound import BoundCampaign, SweepData
+from fitting.campaign.conflicts import check_conflicts
 from fitting.campaign.file import ContinuationSettings
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep, Phases
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
+from fitting.campaign.setup import Drive, Setup
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
-from pathlib import Path
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from fitting.campaign.asked_parameters import bind_parameters
 from fitting.campaign.binder import Binder, bind_annotation
+from fitting.campaign.bound import BoundCampaign, Drift, Experiment, SweepData
+from fitting.campaign.conflicts import check_conflicts, settings_by_place
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Drifting, bind_drift
-from fitting.campaign.file import SAMPLES_PER_PERIOD, ContinuationSettings
-from fitting.campaign.kind import BoundMeasurement, labels_of
+from fitting.campaign.file import SAMPLES_PER_PERIOD
+from fitting.campaign.kind import labels_of
 from fitting.campaign.laws import Known, Laws
-from fitting.campaign.measured import MeasuredExperiment, Phases, Spectrum
+from fitting.campaign.measured import MeasuredExperiment
 from fitting.campaign.noise import (
     Noise,
     bind_noise,
@@ -27,177 +28,15 @@ from fitting.campaign.noise import (
 )
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
-from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.campaign.setup import Drive, Setup
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import base_unit, convert, parse_quantity
-from fitting.text.written import Written, in_unit
+from fitting.text.units import base_unit, convert
+from fitting.text.written import Written
 
 #: Each combination of alternatives is a fit of its own.
 MOST_ALTERNATIVES = 100
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drive:
-    """How the FMU is driven: it drives itself by parameters of its own, or we drive an input.
-
-    Args:
-        frequency_names: Parameters of the FMU that hold the frequencies, one per tone.
-        amplitude_names: Those that hold the amplitudes, one per tone.
-        input: The input that is driven instead.
-        amplitude: Of every tone that drives, in the unit of ``amplitude_names`` or ``input``.
-        samples_per_period: How often ``input`` is set anew in a period.
-        frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: as the FMU says.
-        highest_order: Combinations of tones up to this order may be in the response.
-
-    Raises:
-        BadInput: neither parameters nor an input, or both; numbers that no drive has.
-    """
-
-    frequency_names: tuple[str, ...] = ()
-    amplitude_names: tuple[str, ...] = ()
-    input: str | None = None
-    amplitude: float = 1.0
-    samples_per_period: int = SAMPLES_PER_PERIOD
-    frequency_unit: str = ""
-    highest_order: int = 1
-
-    def __post_init__(self) -> None:
-        for name in ("frequency_names", "amplitude_names"):
-            value = getattr(self, name)
-            if isinstance(value, str):
-                raise BadInput(f"drive: {name} is {value!r}, wanted a sequence of names")
-            object.__setattr__(self, name, tuple(value))
-        if self.input is None and not self.frequency_names:
-            raise BadInput(
-                "drive: neither frequency_names nor an input; wanted what drives the FMU"
-            )
-        if self.input is None and len(self.amplitude_names) != len(self.frequency_names):
-            raise BadInput(
-                f"drive: {len(self.amplitude_names)} amplitude_names, wanted "
-                f"{len(self.frequency_names)}, one per frequency"
-            )
-        if self.input is not None and self.amplitude_names:
-            raise BadInput(f"drive: amplitude_names have no meaning for the input '{self.input}'")
-        if not 0.0 <= self.amplitude < math.inf:
-            raise BadInput(f"drive: amplitude is {self.amplitude!r}, wanted an amplitude")
-
-    @property
-    def tone_unit(self) -> str:
-        """Unit of ``frequency_names``; Hz where nobody says another."""
-        return self.frequency_unit or "Hz"
-
-    @property
-    def kind(self) -> str:
-        """Who makes the tones: "tones", the FMU; "input", its input is driven."""
-        return "tones" if self.input is None else "input"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Experiment:
-    """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
-
-    ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
-    :class:`fitting.campaign.measured.MeasuredExperiment`; ``lines_hz`` are those of the peaks,
-    empty where they are the tones. ``output`` is the FMU output that is observed (the campaign's,
-    where empty). ``phases`` are those of the peaks, None where nobody measured them.
-    """
-
-    label: str
-    settings: Mapping[str, Scalar]
-    tones_hz: tuple[float, ...]
-    peaks_v: FloatArray
-    sigmas_v: FloatArray
-    floor_v: float
-    spectrum: Spectrum | None
-    lines_hz: tuple[float, ...] = ()
-    output: str = ""
-    phases: Phases | None = None
-
-    @property
-    def read_hz(self) -> tuple[float, ...]:
-        """Frequencies of the peaks, Hz."""
-        return self.lines_hz or self.tones_hz
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepData:
-    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
-
-    frequency_hz: FloatArray
-    amplitude_v: FloatArray
-    phase_rad: FloatArray | None
-    settings: Mapping[str, Scalar]
-    use: str
-    scale: str
-    source: Path
-    background: str = "none"
-    unit: str = "V"
-    notes: Mapping[str, str] | None = None
-
-
-@dataclass(frozen=True)
-class Setup:
-    """How a series of measurements drives the FMU and what it observes, in the FMU's units.
-
-    Args:
-        drive: How the FMU is driven.
-        output: The variable that is observed.
-        start_values: Start values of every run by variable, none of them a fitted one.
-        steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
-        line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
-        accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1.
-        annotation: What is known of the FMU's accuracy, and of what it may leave out.
-        laws: Formulas that variables of the FMU follow.
-        source: What complaints name it by.
-    """
-
-    drive: Drive
-    output: str
-    _: KW_ONLY
-    start_values: Mapping[str, Scalar] = field(default_factory=dict)
-    steady_start: bool = False
-    line_width_hz: float | None = None
-    accuracy: float = 1e-6
-    annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
-    laws: Laws = field(default_factory=Laws)
-    source: str = ""
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Variables that move over a series: ``ends`` (before, after) and ``units`` by variable."""
-
-    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BoundCampaign:
-    """A campaign that fits one FMU: every name exists there, every number is in its unit.
-
-    ``alternatives`` holds one mapping per combination (one empty mapping without any);
-    ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
-    the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables.
-    """
-
-    title: str
-    path: Path
-    synthetic: bool
-    setup: Setup
-    experiments: tuple[Experiment, ...]
-    sweep: SweepData | None
-    parameters: tuple[Parameter, ...]
-    derived: tuple[str, ...]
-    alternatives: tuple[Mapping[str, Scalar], ...]
-    continuation: ContinuationSettings
-    amplitude_unit: str
-    notes: tuple[str, ...]
-    files: tuple[Path, ...]
-    drift: Drift = field(default_factory=Drift)
-    noise: Noise = field(default_factory=Noise)
-    measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)
 
 
 def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
@@ -440,118 +279,6 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
     )
 
 
-class AskedParameter(Protocol):
-    """A parameter as it was asked for, in a file or in a program."""
-
-    @property
-    def name(self) -> str:
-        """The FMU's variable."""
-
-    @property
-    def unit(self) -> str | None:
-        """Unit of its bare numbers, None for the FMU's."""
-
-    @property
-    def scope(self) -> str:
-        """One value for the "campaign", or one for every "experiment"."""
-
-    @property
-    def numbers(self) -> Mapping[str, Written]:
-        """What was said of it: lower, upper, start and any of reference, scale, period, prior."""
-
-
-def bind_parameters(
-    asked: Sequence[AskedParameter], binder: Binder, places: Places, labels: Sequence[str]
-) -> list[Parameter]:
-    """Parameters in the FMU's units; of the scope "experiment" one for each of the labels.
-
-    Args:
-        asked: as the file or the program has them.
-        binder: of the campaign to its FMU.
-        places: what complaints name the parameters by.
-        labels: of the experiments.
-
-    Raises:
-        BadInput: no such variable, or numbers that it cannot have.
-    """
-    made = []
-    for choice in asked:
-        parameter = _bind_parameter(choice, binder, places.of_parameter(choice.name))
-        if choice.scope == "campaign":
-            made.append(parameter)
-            continue
-        made += [
-            replace(
-                parameter, name=f"{choice.name}[{label}]", variable=choice.name, experiment=label
-            )
-            for label in labels
-        ]
-    return made
-
-
-def _bind_parameter(choice: AskedParameter, binder: Binder, where: str) -> Parameter:
-    if choice.name in binder.free_names:
-        return _bind_coefficient(choice, where)
-    variable = binder.real(choice.name, where, ("parameter",), "fitted")
-    numbers = {}
-    for key, written in _with_units(choice).items():
-        if key in ("lower", "upper", "start"):
-            numbers[key] = binder.number(variable, written)
-        else:  # a difference or a prior: the FMU's range does not bind it
-            numbers[key] = in_unit(written, variable.unit)
-    made = _parameter(choice, variable.unit or choice.unit or "1", numbers, where)
-    return replace(
-        made,
-        least=-math.inf if variable.min is None else variable.min,
-        most=math.inf if variable.max is None else variable.max,
-    )
-
-
-def _bind_coefficient(choice: AskedParameter, where: str) -> Parameter:
-    """A parameter that is no variable of the FMU but named by a law."""
-    written = _with_units(choice)
-    start = written["start"]
-    unit = start.unit
-    if isinstance(start.value, str):
-        unit = choice.unit or parse_quantity(start.value, where=start.where)[1]
-    if unit is None:
-        raise BadInput(
-            f'{where}: a coefficient of laws has no unit, wanted unit = "Hz/V", for example; a '
-            'plain number has the unit "1"'
-        )
-    numbers = {key: in_unit(each, unit) for key, each in written.items()}
-    return replace(_parameter(choice, unit, numbers, where), role="coefficient")
-
-
-def _with_units(choice: AskedParameter) -> dict[str, Written]:
-    """What was said of a parameter, bare numbers in the unit of the entry."""
-    return {
-        key: written
-        if isinstance(written.value, str)
-        else Written(written.value, written.unit or choice.unit, written.where)
-        for key, written in choice.numbers.items()
-    }
-
-
-def _parameter(
-    choice: AskedParameter, unit: str, numbers: Mapping[str, float], where: str
-) -> Parameter:
-    try:
-        return Parameter(
-            name=choice.name,
-            unit=unit,
-            lower=numbers["lower"],
-            upper=numbers["upper"],
-            start=numbers["start"],
-            reference=numbers.get("reference", numbers["start"]),
-            scale=numbers.get("scale", 0.5 * (numbers["upper"] - numbers["lower"])),
-            period=numbers.get("period"),
-            prior_sigma=numbers.get("prior"),
-        )
-    except BadInput as error:
-        raise BadInput(f"{where}: {error}") from error
-
-
 def bind_alternatives(
     asked: Mapping[str, Sequence[Written]], binder: Binder
 ) -> tuple[Mapping[str, Scalar], ...]:
@@ -576,68 +303,6 @@ def bind_alternatives(
         dict(zip(tried, combination, strict=True))
         for combination in itertools.product(*tried.values())
     )
-
-
-def check_conflicts(bound: BoundCampaign, places: Places) -> None:
-    """A fitted or alternated variable must not be set in another way as well.
-
-    A variable of which every experiment has its own value may have a start value: the sweep's.
-
-    Args:
-        bound: campaign, bound to its FMU.
-        places: what complaints name its parts by.
-
-    Raises:
-        BadInput: a parameter named twice, or a variable that is fitted or tried and also set.
-    """
-    named = [p.name for p in bound.parameters]
-    if len(set(named)) < len(named):
-        raise BadInput(f"{places.top}{places.parameters} {named} names one twice")
-    sweep, gains = bound.sweep, [e.phases for e in bound.experiments if e.phases is not None]
-    if sweep is not None and sweep.use == "scale" and any(p.unknown == "gain" for p in gains):
-        raise BadInput(
-            f'{places.top}the sweep gives a scale alone, which the experiments\' unknown = "gain" '
-            'does without; wanted the sweep with use = "fit", or unknown = "phase"'
-        )
-    own = {p.target for p in bound.parameters if p.experiments and not p.adds_to}
-    everywhere = {p.name for p in bound.parameters if not p.experiments and p.moves_model}
-    for name in sorted(own & everywhere):
-        raise BadInput(
-            f"{places.top}{places.parameters} '{name}' is fitted both with scope = \"experiment\" "
-            "and for the whole campaign; wanted one of them"
-        )
-    fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
-    tried, laws = bound.alternatives[0], bound.setup.laws.formulas
-    said = list(_settings_by_place(bound, places))
-    roles = dict.fromkeys(laws, "is given by a law")
-    roles |= dict.fromkeys(tried, "is an alternative") | dict.fromkeys(fitted, "is fitted")
-    for name, role in roles.items():
-        also: dict[str, Mapping[str, object]] = {}
-        if name in fitted or name in laws:
-            also[places.alternatives] = tried
-        if name in everywhere or name in laws:
-            also[places.start] = bound.setup.start_values
-        if name in fitted:
-            also[places.laws.rstrip(":")] = laws
-        for place, settings in (*said, *also.items()):
-            if name in settings:
-                raise BadInput(
-                    f"{places.top}'{name}' {role} and also set by {place}; wanted one of them"
-                )
-
-
-def _settings_by_place(
-    bound: BoundCampaign, places: Places
-) -> Iterator[tuple[str, Mapping[str, Scalar]]]:
-    """What everything that was measured sets, by its name in complaints."""
-    for e in bound.experiments:
-        yield f"experiment '{e.label}'", e.settings
-    if bound.sweep is not None:
-        yield places.sweep, bound.sweep.settings
-    for table, measurement in bound.measurements.items():
-        name = places.measurement.format(table)
-        for label, own in measurement.places:
-            yield f"{name} {label}".strip(), own
 
 
 def with_laws(bound: BoundCampaign, binder: Binder, places: Places) -> BoundCampaign:
@@ -678,7 +343,7 @@ def with_laws(bound: BoundCampaign, binder: Binder, places: Places) -> BoundCamp
     setup = replace(bound.setup, laws=made)
     common = {**setup.start_values, **bound.alternatives[0]}
     made.check(
-        ((place, {**common, **own}) for place, own in _settings_by_place(bound, places)),
+        ((place, {**common, **own}) for place, own in settings_by_place(bound, places)),
         {p.target: p.start for p in bound.parameters if p.moves_model and not p.adds_to},
     )
     notes = (*bound.notes, *(law.words for law in made.bound))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitting.campaign.binding import BoundCampaign, bind
+from fitting.campaign.binding import bind
+from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.data import Campaign
 from fitting.fmu import FmuDescription, FmuWorkers, validation_problems
 from fitting.fmu.trial import Resets, Trial, take_trial, try_resets

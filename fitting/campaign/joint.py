@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fitting.campaign.binding import BoundCampaign
+from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.parameters import Parameter
 from fitting.text.errors import BadInput
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.binding import BoundCampaign, Experiment
+from fitting.campaign.bound import BoundCampaign, Experiment
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 

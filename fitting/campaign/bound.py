@@ -1,0 +1,93 @@
+"""A campaign in the names and units of one FMU: experiments, sweep, drift, and all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fitting.campaign.file import ContinuationSettings
+from fitting.campaign.kind import BoundMeasurement
+from fitting.campaign.measured import Phases, Spectrum
+from fitting.campaign.noise import Noise
+from fitting.campaign.parameters import Parameter
+from fitting.campaign.setup import Setup
+from fitting.text.arrays import FloatArray, Scalar
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """One experiment, ``settings`` in the FMU's units (tones and interpolated drift included).
+
+    ``tones_hz``, ``peaks_v``, ``sigmas_v`` (n,) as in
+    :class:`fitting.campaign.measured.MeasuredExperiment`; ``lines_hz`` are those of the peaks,
+    empty where they are the tones. ``output`` is the FMU output that is observed (the campaign's,
+    where empty). ``phases`` are those of the peaks, None where nobody measured them.
+    """
+
+    label: str
+    settings: Mapping[str, Scalar]
+    tones_hz: tuple[float, ...]
+    peaks_v: FloatArray
+    sigmas_v: FloatArray
+    floor_v: float
+    spectrum: Spectrum | None
+    lines_hz: tuple[float, ...] = ()
+    output: str = ""
+    phases: Phases | None = None
+
+    @property
+    def read_hz(self) -> tuple[float, ...]:
+        """Frequencies of the peaks, Hz."""
+        return self.lines_hz or self.tones_hz
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepData:
+    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
+
+    frequency_hz: FloatArray
+    amplitude_v: FloatArray
+    phase_rad: FloatArray | None
+    settings: Mapping[str, Scalar]
+    use: str
+    scale: str
+    source: Path
+    background: str = "none"
+    unit: str = "V"
+    notes: Mapping[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Variables that move over a series: ``ends`` (before, after) and ``units`` by variable."""
+
+    ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoundCampaign:
+    """A campaign that fits one FMU: every name exists there, every number is in its unit.
+
+    ``alternatives`` holds one mapping per combination (one empty mapping without any);
+    ``amplitude_unit`` is the detector's; ``noise`` is the declared one; ``notes`` are sentences for
+    the report; ``files`` all files read; ``measurements`` those of further kinds, by their tables.
+    """
+
+    title: str
+    path: Path
+    synthetic: bool
+    setup: Setup
+    experiments: tuple[Experiment, ...]
+    sweep: SweepData | None
+    parameters: tuple[Parameter, ...]
+    derived: tuple[str, ...]
+    alternatives: tuple[Mapping[str, Scalar], ...]
+    continuation: ContinuationSettings
+    amplitude_unit: str
+    notes: tuple[str, ...]
+    files: tuple[Path, ...]
+    drift: Drift = field(default_factory=Drift)
+    noise: Noise = field(default_factory=Noise)
+    measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)

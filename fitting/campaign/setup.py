@@ -1,0 +1,97 @@
+"""Setup: how a series of measurements drives the FMU, and what it observes, in the FMU's units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+
+from fitting.campaign.file import SAMPLES_PER_PERIOD
+from fitting.campaign.laws import Laws
+from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """How the FMU is driven: it drives itself by parameters of its own, or we drive an input.
+
+    Args:
+        frequency_names: Parameters of the FMU that hold the frequencies, one per tone.
+        amplitude_names: Those that hold the amplitudes, one per tone.
+        input: The input that is driven instead.
+        amplitude: Of every tone that drives, in the unit of ``amplitude_names`` or ``input``.
+        samples_per_period: How often ``input`` is set anew in a period.
+        frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: as the FMU says.
+        highest_order: Combinations of tones up to this order may be in the response.
+
+    Raises:
+        BadInput: neither parameters nor an input, or both; numbers that no drive has.
+    """
+
+    frequency_names: tuple[str, ...] = ()
+    amplitude_names: tuple[str, ...] = ()
+    input: str | None = None
+    amplitude: float = 1.0
+    samples_per_period: int = SAMPLES_PER_PERIOD
+    frequency_unit: str = ""
+    highest_order: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("frequency_names", "amplitude_names"):
+            value = getattr(self, name)
+            if isinstance(value, str):
+                raise BadInput(f"drive: {name} is {value!r}, wanted a sequence of names")
+            object.__setattr__(self, name, tuple(value))
+        if self.input is None and not self.frequency_names:
+            raise BadInput(
+                "drive: neither frequency_names nor an input; wanted what drives the FMU"
+            )
+        if self.input is None and len(self.amplitude_names) != len(self.frequency_names):
+            raise BadInput(
+                f"drive: {len(self.amplitude_names)} amplitude_names, wanted "
+                f"{len(self.frequency_names)}, one per frequency"
+            )
+        if self.input is not None and self.amplitude_names:
+            raise BadInput(f"drive: amplitude_names have no meaning for the input '{self.input}'")
+        if not 0.0 <= self.amplitude < math.inf:
+            raise BadInput(f"drive: amplitude is {self.amplitude!r}, wanted an amplitude")
+
+    @property
+    def tone_unit(self) -> str:
+        """Unit of ``frequency_names``; Hz where nobody says another."""
+        return self.frequency_unit or "Hz"
+
+    @property
+    def kind(self) -> str:
+        """Who makes the tones: "tones", the FMU; "input", its input is driven."""
+        return "tones" if self.input is None else "input"
+
+
+@dataclass(frozen=True)
+class Setup:
+    """How a series of measurements drives the FMU and what it observes, in the FMU's units.
+
+    Args:
+        drive: How the FMU is driven.
+        output: The variable that is observed.
+        start_values: Start values of every run by variable, none of them a fitted one.
+        steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
+        line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
+        accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1.
+        annotation: What is known of the FMU's accuracy, and of what it may leave out.
+        laws: Formulas that variables of the FMU follow.
+        source: What complaints name it by.
+    """
+
+    drive: Drive
+    output: str
+    _: KW_ONLY
+    start_values: Mapping[str, Scalar] = field(default_factory=dict)
+    steady_start: bool = False
+    line_width_hz: float | None = None
+    accuracy: float = 1e-6
+    annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
+    laws: Laws = field(default_factory=Laws)
+    source: str = ""
