@@ -13,6 +13,8 @@ from fitting.text.errors import BadInput
 
 #: Width of a uniform distribution in its standard deviations: its variance is (u - l)^2/12.
 UNIFORM_WIDTH = math.sqrt(12.0)
+#: Ratio of a box to the scale of its parameter, or the inverse, beyond which sums lose all digits.
+WIDEST = 1e12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +75,11 @@ class Parameter:
             )
         if self.scale <= 0.0:
             raise BadInput(f"{who}: scale = {self.scale!r}; wanted a positive number")
+        if not 1.0 / WIDEST <= (self.upper - self.lower) / self.scale <= WIDEST:
+            raise BadInput(
+                f"{who}: scale = {self.scale!r} for bounds {self.upper - self.lower!r} apart; "
+                f"wanted a scale within a factor of {WIDEST:g} of that"
+            )
         if self.period is not None and self.period <= 0.0:
             raise BadInput(f"{who}: period = {self.period!r}; wanted a positive number")
         if self.prior_sigma is not None and self.prior_sigma <= 0.0:

@@ -13,7 +13,7 @@ from importlib import resources
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Cell, Measured, Series
 from fitting.lab.duffing import CubicModes
 from fitting.lab.truth import TRUTH_NAME, truth_toml
-from fitting.signal.peaks import fit_resonance
+from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.text.arrays import FloatArray
 from fitting.text.toml import Tables, inline, put, rewritten
 
@@ -124,6 +124,15 @@ def _campaign(series: Series, head: Sequence[str]) -> str:
     return rewritten(text, edit, head)
 
 
+def _line(series: Series) -> Resonance:
+    """The line of the sweep, as a laboratory would fit it; too much noise is told by its option."""
+    return fit_resonance(
+        series.sweep.frequency_hz,
+        series.sweep.amplitude_v,
+        source=f"synthesize: the sweep with noise_scale = {series.bench.noise_scale:g}",
+    )
+
+
 def _linear(tables: Tables, series: Series) -> None:
     """Drift as measured; the observed damping starts at the width fitted to the sweep."""
     bench = series.bench
@@ -138,7 +147,7 @@ def _linear(tables: Tables, series: Series) -> None:
         between = {name: inline(tables["drift"][name]) for name in DRIFTING}
         drift = {"model": "offsets", "prior": BENT, **between}
         put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
-    fit = fit_resonance(series.sweep.frequency_hz, series.sweep.amplitude_v)
+    fit = _line(series)
     damping = tables["parameters"][1 + bench.observed]
     width = round(fit.width_hz, 3)
     put(damping, "start", width, f"width of the sweep, +- {fit.width_std_hz:.2g} Hz")
@@ -150,7 +159,7 @@ def _cubic(tables: Tables, series: Series) -> None:
     bench = series.bench
     tables["fmu"]["start"]["eta_minus"] = written_mhz(bench.modes.eta_minus_hz)
     tables["drive"]["level"] = f"{bench.weak_level!r} m/s2"
-    fit = fit_resonance(series.sweep.frequency_hz, series.sweep.amplitude_v)
+    fit = _line(series)
     width, eta = round(fit.width_hz, 3), round(fit.eta_hz, 3)
     alpha = _one_digit(_alpha_of_a_width(width, eta, bench))
     boxes = (
