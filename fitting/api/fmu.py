@@ -27,10 +27,10 @@ from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, pairs_table
 from fitting.simulate.drive import Drive
+from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import DIRECTIONS, USUAL_SWEEP_ACCURACY, SweepResponse
 from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
-from fitting.simulate.planner import DrivePlan
 from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.tone_names import OtherTone, other_tones
 from fitting.text.arrays import Scalar

@@ -17,7 +17,9 @@ from fitting.measurements.plan import Plan
 from fitting.simulate.batch import Workers
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.planner import DrivePlan, Knowledge, PlanOptions, plan_drives
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.knowledge import Knowledge
+from fitting.simulate.planner import PlanOptions, plan_drives
 from fitting.simulate.settling import settling_s
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer

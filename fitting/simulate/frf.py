@@ -19,13 +19,9 @@ from fitting.signal.combinations import USUAL_ORDER
 from fitting.signal.tones import ToneFit
 from fitting.signal.window import Window
 from fitting.simulate.drive import Approach, Drive
-from fitting.simulate.planner import (
-    DrivePlan,
-    FmuLike,
-    PlanOptions,
-    knowledge_of,
-    plan_drives,
-)
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.knowledge import FmuLike, knowledge_of
+from fitting.simulate.planner import PlanOptions, plan_drives
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert

@@ -9,27 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
 
-import numpy as np
-
-from fitting.fmu import FmuDescription, Run, read_accuracy_annotation
-from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
-from fitting.fmu.variables import VariableLike
-from fitting.signal.window import Window
+from fitting.fmu.accuracy import Reduction
 from fitting.simulate.batch import Workers
-from fitting.simulate.budget import (
-    SHARES,
-    Basis,
-    Budget,
-    Decision,
-    Kind,
-    PlanRecord,
-    record_of,
-)
+from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
+from fitting.simulate.drive_plan import DrivePlan, window_decision
+from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.probe import Probe, Reading
 from fitting.simulate.reductions import (
     CHEAPER,
@@ -49,16 +37,14 @@ from fitting.simulate.settling import (
     settle_as_prescribed,
     settling_decision,
 )
-from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+from fitting.simulate.solver_parameter import SolverParameter
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import hertz
 from fitting.text.units import checked_accuracy
 
 #: Combinations of the tones that do not fold onto a tone, tried in this order.
 ORDERS = (1, 5, 11, 21, 41)
-#: A refinement stops when its bound lies within its share and above this part of it.
-WASTED = 0.02
-ROUNDS = 10
 #: Of the accuracy, what a reduction that was measured may use; the other shares then shrink.
 MEASURED = 0.6
 #: A tolerance is tried from so many times its share on, where the very run that is planned tells.
@@ -69,43 +55,6 @@ MOST_HELD = 640
 MOST_WORK = 2e6
 #: A run that costs so many times that is not made at all.
 HOPELESS = 20.0
-
-
-class FmuLike(Workers, Protocol):
-    """What is needed of `fitting.fmu.FmuWorkers`: runs, and what the FMU says of itself."""
-
-    @property
-    def description(self) -> FmuDescription:
-        """What the FMU declares."""
-        ...
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """What is known of an FMU: how it is told to be accurate, and its variables by name."""
-
-    annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
-    variables: Mapping[str, VariableLike] = field(default_factory=dict)
-
-
-def knowledge_of(
-    description: FmuDescription, annotation: AccuracyAnnotation | None = None
-) -> Knowledge:
-    """What an FMU says of itself, where `annotation` does not say otherwise.
-
-    Args:
-        description: of the FMU.
-        annotation: what the FMU says of its own accuracy.
-
-    Raises:
-        BadInput: annotation that name variables which the FMU does not have.
-    """
-    merged = (annotation or AccuracyAnnotation()).over(read_accuracy_annotation(description))
-    names = [name for name in (merged.tolerance, merged.substep) if name is not None]
-    names += [*merged.full, *(name for r in merged.reductions for name in r.set)]
-    for name in names:
-        description.variable(name)
-    return Knowledge(merged, description.variables)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,67 +75,6 @@ class PlanOptions:
     work: float = MOST_WORK
     longest_settle_s: float = math.inf
     fixed: frozenset[str] = frozenset()
-
-
-@dataclass(frozen=True, kw_only=True)
-class DrivePlan:
-    """What to simulate for some drives.
-
-    `settings` are the start values that the plan chose, `windows` when each drive is sampled;
-    `readings` what the plan saw with them, one per drive; `budget` holds the decisions. Samples
-    keep combinations of tones up to `order` off the tones, and common periods beyond `longest_s`
-    are given up for a tone fit.
-    """
-
-    drives: tuple[Drive, ...]
-    settings: Mapping[str, Scalar]
-    windows: tuple[Window, ...]
-    readings: tuple[Reading, ...]
-    budget: Budget
-    settle_s: float
-    order: int
-    longest_s: float
-
-    @property
-    def runs(self) -> tuple[Run, ...]:
-        """The runs that were planned, one per drive."""
-        pairs = zip(self.drives, self.windows, strict=True)
-        return tuple(drive.run(window, self.settings) for drive, window in pairs)
-
-    @property
-    def amplitudes(self) -> tuple[FloatArray, ...]:
-        """What the plan read, (lines, outputs) per drive; NaN where nothing oscillates."""
-        return tuple(reading.amplitudes for reading in self.readings)
-
-    @property
-    def decisions(self) -> tuple[Decision, ...]:
-        """Every choice with its bound."""
-        return self.budget.decisions
-
-    @property
-    def promised(self) -> float:
-        """Sum of the bounds."""
-        return self.budget.promised
-
-    @property
-    def settles(self) -> bool:
-        """Whether what is left of the transient alone keeps to what was wanted."""
-        return self.budget.of(Kind.SETTLING)[0].bound <= self.budget.wanted
-
-    @property
-    def record(self) -> PlanRecord:
-        """The plan for a result."""
-        return record_of(self.budget, self.settings)
-
-    def read(self, values: FloatArray, drive: int = 0) -> FloatArray:
-        """Amplitudes (lines, outputs) in the samples (rows, outputs) of a drive's run.
-
-        Args:
-            values: samples (samples, outputs).
-            drive: which of the drives.
-        """
-        window = self.windows[drive]
-        return self.drives[drive].fit(window)(values[-window.samples :]).amplitudes
 
 
 def plan_drives(
@@ -329,35 +217,29 @@ class _Planner:
         high = variable.max if variable is not None else None
         return max(low or 0.0, 1e-300), math.inf if high is None else high
 
-    def _part(self, name: str) -> float:
-        """By which part of it a solver's parameter is tried finer."""
-        return 0.01 if name == self.annotation.tolerance else 0.5
-
-    def _error_at(
-        self, settings: Mapping[str, Scalar], settle_s: float, name: str, value: float
-    ) -> float:
-        """Change of the amplitudes by a finer value; infinite where the coarse one fails."""
-        finer = max(value * self._part(name), self._range(name)[0])
-        try:
-            here = self.probe.read({**settings, name: value}, settle_s)
-            better = self.probe.read({**settings, name: finer}, settle_s)
-        except NoAnswer:
-            raise
-        except FmuFailure:
-            return math.inf
-        if all((a.tones == b.tones).all() for a, b in zip(here, better, strict=True)):
-            return -1.0  # it is not this parameter that sets the accuracy
-        return max(SAFETY * self.probe.errors(here, better), self.probe.changes(better, here))
+    def _solver_parameter(self, name: str) -> SolverParameter:
+        low, high = self._range(name)
+        tolerance = name == self.annotation.tolerance
+        return SolverParameter(
+            name=name,
+            low=low,
+            high=high,
+            part=0.01 if tolerance else 0.5,
+            order=1.0 if tolerance else 4.0,
+            probe=self.probe,
+            work=self.limits.work,
+        )
 
     def _refined(
         self, settings: dict[str, Scalar], settle_s: float, name: str, first: float
     ) -> dict[str, Scalar]:
         """The coarsest value whose measured error fits into the share; or the user's own value."""
+        parameter = self._solver_parameter(name)
         if name in self.options.fixed:
             own = float(self.probe.drives[0].start_values.get(name, 0.0)) or first
-            bound, value = self._error_at(settings, settle_s, name, own), own
+            bound, value = parameter.error_at(settings, settle_s, own), own
         else:
-            bound, value = self._coarsest(settings, settle_s, name, first)
+            bound, value = parameter.coarsest(settings, settle_s, first, self._share(Kind.SOLVER))
         if bound < 0.0:
             return settings
         forced = name in self.options.fixed
@@ -368,38 +250,12 @@ class _Planner:
                 basis=Basis.PRESCRIBED if forced else Basis.COMPARED,
                 bound=min(bound, 1.0),
                 subject=name,
-                numbers={"safety": SAFETY, "part": self._part(name)},
+                numbers={"safety": SAFETY, "part": parameter.part},
                 settings={name: value},
                 forced=forced,
             )
         )
         return {**settings, **chosen}
-
-    def _coarsest(
-        self, settings: dict[str, Scalar], settle_s: float, name: str, value: float
-    ) -> tuple[float, float]:
-        """Bound and value; the bound is below zero where the parameter changes nothing."""
-        low, high = self._range(name)
-        share, best = self._share(Kind.SOLVER), (math.inf, value)
-        value = min(max(value, low), high)
-        for _ in range(ROUNDS):
-            bound = self._error_at(settings, settle_s, name, value)
-            if bound < 0.0:
-                return bound, value
-            if _better(bound, value, best, share):
-                best = bound, value
-            if WASTED * share <= bound <= share:
-                break
-            # an order of four is the guess for substeps, of one for a tolerance
-            power = 0.25 if self._part(name) == 0.5 else 1.0
-            factor = min(max((0.3 * share / max(bound, 1e-300)) ** power, 0.05), 10.0)
-            # no finer than runs may take: the work is taken to go as one over the value
-            spent = self.probe.work({**settings, name: value}, settle_s) / self.limits.work
-            there = min(max(value * max(factor, min(1.0, spent)), low), high)
-            if there == value or (bound > share and there > 0.9 * value):
-                break
-            value = there
-        return best
 
     def _input(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
         """How long a generated input is held: images of the staircase fold onto the tones."""
@@ -600,31 +456,6 @@ class _Planner:
         return self.probe.work(settings, max(others, default=0.0))
 
 
-def window_decision(windows: Sequence[Window]) -> Decision:
-    """The decision on windows, which cost nothing that was not measured.
-
-    Args:
-        windows: of the drives.
-    """
-    lengths = [float(f"{window.length_s:.6g}") for window in windows]
-    counts = [window.samples for window in windows]
-    tones = {window.tones_hz for window in windows}
-    coherent = all(window.coherent for window in windows)
-    return Decision(
-        kind=Kind.WINDOW,
-        basis=Basis.COHERENT if coherent else Basis.FITTED,
-        bound=0.0,
-        subject=hertz(*windows[0].tones_hz) if len(tones) == 1 else "",
-        numbers={
-            "shortest_s": min(lengths),
-            "longest_s": max(lengths),
-            "least": min(counts),
-            "most": max(counts),
-            "mixtures": max(window.mixtures for window in windows),
-        },
-    )
-
-
 def _require_oscillation(drives: Sequence[Drive], readings: Sequence[Reading]) -> None:
     for drive, reading in zip(drives, readings, strict=True):
         if all(reading.constant):
@@ -634,21 +465,3 @@ def _require_oscillation(drives: Sequence[Drive], readings: Sequence[Reading]) -
                 f"outputs: {said}; wanted one that oscillates under the drive (does the drive "
                 "reach the observed output?)"
             )
-
-
-def _better(bound: float, value: float, best: tuple[float, float], share: float) -> bool:
-    """A value that keeps the share beats a finer one that does; else the smaller error."""
-    if bound <= share:
-        return best[0] > share or value > best[1]
-    return bound < best[0]
-
-
-def constants_of(drive: Drive, reading: Reading) -> dict[str, float]:
-    """Values of the outputs that do not oscillate, by name.
-
-    Args:
-        drive: tones and amplitudes that drive.
-        reading: what the instrument read.
-    """
-    rows = zip(drive.outputs, reading.constant, np.asarray(reading.mean).tolist(), strict=True)
-    return {name: value for name, constant, value in rows if constant}

@@ -18,14 +18,9 @@ from fitting.signal.tones import exact, fit_tones, tones_in_words, unit_hint
 from fitting.signal.window import LONGEST_WINDOW_S
 from fitting.simulate.batch import Workers
 from fitting.simulate.drive import Drive
-from fitting.simulate.planner import (
-    DrivePlan,
-    FmuLike,
-    PlanOptions,
-    constants_of,
-    knowledge_of,
-    plan_drives,
-)
+from fitting.simulate.drive_plan import DrivePlan, constants_of
+from fitting.simulate.knowledge import FmuLike, knowledge_of
+from fitting.simulate.planner import PlanOptions, plan_drives
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 
 from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.budget import Basis, Budget, Decision, Kind, PlanRecord
+from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
-from fitting.simulate.planner import DrivePlan
 from fitting.simulate.response import Remainder, RemainderKind, Spectrum
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed

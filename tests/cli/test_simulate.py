@@ -17,7 +17,8 @@ from fitting.cli.main import main
 from fitting.fmu import Run
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import USUAL_SWEEP_ACCURACY
-from fitting.simulate.planner import Knowledge, plan_drives
+from fitting.simulate.knowledge import Knowledge
+from fitting.simulate.planner import plan_drives
 from fitting.simulate.response import USUAL_ACCURACY, RemainderKind, Shown, respond
 from fitting.simulate.words import remainder_in_words
 from tests.support.cfmu_build import build_c_fmu

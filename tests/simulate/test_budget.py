@@ -18,7 +18,9 @@ from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.knowledge import knowledge_of
+from fitting.simulate.planner import plan_drives
 from fitting.simulate.words import plan_in_words, reason_in_words, warnings_in_words
 from fitting.text.errors import BadInput
 from tests.support import reference

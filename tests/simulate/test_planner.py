@@ -15,7 +15,8 @@ from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.simulate.budget import Basis, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.planner import Knowledge, PlanOptions, knowledge_of, plan_drives
+from fitting.simulate.knowledge import Knowledge, knowledge_of
+from fitting.simulate.planner import PlanOptions, plan_drives
 from fitting.simulate.probe import Probe
 from fitting.simulate.response import plan_drive, simulate
 from fitting.text.arrays import FloatArray

@@ -19,7 +19,9 @@ from fitting.fmu import FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.budget import SHARES, Basis, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.knowledge import knowledge_of
+from fitting.simulate.planner import plan_drives
 from fitting.simulate.words import plan_in_words, warnings_in_words
 from tests.support import reference
 from tests.support.scenes import Scene

@@ -9,7 +9,9 @@ import numpy as np
 from fitting.lab.tradeoff.bench import Bench
 from fitting.lab.tradeoff.records import AMPLITUDES, SUBSTEPS, Setting
 from fitting.lab.tradeoff.scenes import Scene
-from fitting.simulate.planner import DrivePlan, knowledge_of, plan_drives
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.knowledge import knowledge_of
+from fitting.simulate.planner import plan_drives
 from fitting.simulate.words import plan_in_words
 from fitting.text.arrays import FloatArray
 

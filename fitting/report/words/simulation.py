@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitting.signal.combinations import combination_name
+from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
-from fitting.simulate.planner import DrivePlan
 from fitting.simulate.response import DriveResponse
 from fitting.simulate.words import (
     difference_in_words,
