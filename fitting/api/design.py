@@ -25,6 +25,7 @@ from fitting.design.limits import (
 )
 from fitting.design.proposal import propose
 from fitting.design.result import NAME, Design, Proposal, design_csv, write_design
+from fitting.design.sweep_campaign import SWEEPS_NAME
 from fitting.design.weighing import DesignGoal, weigh
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
@@ -39,7 +40,10 @@ DESIGN_FILES = (
     NAME,
     TABLE_NAME,
     "report.html",
-    *(f"{CAMPAIGN_FOLDER}/{name}" for name in (CAMPAIGN_NAME, EXPERIMENTS_NAME, f"{SWEEP_NAME}.*")),
+    *(
+        f"{CAMPAIGN_FOLDER}/{name}"
+        for name in (CAMPAIGN_NAME, EXPERIMENTS_NAME, f"{SWEEP_NAME}.*", SWEEPS_NAME)
+    ),
     "figures/[0-9]*_*.*",
 )
 
@@ -138,7 +142,8 @@ def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
         return _limits(problem, bound, own)
     table = own.with_keys_of(read_candidates(Path(candidates)))
     found = _limits(problem, bound, table)
-    refuse_wider(found, _limits(problem, bound, own), own, table.where, bound.amplitude_unit)
+    kept = own.beside(table)
+    refuse_wider(found, _limits(problem, bound, kept), own, table.where, bound.amplitude_unit)
     return found
 
 
@@ -210,8 +215,9 @@ def _kept(
     own = read_design_table(bound.path)
     if isinstance(given, Limits):
         check_names(given, problem.fmu.variables)
-        known = _limits(problem, bound, own)
-        refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
+        if own.said or given.sweeps is None:
+            known = _limits(problem, bound, own)
+            refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
         return given, own
     table = own if given is None else own.with_keys_of(read_candidates(Path(given)))
     return limits(problem, given), table

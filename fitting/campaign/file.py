@@ -531,6 +531,21 @@ class WrittenAccuracy(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrittenSweeps(Keys):
+    """Whole sweeps of a [control_sweep] as next measurements, each at values of its controls."""
+
+    controls: Annotated[
+        Mapping[str, Values], Missing('wanted values to try, as controls = { "V" = [0, "1 V"] }')
+    ]
+    """Values of the controls to try; a control that is not named keeps that of the last
+    spectrum."""
+    span: Annotated[float | None, Quantity("Hz")] = None
+    """From the first to the last frequency; without it as the campaign's spectra."""
+    points: Repeats | None = None
+    """Frequencies of a sweep; without it as many as the longest of the campaign's spectra."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class WrittenDesign(Keys):
     """Limits of the instrument for the next measurements; frequencies in Hz.
 
@@ -576,6 +591,8 @@ class WrittenDesign(Keys):
     """Error of what is believed of what drifts."""
     averaged: Counts | None = None
     """Spectra averaged in each row of a campaign that a design made."""
+    sweeps: WrittenSweeps | None = None
+    """Propose whole sweeps of the campaign's [control_sweep] in place of tones."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,7 +82,8 @@ def run(args: argparse.Namespace) -> int:
         written = found.write(out, report=not args.no_report)
     print("\n".join(design_lines(found.design)))
     print(f"\nwritten: {', '.join(map(str, written[:2]))}")
-    print(f"for the laboratory: {written[2]}, peaks to be filled in")
+    what = "amplitudes" if found.design.is_of_sweeps else "peaks"
+    print(f"for the laboratory: {written[2]}, {what} to be filled in")
     for page in written[3:]:
         print(f"report: {page}")
     return 0

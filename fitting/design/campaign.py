@@ -6,6 +6,7 @@ The new campaign is the old one, table by table, but for the experiments, the dr
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from fitting.campaign import BoundCampaign, Drive, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
 from fitting.design.result import Design, Proposal
+from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, sweeps_csv
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_text
@@ -41,8 +43,15 @@ def campaign_files(
         folder: where the files go.
         command: command line that made it, for the record.
     """
+    text = _campaign(design, bound, limits, folder, command)
+    if limits.sweeps is not None:
+        written = str(tomllib.loads(text)["control_sweep"]["amplitude"])
+        return {
+            CAMPAIGN_NAME: text,
+            SWEEPS_NAME: sweeps_csv(design, bound, written.split()[0], command),
+        }
     files: dict[str, str | bytes] = {
-        CAMPAIGN_NAME: _campaign(design, bound, limits, folder, command),
+        CAMPAIGN_NAME: text,
         EXPERIMENTS_NAME: _experiments(design, bound, limits, command),
     }
     if bound.sweep is not None:
@@ -64,6 +73,12 @@ def _campaign(
         if "file" in tables["fmu"]:
             named = bound.path.parent / str(tables["fmu"]["file"])
             tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
+        for name in bound.measurements:
+            if limits.sweeps is None or name != "control_sweep":
+                tables.pop(name, None)  # other data, which are not measured again
+        if limits.sweeps is not None:
+            edit_for_sweeps(tables, design, bound, limits)
+            return
         if bound.sweep is not None:
             name = _sweep_name(bound.sweep)
             put(tables["sweep"], "file", name, "take it anew if the gain has changed")
@@ -80,9 +95,10 @@ def _campaign(
     head = [
         "Next measurements, to be made: fill in the peaks of experiments.csv, measure anew what",
         "drifts, and take the sweep anew if the gain of the detection has changed.",
-        f"Proposed by: {command}",
     ]
-    return rewritten(read_text(bound.path), edit, head)
+    if limits.sweeps is not None:
+        head = [f"Next sweeps, to be made: fill in the amplitudes of {SWEEPS_NAME}."]
+    return rewritten(read_text(bound.path), edit, [*head, f"Proposed by: {command}"])
 
 
 def _edit_drive(drive: Tables, design: Design, source: Drive, limits: Limits) -> None:

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Drive, Experiment, Phases
+from fitting.campaign.control_table import LEAST_POINTS
 from fitting.signal.combinations import Combination
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 from fitting.text.units import convert
@@ -22,6 +23,36 @@ MOST_OFFSETS = 24
 MOST_NUMBER = 50
 #: Setups, at most, that are simulated.
 MOST_SETUPS = 20_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepLimits:
+    """Sweeps of a control sweep as candidates, instead of tones, each at values of its controls.
+
+    Args:
+        span_hz: From the first to the last frequency, Hz.
+        points: Frequencies of a sweep, at least 8, evenly spaced.
+        controls: Values of the controls to try, in the units of the campaign's control sweep;
+            one that is not named keeps that of the last spectrum.
+
+    Raises:
+        BadInput: no span, or fewer points.
+    """
+
+    span_hz: float
+    points: int
+    controls: Mapping[str, tuple[Scalar, ...]]
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.span_hz < math.inf:
+            raise BadInput(f"limits: sweeps: span_hz {self.span_hz!r}, wanted a positive number")
+        if self.points < LEAST_POINTS:
+            raise BadInput(f"limits: sweeps: {self.points} points, wanted {LEAST_POINTS} at least")
+        if len(combinations(self.controls)) < 2:
+            raise BadInput(
+                "limits: sweeps: one place of the controls, wanted two at least: a control sweep "
+                "has several"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +82,7 @@ class Limits:
         tones: That are driven at once, 1 or 2.
         lines: Read at combinations of the tones; empty: at the tones.
         phases: The detector tells phases as well, against a reference phase that is unknown.
+        sweeps: Whole sweeps are measured instead of tones, around the only one of the centres.
 
     Raises:
         BadInput: a limit that no instrument can have.
@@ -73,6 +105,7 @@ class Limits:
     tones: int = 2
     lines: tuple[Combination, ...] = ()
     phases: bool = False
+    sweeps: SweepLimits | None = None
 
     def __post_init__(self) -> None:
         above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
@@ -89,6 +122,10 @@ class Limits:
         self._check("repeats", whole, "whole numbers")
         self._check("tones", self.tones in (1, 2), "1 or 2")
         self._check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
+        if self.sweeps is not None:
+            self._check("number", self.number >= 2, f"2 to {MOST_NUMBER} sweeps")
+            self._check("centres_hz", len(self.centres_hz) == 1, "one, the middle of the sweeps")
+            self._check("noise_floor_v", self.sigma(1.0, 1) > 0.0, "noise of the sweeps' points")
         for name in ("levels", "repeats"):
             object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
 
@@ -104,22 +141,40 @@ class Limits:
             amplitude_v: of the peak, in the detector's unit.
             repeats: number of spectra averaged.
         """
+        return float(self.sigmas(np.array(amplitude_v), repeats))
+
+    def sigmas(self, amplitudes_v: FloatArray, repeats: int) -> FloatArray:
+        """Standard deviations of peaks, in the detector's unit.
+
+        Args:
+            amplitudes_v: any shape, in the detector's unit.
+            repeats: number of spectra averaged.
+        """
         floor = self.noise_floor_v / math.sqrt(repeats)
-        return math.hypot(floor, self.relative_noise * amplitude_v)
+        return np.asarray(np.hypot(floor, self.relative_noise * amplitudes_v))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
-    """One thing to measure: tones, what is observed, drive level (a factor), further settings.
+class DriveChoice:
+    """What tells a candidate from the others: where it is driven, what is read, how strongly.
 
-    `experiment` is what is simulated for it; `centre_hz` the resonance that the tones surround.
+    `tones_hz` around the resonance `centre_hz`, `level` a factor on the campaign's drive,
+    `settings` of further FMU parameters or controls. With `points` it is a sweep of that many
+    frequencies from the first to the second of `tones_hz`.
     """
 
-    tones_hz: tuple[float, ...]
     centre_hz: float
+    tones_hz: tuple[float, ...]
     output: str
     level: float
     settings: Mapping[str, Scalar]
+    points: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup(DriveChoice):
+    """Tones to measure; `experiment` is what is simulated for them."""
+
     experiment: Experiment
 
     @property
@@ -129,17 +184,6 @@ class Setup:
         if self.level != 1.0:
             said += f", {self.level:g} times the drive level"
         return said + "".join(f", {name} = {value}" for name, value in self.settings.items())
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Drive:
-    """What tells a setup from the others: where it is driven, what is read, how strongly."""
-
-    centre_hz: float
-    tones_hz: tuple[float, ...]
-    output: str
-    level: float
-    settings: Mapping[str, Scalar]
 
 
 def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
@@ -153,7 +197,7 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
         BadInput: nothing lies within the limits, too much does, or a drive of more than two tones.
     """
     places = [(c, tones) for c in limits.centres_hz for tones in _tones(bound, limits, c)]
-    combined = _combinations(limits.settings)
+    combined = combinations(limits.settings)
     count = len(places) * len(limits.outputs) * len(limits.levels) * len(combined)
     if not count:
         raise BadInput(
@@ -173,13 +217,20 @@ def setups_of(bound: BoundCampaign, limits: Limits) -> tuple[Setup, ...]:
             bound,
             limits,
             base,
-            _Drive(centre_hz=centre, tones_hz=tones, output=output, level=level, settings=chosen),
+            DriveChoice(
+                centre_hz=centre, tones_hz=tones, output=output, level=level, settings=chosen
+            ),
         )
         for (centre, tones), output, level, chosen in drives
     )
 
 
-def _combinations(settings: Mapping[str, Sequence[Scalar]]) -> list[dict[str, Scalar]]:
+def combinations(settings: Mapping[str, Sequence[Scalar]]) -> list[dict[str, Scalar]]:
+    """All combinations of values, by name.
+
+    Args:
+        settings: values to try of each.
+    """
     values = itertools.product(*settings.values())
     return [dict(zip(settings, combination, strict=True)) for combination in values]
 
@@ -234,7 +285,7 @@ def base_settings(bound: BoundCampaign) -> dict[str, Scalar]:
 
 
 def _setup(
-    bound: BoundCampaign, limits: Limits, base: Mapping[str, Scalar], drive: _Drive
+    bound: BoundCampaign, limits: Limits, base: Mapping[str, Scalar], drive: DriveChoice
 ) -> Setup:
     """A setup with what is simulated for it: `base` is set besides, the limits' lines are read."""
     tones, source = drive.tones_hz, bound.setup.drive

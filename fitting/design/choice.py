@@ -36,6 +36,7 @@ class DesignProblem:
     `base` (k, n, n) of prior and data so far, positive definite; `gains` (k, c, n, n) of the
     candidates; `gradients` (k, n) of the target, NaN at a point where it has none; `shown` the
     number of leading variables that count for D and A (the rest are nuisances); `costs` (c,).
+    `once`: no candidate is measured twice.
     """
 
     base: FloatArray
@@ -43,6 +44,7 @@ class DesignProblem:
     gradients: FloatArray
     shown: int
     costs: FloatArray
+    once: bool = False
 
     @property
     def candidates(self) -> int:
@@ -122,9 +124,10 @@ def greedy(problem: DesignProblem, number: int, criterion: str) -> list[int]:
 def _each_added(
     problem: DesignProblem, chosen: Sequence[int], criterion: str, tried: Sequence[int]
 ) -> FloatArray:
-    """The criterion with each of the tried beside the chosen, shape (tried,)."""
+    """The criterion with each of the tried beside the chosen, shape (tried,); inf: not allowed."""
     gains = problem.gains[:, list(tried)]
-    return losses(problem, problem.information(chosen) + np.swapaxes(gains, 0, 1), criterion)
+    found = losses(problem, problem.information(chosen) + np.swapaxes(gains, 0, 1), criterion)
+    return np.where(np.isin(tried, chosen), np.inf, found) if problem.once else found
 
 
 def exchange(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
@@ -185,6 +188,7 @@ def choose(problem: DesignProblem, number: int, criterion: str) -> list[int]:
         number: of measurements.
         criterion: one of `CRITERIA`.
     """
+    number = min(number, problem.candidates) if problem.once else number
     starts = [greedy(problem, number, criterion)]
     if criterion != "D":
         starts.append(greedy(problem, number, "D"))

@@ -19,7 +19,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment
-from fitting.campaign.parameters import UNIFORM_WIDTH, Parameter, search_bounds
+from fitting.campaign.parameters import (
+    UNIFORM_WIDTH,
+    Parameter,
+    bounds,
+    references,
+    search_bounds,
+    starts,
+)
 from fitting.fit.differences import central
 from fitting.fit.linearisation import information, row_sigmas
 from fitting.fit.objective import (
@@ -74,12 +81,43 @@ class Rows:
 class Series:
     """Experiments of a campaign - those measured, or setups not measured yet - and their FMU."""
 
-    def __init__(self, bound: BoundCampaign, workers: Workers, *, setups: bool = False) -> None:
-        self.bound, self.workers, self.setups = bound, workers, setups
+    def __init__(
+        self,
+        bound: BoundCampaign,
+        workers: Workers,
+        *,
+        setups: bool = False,
+        refined: bool = False,
+    ) -> None:
+        self.bound, self.workers = bound, workers
+        self.setups, self.refined = setups, refined
         problem = problem_of([bound])
         self.data = problem.data
         self.plan = plan_series(problem.planned_together(""))
+        if refined:
+            self._refine()
         self._steps: FloatArray | None = None
+
+    def _refine(self) -> None:
+        """Plan few runs for every curve whose response is measured to be rational."""
+        parameters = self.bound.parameters
+        points = [starts(parameters), np.clip(references(parameters), *bounds(parameters))]
+        for measurement in self.data.measurements:
+            model = self.model(self.bound.alternatives[0])
+            self.plan = measurement.refined(model, points, self.workers)
+
+    def model(self, alternative: Mapping[str, Scalar]) -> DrivenModel:
+        """How the FMU is driven in one alternative.
+
+        Args:
+            alternative: discrete settings, by name.
+        """
+        return DrivenModel(
+            setup=self.bound.setup,
+            parameters=self.bound.parameters,
+            plan=self.plan,
+            alternative=alternative,
+        )
 
     def response(self, alternative: Mapping[str, Scalar]) -> FmuResponse:
         """The FMU as the response of one alternative.
@@ -92,14 +130,7 @@ class Series:
             workers=self.workers,
             parameters=bound.parameters,
             measurements=self.data.measurements,
-            models={
-                "": DrivenModel(
-                    setup=bound.setup,
-                    parameters=bound.parameters,
-                    plan=self.plan,
-                    alternative=alternative,
-                )
-            },
+            models={"": self.model(alternative)},
             derived={"": bound.derived},
         )
 

@@ -17,6 +17,7 @@ from fitting.campaign import BoundCampaign, Drive
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenCampaign, WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
+from fitting.design.sweep_limits import HEADROOM, SweepTable, sweep_limits
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
@@ -30,8 +31,8 @@ from fitting.text.written import Written, as_written, in_unit, positive_in
 
 #: Drive levels and numbers of averaged spectra that are tried where nothing is said.
 LEVELS, REPEATS = (1.0, 10.0, 100.0), (1, 10, 100)
-#: Noise of a peak in proportion to it, and detector range in units of the largest amplitude seen.
-RELATIVE_NOISE, HEADROOM = 0.01, 2.0
+#: Noise of a peak in proportion to it.
+RELATIVE_NOISE = 0.01
 #: Departure of what drifts from the line between its two measured values, as a share of the drift.
 OFF_THE_LINE = 0.05
 #: Relative difference of two limits that are the same one, written in two units.
@@ -84,6 +85,14 @@ class DesignTable:
             said=self.said | other.said,
             elsewhere={**self.elsewhere, **dict.fromkeys(other.said, other.path)},
         )
+
+    def beside(self, other: DesignTable) -> DesignTable:
+        """The table, asking for sweeps where the other one does, to be compared with it.
+
+        Args:
+            other: what holds in its place.
+        """
+        return replace(self, keys=replace(self.keys, sweeps=other.keys.sweeps))
 
 
 def read_design_table(path: Path) -> DesignTable:
@@ -204,6 +213,10 @@ def limits_of(
         BadInput: a value of the wrong kind or unit, an unknown variable, nothing to place tones by.
     """
     said = table.keys
+    if said.sweeps is not None:
+        return sweep_limits(
+            bound, variables, SweepTable(said=said, keys=table.said, where=table.where)
+        )
     centres = _centres(bound, variables, table)
     own = _own_grid(bound, centres)
     return Limits(

@@ -8,14 +8,21 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, to_model
-from fitting.design.candidates import Limits
+from fitting.design.candidates import Limits, SweepLimits
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
+from fitting.design.sweeps import control_sweep_of
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
 
 #: A factor on the error that nobody calls useless.
 HELPFUL = 3.0
+#: What is taken of the scale of new sweeps, by that of the control sweep.
+SCALES = {
+    "each": "each has a scale of its own, of which nothing is known",
+    "shared": "they share one scale, of which nothing is known",
+    "none": "their scale is known to be 1",
+}
 
 
 def propose(
@@ -50,7 +57,9 @@ def propose(
         campaign=str(bound.path),
         target=goal.target,
         unit=unit,
-        amplitude_unit=bound.amplitude_unit,
+        amplitude_unit=bound.amplitude_unit
+        if limits.sweeps is None
+        else control_sweep_of(bound).unit,
         criterion=goal.criterion,
         before=_expected(weighed.sigmas([])),
         spread=weighed.spread,
@@ -65,7 +74,7 @@ def propose(
         setups=len(weighed.setups),
         candidates=weighed.problem.candidates,
         sentences=(
-            *_sentences(weighed, chosen, limits, goal),
+            *_sentences(bound, weighed, chosen, limits, goal),
             *_doubts(weighed, chosen, goal),
         ),
         limits=_limits(bound, limits),
@@ -97,28 +106,35 @@ def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int
         peaks_v=tuple(map(float, peaks)),
         sigmas_v=tuple(limits.sigma(float(a), repeats) for a in peaks),
         expected=_expected(weighed.sigmas(chosen[:rank])),
+        points=setup.points,
     )
 
 
 def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
-    """Candidates by output, resonance and level, alone and beside the proposed but the last."""
+    """Candidates by output, resonance and level, sweeps by controls, alone and beside the rest.
+
+    The rest are the proposed ones but the last.
+    """
     alone = [_expected(sigmas).mean for sigmas in weighed.sigmas_with([])]
     beside = [_expected(sigmas).mean for sigmas in weighed.sigmas_with(chosen[:-1])]
-    groups: dict[tuple[str, float, float], list[int]] = {}
+    groups: dict[tuple[object, ...], list[int]] = {}
     for i, setup in enumerate(weighed.setup_of):
         s = weighed.setups[setup]
-        groups.setdefault((s.output, s.centre_hz, s.level), []).append(i)
+        own = tuple(s.settings.items()) if s.points else ()
+        groups.setdefault((s.output, s.centre_hz, s.level, *own), []).append(i)
+    first = [weighed.setups[weighed.setup_of[group[0]]] for group in groups.values()]
     return tuple(
         Kind(
-            output=output,
-            centre_hz=centre_hz,
-            level=level,
+            output=s.output,
+            centre_hz=s.centre_hz,
+            level=s.level,
+            settings=s.settings if s.points else {},
             best=min(alone[i] for i in group),
             worst=max(alone[i] for i in group),
             beside=min(beside[i] for i in group),
             count=len(group),
         )
-        for (output, centre_hz, level), group in groups.items()
+        for s, group in zip(first, groups.values(), strict=True)
     )
 
 
@@ -157,7 +173,7 @@ def _doubts(weighed: Weighed, chosen: Sequence[int], goal: DesignGoal) -> list[s
 
 
 def _sentences(
-    weighed: Weighed, chosen: Sequence[int], limits: Limits, goal: DesignGoal
+    bound: BoundCampaign, weighed: Weighed, chosen: Sequence[int], limits: Limits, goal: DesignGoal
 ) -> tuple[str, ...]:
     """What was assumed, and what a reader must know to judge the figures."""
     count, none = weighed.spread_values.size, int(np.sum(~np.isfinite(weighed.spread_values)))
@@ -191,6 +207,11 @@ def _sentences(
             "Whether source and resonator bear it, where an output that is not observed may be "
             "resonant, is for the laboratory to say: [design] levels."
         )
+    if limits.sweeps is not None:
+        said.append(
+            "Every control of a new sweep is taken to be as exact as in the sweeps so far; "
+            f"{SCALES[control_sweep_of(bound).scaled_by]}."
+        )
     if limits.setting_sigmas:
         errors = listed(f"{name} by {s:.3g}" for name, s in limits.setting_sigmas.items())
         said.append(
@@ -201,6 +222,8 @@ def _sentences(
 
 
 def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
+    if limits.sweeps is not None:
+        return _sweep_limits(bound, limits, limits.sweeps)
     unit = bound.amplitude_unit
     words = {
         "outputs": listed(limits.outputs),
@@ -212,8 +235,7 @@ def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
         + (", on both sides" if limits.both_sides and limits.tones > 1 else ""),
         "drive levels": listed(f"{level:g}" for level in limits.levels) + " times the campaign's",
         "spectra averaged": listed(str(count) for count in limits.repeats),
-        "noise of a peak": f"{quantity(limits.noise_floor_v, float('nan'), unit)} and "
-        f"{number(100.0 * limits.relative_noise, 3)} % of it",
+        "noise of a peak": _noise(limits, unit),
         "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
         "measurements": str(limits.number),
     }
@@ -222,3 +244,20 @@ def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
     for name, values in limits.settings.items():
         words[name] = listed(str(v) for v in values)
     return words
+
+
+def _noise(limits: Limits, unit: str) -> str:
+    floor = quantity(limits.noise_floor_v, float("nan"), unit)
+    return f"{floor} and {number(100.0 * limits.relative_noise, 3)} % of it"
+
+
+def _sweep_limits(bound: BoundCampaign, limits: Limits, sweeps: SweepLimits) -> dict[str, str]:
+    unit, [centre_hz] = control_sweep_of(bound).unit, limits.centres_hz
+    return {
+        "output": limits.outputs[0],
+        "sweep": f"{sweeps.points} points over {hertz(sweeps.span_hz)} around {hertz(centre_hz)}",
+        **{name: listed(f"{v}" for v in values) for name, values in sweeps.controls.items()},
+        "noise of a point": _noise(limits, unit),
+        "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
+        "sweeps": f"{limits.number} at most",
+    }

@@ -32,7 +32,9 @@ class Proposal:
 
     `tones_hz`, expected peaks `peaks_v` and their `sigmas_v` (at the given point), one per tone;
     `level` a factor on the campaign's drive level, `settings` of FMU parameters; `expected` of the
-    target after this measurement and those before it.
+    target after this measurement and those before it. With `points` it is a sweep of that many
+    frequencies, `tones_hz` its first and last, its largest amplitude the only peak, `settings` its
+    controls.
     """
 
     rank: int
@@ -45,11 +47,12 @@ class Proposal:
     peaks_v: tuple[float, ...]
     sigmas_v: tuple[float, ...]
     expected: Expected
+    points: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """Candidates that share output, resonance and level.
+    """Candidates that share output, resonance and level, of sweeps also their controls.
 
     Expected sigma (average over points of equal fit) of the `best` and the `worst` of them if it
     were the only measurement, and of the best beside all proposed ones but the last (`beside`).
@@ -62,6 +65,7 @@ class Kind:
     worst: float
     beside: float
     count: int
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +113,11 @@ class Design:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def is_of_sweeps(self) -> bool:
+        """Whether sweeps are proposed, not tones."""
+        return any(p.points for p in self.proposals)
+
+    @property
     def improvement(self) -> float:
         """Ratio of the average sigma before to that after all proposed measurements."""
         return self.before.mean / self.proposals[-1].expected.mean if self.proposals else 1.0
@@ -142,11 +151,15 @@ def design_csv(design: Design) -> str:
         design: what is proposed.
     """
     tones = len(design.proposals[0].tones_hz) if design.proposals else 0
+    peaks = len(design.proposals[0].peaks_v) if design.proposals else 0
+    driven = [f"tone {i + 1} (Hz)" for i in range(tones)]
+    if design.is_of_sweeps:
+        driven = ["first frequency (Hz)", "last frequency (Hz)", "points"]
     unit, volts = design.unit or "1", design.amplitude_unit
     names = list(design.proposals[0].settings) if design.proposals else []
-    head = ["rank", *(f"tone {i + 1} (Hz)" for i in range(tones)), "resonance (Hz)", "output"]
-    head += ["level", *names, "spectra", *(f"peak {i + 1} ({volts})" for i in range(tones))]
-    head += [f"sigma {i + 1} ({volts})" for i in range(tones)]
+    head = ["rank", *driven, "resonance (Hz)", "output"]
+    head += ["level", *names, "spectra", *(f"peak {i + 1} ({volts})" for i in range(peaks))]
+    head += [f"sigma {i + 1} ({volts})" for i in range(peaks)]
     head += [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
     before = design.before
     lines = [",".join(head)]
@@ -154,7 +167,8 @@ def design_csv(design: Design) -> str:
     lines.append(",".join(["0", *blank, *map(_number, (before.at, before.mean, before.worst))]))
     for p in design.proposals:
         e = p.expected
-        cells = [str(p.rank), *map(repr, p.tones_hz), repr(p.centre_hz), p.output, repr(p.level)]
+        cells = [str(p.rank), *map(repr, p.tones_hz), *([str(p.points)] if p.points else [])]
+        cells += [repr(p.centre_hz), p.output, repr(p.level)]
         cells += [str(value) for value in p.settings.values()] + [str(p.repeats)]
         cells += [*map(repr, p.peaks_v), *map(repr, p.sigmas_v)]
         lines.append(",".join([*cells, *map(_number, (e.at, e.mean, e.worst))]))

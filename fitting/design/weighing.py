@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
-from fitting.design.candidates import Limits, Setup, as_campaign, setups_of
+from fitting.design.candidates import DriveChoice, Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import DesignProblem, choose, target_sigmas
 from fitting.design.information import (
     Place,
@@ -29,6 +29,13 @@ from fitting.design.information import (
     unmeasured,
 )
 from fitting.design.points import WhitenedData, equal_fits, nearest_fit, spread_out
+from fitting.design.sweeps import (
+    ANY_SCALE,
+    control_sweep_of,
+    information_of_sweeps,
+    simulated_sweeps,
+    sweep_choices,
+)
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA, information
 from fitting.fit.objective import evaluate_many
@@ -75,7 +82,7 @@ class Weighed:
     """
 
     problem: DesignProblem
-    setups: tuple[Setup, ...]
+    setups: tuple[DriveChoice, ...]
     repeats: tuple[int, ...]
     setup_of: tuple[int, ...]
     amplitudes_v: FloatArray
@@ -171,11 +178,13 @@ def weigh(
         FmuFailure: the FMU failed.
     """
     _check_target(bound, goal.target)
-    data = Series(bound, workers)
-    series = (data, *(_alike(other, bound, workers) for other in also))
+    data = Series(bound, workers, refined=limits.sweeps is not None)
+    series = (data, *(_alike(other, bound, workers, refined=data.refined) for other in also))
     steps = data.steps()
     known = _known(series, steps, goal, limits, progress)
     progress("candidates")
+    if limits.sweeps is not None:
+        return _weighed_sweeps(data, limits, known, steps)
     return _weighed(limits, _simulated(bound, workers, limits, known.places, steps), known)
 
 
@@ -197,10 +206,10 @@ def _known(
     places = spread_out(parameters, given, eligible, PLACES, prior)
     progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
     gradients = _gradients(data, goal.target, places)
-    unit = np.append(prior, [_scale_sigma(data), *([ANY_PHASE] if limits.phases else [])])
+    unit = np.append(prior, [_scale_sigma(data), *_new_nuisances(data.bound, limits)])
     nuisances = len(unit) - len(prior)
     data_information = np.stack([_information_at(series, place, steps, limits) for place in places])
-    more = nuisances - 1  # the data so far say nothing of a reference phase to come
+    more = nuisances - 1  # the data so far say nothing of a phase or scale to come
     data_information = np.pad(data_information, ((0, 0), (0, more), (0, more)))
     return _Known(
         places=tuple(places),
@@ -212,7 +221,9 @@ def _known(
     )
 
 
-def _alike(other: BoundCampaign, bound: BoundCampaign, workers: Workers) -> Series:
+def _alike(
+    other: BoundCampaign, bound: BoundCampaign, workers: Workers, *, refined: bool
+) -> Series:
     """Another campaign's data, in the search vector of the first."""
     names, wanted = ({p.name for p in b.parameters} for b in (other, bound))
     if names != wanted:
@@ -221,7 +232,7 @@ def _alike(other: BoundCampaign, bound: BoundCampaign, workers: Workers) -> Seri
             f"{', '.join(sorted(wanted))}; wanted the same parameters"
         )
     same = replace(other, parameters=bound.parameters, alternatives=bound.alternatives)
-    return Series(same, workers)
+    return Series(same, workers, refined=refined)
 
 
 def _information_at(
@@ -254,6 +265,13 @@ def _scale_sigma(data: Series) -> float:
     if any(parameter.role == "scale" for parameter in data.bound.parameters):
         return 1e-9
     return max(scale_sigma(data.data), 1e-9)
+
+
+def _new_nuisances(bound: BoundCampaign, limits: Limits) -> list[float]:
+    """Prior standard deviations of what all new measurements share: a phase, a scale."""
+    if limits.sweeps is not None:
+        return [ANY_SCALE] if control_sweep_of(bound).scaled_by == "shared" else []
+    return [ANY_PHASE] if limits.phases else []
 
 
 def _equal_fits(
@@ -375,22 +393,63 @@ def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup])
 
 
 def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
+    """Candidates of tones, and their information."""
+
+    def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
+        amplitudes = simulated.amplitudes_v[rank, list(kept)]
+        sigmas = limits.sigmas(amplitudes, count)
+        return information_of_setups(
+            simulated.rows[rank],
+            np.maximum(sigmas / amplitudes, SMALLEST_SIGMA),
+            kept,
+            limits.setting_sigmas,
+            phases=limits.phases,
+        )
+
+    found = _Candidates(simulated.setups, simulated.amplitudes_v, information_at, simulated.linear)
+    return _gathered(limits, found, known)
+
+
+def _weighed_sweeps(data: Series, limits: Limits, known: _Known, steps: FloatArray) -> Weighed:
+    """Candidates that are sweeps, and their information."""
+    choices, how = sweep_choices(data.bound, limits), control_sweep_of(data.bound)
+    rows = simulated_sweeps(data, choices, known.places, steps)
+
+    def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
+        sigmas = limits.sigmas(rows[rank].amplitude, count)
+        return information_of_sweeps(rows[rank], sigmas, kept, how)
+
+    largest = np.stack([r.largest for r in rows])
+    return _gathered(limits, _Candidates(choices, largest, information_at, linear=True), known)
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Setups or sweeps, their peaks (places, setups, k), and `information_at` of some of them.
+
+    That is asked with a place by its number, a number of spectra averaged and candidates, and
+    answers with (candidates, n, n).
+    """
+
+    setups: Sequence[DriveChoice]
+    amplitudes_v: FloatArray
+    information_at: Callable[[int, int, Sequence[int]], FloatArray]
+    linear: bool
+
+
+def _gathered(limits: Limits, found: _Candidates, known: _Known) -> Weighed:
     """Candidates that can be seen and that the detector bears, and their information."""
-    setups, amplitudes, unit = simulated.setups, simulated.amplitudes_v, known.unit
+    setups, amplitudes, unit = found.setups, found.amplitudes_v, known.unit
     gains, repeats, setup_of = [], [], []
     for count in limits.repeats:
-        floor = limits.noise_floor_v / np.sqrt(count)
-        sigmas = np.hypot(floor, limits.relative_noise * amplitudes)
+        sigmas = limits.sigmas(amplitudes, count)
         above = np.min(amplitudes - LEAST_SIGNAL * sigmas, axis=2) >= 0.0
         seen = (np.mean(above, axis=0) >= 0.5) & np.all(amplitudes > 0.0, axis=(0, 2))
         borne = np.max(amplitudes[0], axis=1) <= limits.largest_v
         kept = np.flatnonzero(seen & borne).tolist()
-        for rank, row in enumerate(simulated.rows):
-            relative = np.maximum(sigmas[rank, kept] / amplitudes[rank, kept], SMALLEST_SIGMA)
-            found = information_of_setups(
-                row, relative, kept, limits.setting_sigmas, phases=limits.phases
-            )
-            gains.append((count, rank, found * np.outer(unit, unit)))
+        for rank in range(len(known.places)):
+            gain = found.information_at(rank, count, kept) * np.outer(unit, unit)
+            gains.append((count, rank, gain))
         repeats += [count] * len(kept)
         setup_of += kept
     if not setup_of:
@@ -410,17 +469,18 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
         gradients=known.gradients,
         shown=known.places[0].x.size,
         costs=costs,
+        once=limits.sweeps is not None,
     )
     return Weighed(
         problem=problem,
-        setups=setups,
+        setups=tuple(setups),
         repeats=tuple(repeats),
         setup_of=tuple(setup_of),
         amplitudes_v=amplitudes,
         places=known.places,
         values=known.values,
         spread_values=known.spread_values,
-        linear=simulated.linear,
+        linear=found.linear,
     )
 
 

@@ -12,6 +12,7 @@ from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.table import Cell, Column, Table, pairs_table, tabulate
 from fitting.report.words.design import (
     candidates_sentence,
+    driven_words,
     equal_fits_sentences,
     promise_sentence,
 )
@@ -92,6 +93,11 @@ def _proposed(design: Design, figures: Figures) -> Section:
         "in. What drifts is to be measured anew before and after, and the tones are to keep their "
         "distance from the resonance."
     )
+    if design.is_of_sweeps:
+        said = (
+            "A campaign with these settings lies in the folder campaign: the amplitudes of every "
+            "sweep are to be filled in, a row for each frequency."
+        )
     return Section(
         id="proposed",
         title="What to measure next",
@@ -115,7 +121,7 @@ def proposal_table(design: Design) -> Table:
     columns: tuple[Column[Proposal | None], ...] = (
         Column("", lambda p: "so far" if p is None else str(p.rank), role="name"),
         _of("observed", lambda p: p.output),
-        _of("tones", lambda p: hertz(*p.tones_hz)),
+        _of("from, to" if design.is_of_sweeps else "tones", lambda p: hertz(*p.tones_hz)),
         _of("around", _around, role="words"),
         _of("drive level", _level),
         _of("spectra", lambda p: p.repeats),
@@ -142,6 +148,8 @@ def _of(
 
 
 def _around(p: Proposal) -> str:
+    if p.points:
+        return f"{driven_words(p)} around {hertz(p.centre_hz, digits=7)}"
     offsets = " and ".join(f"{f - p.centre_hz:+.4g} Hz" for f in p.tones_hz)
     return f"{offsets} from {hertz(p.centre_hz, digits=7)}"
 

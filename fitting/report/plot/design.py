@@ -104,7 +104,9 @@ def best_kinds(design: Design) -> list[Kind]:
 
 
 def _what(p: Proposal) -> str:
-    """A proposal in three short lines."""
+    """A proposal in a few short lines."""
+    if p.points:
+        return "\n".join([p.output, *(f"{name} = {value}" for name, value in p.settings.items())])
     offsets = ", ".join(f"{f - p.centre_hz:+.3g}" for f in p.tones_hz)
     level = f"×{p.level:g}, " if p.level != 1.0 else ""
     resonance = hertz(p.centre_hz, digits=6)
@@ -113,7 +115,8 @@ def _what(p: Proposal) -> str:
 
 def _kind(kind: Kind) -> str:
     level = f", ×{kind.level:g}" if kind.level != 1.0 else ""
-    return f"{kind.output} at {hertz(kind.centre_hz, digits=6)}{level}"
+    more = "".join(f", {name} = {value}" for name, value in kind.settings.items())
+    return f"{kind.output} at {hertz(kind.centre_hz, digits=6)}{level}{more}"
 
 
 def _unit(design: Design) -> tuple[float, str]:

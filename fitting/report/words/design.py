@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fitting.design.result import Design
+from fitting.design.result import Design, Proposal
 from fitting.text.notation import hertz, number, plain, prefixed, span
 
 
@@ -26,6 +26,12 @@ def candidates_sentence(design: Design) -> str:
     Args:
         design: the proposed next measurement.
     """
+    if design.is_of_sweeps:
+        return (
+            f"{design.candidates} candidates ({design.setups} places of the controls; sweeps whose "
+            "top could not be seen or would overload the detector left out), each measured once at "
+            f"most, chosen by criterion {design.criterion}, greedy with exchanges."
+        )
     return (
         f"{design.candidates} candidates ({design.setups} settings of drive and output, and "
         "numbers of spectra; those whose peaks could not be seen or would overload the detector "
@@ -47,6 +53,18 @@ def equal_fits_sentences(design: Design) -> tuple[str, ...]:
             f"Over them {plain(design.target)} goes from {span(low / size, high / size, shown)}."
         )
     return tuple(said)
+
+
+def driven_words(proposal: Proposal) -> str:
+    """Where a measurement is driven: tones by their distance from the resonance, or a sweep.
+
+    Args:
+        proposal: one proposed measurement.
+    """
+    if proposal.points:
+        first, last = proposal.tones_hz
+        return f"{proposal.points} points over {hertz(last - first)}"
+    return ", ".join(f"{f - proposal.centre_hz:+.4g}" for f in proposal.tones_hz) + " Hz"
 
 
 def design_lines(design: Design) -> list[str]:
@@ -72,10 +90,10 @@ def design_lines(design: Design) -> list[str]:
         f"{'so far':52} {shown(before.at):>8} {shown(before.mean):>8} {shown(before.worst):>8}"
     )
     for p in design.proposals:
-        tones = ", ".join(f"{f - p.centre_hz:+.4g}" for f in p.tones_hz)
         level = f" x{p.level:g}" if p.level != 1.0 else ""
         more = "".join(f" {name}={value}" for name, value in p.settings.items())
-        what = f"{p.rank} {p.output} at {hertz(p.centre_hz, digits=6)} ({tones} Hz){level}{more}"
+        driven = f"at {hertz(p.centre_hz, digits=6)} ({driven_words(p)})"
+        what = f"{p.rank} {p.output} {driven}{level}{more}"
         what += f" avg {p.repeats}" if p.repeats > 1 else ""
         e = p.expected
         lines.append(f"{what:52} {shown(e.at):>8} {shown(e.mean):>8} {shown(e.worst):>8}")

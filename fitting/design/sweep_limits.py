@@ -1,0 +1,175 @@
+"""Limits of sweeps as next measurements: what [design] says, else as the control sweep had them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.campaign import BoundCampaign
+from fitting.campaign.binder import Binder
+from fitting.campaign.file import WrittenDesign, WrittenSweeps
+from fitting.design.candidates import Limits, SweepLimits
+from fitting.design.sweeps import check_controls, control_sweep_of
+from fitting.fmu.variables import VariableLike
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+from fitting.text.written import Written, in_unit, positive_in
+
+#: Keys of [design] that place tones.
+OF_TONES = (
+    "outputs",
+    "frequency_step",
+    "least_spacing",
+    "farthest",
+    "both_sides",
+    "tones",
+    "levels",
+    "repeats",
+    "phases",
+    "settings",
+    "setting_sigma",
+)
+#: Largest amplitude that is proposed, in units of the largest one seen.
+HEADROOM = 2.0
+#: A part of the noise below this share of the other is none.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepTable:
+    """A table [design] that asks for sweeps: what it says, which keys, and where each is."""
+
+    said: WrittenDesign
+    keys: frozenset[str]
+    where: Callable[[str], str]
+
+
+def sweep_limits(
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    table: SweepTable,
+) -> Limits:
+    """Limits of a campaign whose next measurements are sweeps.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        variables: of the FMU, by name.
+        table: [design], as it was read.
+
+    Raises:
+        BadInput: no control sweep, an unknown control, a value of the wrong unit, a key that places
+            tones, no noise.
+    """
+    sweep, said = control_sweep_of(bound), table.said
+    _check_places(bound, table)
+    if any(np.any(s.level != 1.0) for s in sweep.spectra):
+        raise BadInput(
+            f"{table.where('sweeps')}: the spectra of [control_sweep] have a drive of their own; "
+            "wanted sweeps with one amplitude of the drive"
+        )
+    for key in OF_TONES:
+        if key in table.keys:
+            raise BadInput(
+                f"{table.where(key)}: has no meaning beside sweeps, which are proposed in place of "
+                "tones"
+            )
+    first = min(s.u_hz[0] for s in sweep.spectra)
+    last = max(s.u_hz[-1] for s in sweep.spectra)
+    centre_hz = float(0.5 * (first + last))
+    if said.centres is not None:
+        if len(said.centres) != 1:
+            raise BadInput(
+                f"{table.where('centres')}: {len(said.centres)} frequencies, wanted one, the "
+                "middle of the sweeps"
+            )
+        centre_hz = in_unit(said.centres[0], "Hz")
+    limits = SweepLimits(
+        span_hz=_asked(said).span or float(last - first),
+        points=_asked(said).points or max(s.u_hz.size for s in sweep.spectra),
+        controls=_controls(bound, variables, table, sweep),
+    )
+    step_hz = limits.span_hz / (limits.points - 1)
+    floor, relative = _noise(sweep, table)
+    return Limits(
+        outputs=(sweep.seen,),
+        centres_hz=(centre_hz,),
+        frequency_step_hz=step_hz,
+        least_spacing_hz=step_hz,
+        farthest_hz=0.5 * limits.span_hz,
+        both_sides=True,
+        levels=(1.0,),
+        repeats=(1,),
+        noise_floor_v=floor,
+        relative_noise=relative,
+        largest_v=_amplitude(sweep, said.largest, HEADROOM * max(s.largest for s in sweep.spectra)),
+        number=said.number or Limits.number,
+        sweeps=limits,
+    )
+
+
+def _asked(said: WrittenDesign) -> WrittenSweeps:
+    return said.sweeps or WrittenSweeps(controls={})
+
+
+def _check_places(bound: BoundCampaign, table: SweepTable) -> None:
+    """Complain of what is fitted to each spectrum: a new one would have a value of its own."""
+    own = next((p.name for p in bound.parameters if p.experiments), None)
+    if own is not None:
+        raise BadInput(
+            f"{table.where('sweeps')}: '{own}' is fitted to single spectra, and nothing is known "
+            "of it in a new one; wanted parameters that all spectra share"
+        )
+
+
+def _controls(
+    bound: BoundCampaign,
+    variables: Mapping[str, VariableLike],
+    table: SweepTable,
+    sweep: ControlSweep,
+) -> dict[str, tuple[Scalar, ...]]:
+    binder = Binder(variables, bound.setup.laws.names)
+    binder.control_units.update(sweep.control_units)
+    written = _asked(table.said).controls
+    check_controls(written, sweep, table.where("sweeps"))
+    return {
+        name: tuple(binder.setting(name, _with_unit(value, sweep.units[name])) for value in values)
+        for name, values in written.items()
+    }
+
+
+def _with_unit(written: Written, unit: str) -> Written:
+    """A plain number in the unit of the control sweep."""
+    plain = written.unit is None and not isinstance(written.value, str)
+    return replace(written, unit=unit or None) if plain else written
+
+
+def _amplitude(sweep: ControlSweep, written: Written | None, default: float) -> float:
+    return default if written is None else positive_in(written, sweep.unit)
+
+
+def _noise(sweep: ControlSweep, table: SweepTable) -> tuple[float, float]:
+    """Noise of a point of a sweep, and the part of it that is a share of the amplitude.
+
+    Least squares of sigma^2 = floor^2 + (relative A)^2 over the measured points, where it is
+    stated; the median of what the spectra's scatter says elsewhere.
+    """
+    said = table.said
+    sigma = np.concatenate([s.sigmas for s in sweep.spectra])
+    size = max(s.largest for s in sweep.spectra)
+    squares = np.array([float(np.median(sigma / size)) ** 2, 0.0])
+    if not sweep.estimated:
+        matrix = np.column_stack([np.ones(sweep.rows), (sweep.measured / size) ** 2])
+        squares = np.linalg.lstsq(matrix, (sigma / size) ** 2, rcond=None)[0]
+    found = np.sqrt(np.maximum(squares, 0.0))
+    found[found < ROUNDING * found.max()] = 0.0
+    floor = _amplitude(sweep, said.noise_floor, float(f"{size * float(found[0]):.9g}"))
+    relative = float(found[1]) if said.relative_noise is None else said.relative_noise
+    if not (floor > 0.0 or relative > 0.0):
+        raise BadInput(
+            f"{table.where('noise_floor')}: is not there and [control_sweep] tells no noise; "
+            "wanted that of a point of a sweep"
+        )
+    return floor, relative
