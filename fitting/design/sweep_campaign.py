@@ -9,7 +9,7 @@ from fitting.design.candidates import DriveChoice, Limits
 from fitting.design.result import Design, Proposal
 from fitting.design.sweeps import control_sweep_of, frequencies_hz
 from fitting.text.arrays import Scalar
-from fitting.text.notation import hertz, number
+from fitting.text.notation import hertz, number, prefixed
 from fitting.text.toml import Tables, inline, put
 
 SWEEPS_NAME = "sweeps.csv"
@@ -124,9 +124,11 @@ def _frequencies(p: Proposal) -> list[float]:
 def _what(p: Proposal, design: Design) -> str:
     """One proposal as an instruction, in plain ASCII."""
     first, last = p.tones_hz
+    factor, unit = prefixed(p.peaks_v[0], design.amplitude_unit)
     controls = ", ".join(f"{name} = {value}" for name, value in p.settings.items())
-    return (
+    said = (
         f"next{p.rank}: {p.output} at {controls}, {p.points} points over {hertz(last - first)}; "
-        f"expected {number(p.peaks_v[0], 3)} {design.amplitude_unit} at most; sigma("
-        f"{design.target}) is then {number(p.expected.mean, 3)} {design.unit} on average"
-    ).replace("\u00a0", " ")
+        f"expected {number(p.peaks_v[0] / factor, 3)} {unit} at most; sigma({design.target}) is "
+        f"then {number(p.expected.mean, 3)} {design.unit} on average"
+    )
+    return said.replace("\u00a0", " ").replace("\u00b5", "u")
