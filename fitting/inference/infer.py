@@ -165,16 +165,22 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         ),
         reported=estimates.reported,
         sweeps=sweeps,
-        quadratures=_quadratures(solution, request) if describes else Quadratures(),
+        quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
     )
 
 
-def _quadratures(solution: Solution, request: InferenceRequest) -> Quadratures:
-    """What complex values tell; nothing where the model fails nearby."""
+def _quadratures(
+    solution: Solution,
+    request: InferenceRequest,
+    named: Mapping[str, ParameterResult | DerivedResult | OffsetResult],
+) -> Quadratures:
+    """What complex values tell, of values that there are; nothing where the model fails nearby."""
     try:
-        return quadratures_of(solution, request.units)
+        found = quadratures_of(solution, request.units)
     except (FmuFailure, np.linalg.LinAlgError):
         return Quadratures()
+    known = [g for g in found.gains if g.name in named and named[g.name].identifiable.has_value]
+    return replace(found, gains=tuple(known))
 
 
 def _minima(fit: Fit) -> tuple[Minimum, ...]:
