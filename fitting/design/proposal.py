@@ -117,6 +117,9 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
     """
     alone = [_expected(sigmas).mean for sigmas in weighed.sigmas_with([])]
     beside = [_expected(sigmas).mean for sigmas in weighed.sigmas_with(chosen[:-1])]
+    if weighed.problem.once:  # a proposed one is the last beside the others, never twice
+        after = _expected(weighed.sigmas(chosen)).mean
+        beside = [after if i in chosen else value for i, value in enumerate(beside)]
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, setup in enumerate(weighed.setup_of):
         s = weighed.setups[setup]

@@ -210,6 +210,8 @@ def test_spectra_of_a_crossing_are_chosen_and_judged_as_numpy_does(
     best = min(map(sigma, pairs))
     assert sigma(volts) < 1.001 * best
     assert found.improvement > 1.2
+    last = {float(k.settings["V"]): k.beside for k in found.kinds}
+    assert all(last[v] == found.proposals[-1].expected.mean for v in volts)
 
 
 def test_the_campaign_asks_for_the_sweeps_and_is_read_when_they_are_filled_in(
