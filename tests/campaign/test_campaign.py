@@ -395,6 +395,7 @@ BINDING = [
     ),
     ('output = "q1_hybrid"', 'output = "theta"', "causality parameter, which cannot be observed"),
     ('"Q_minus"]', '"Q_mines"]', "[derived] outputs: the FMU has no variable 'Q_mines'"),
+    ('"Q_minus"]', '"d1"]', "causality parameter, which cannot be reported"),
     ('"Q_minus"]', '"b"]', "causality input, which cannot be reported"),
     ("periodic_start = true ", "periodic_start = 2 ", "[fmu.start] periodic_start: found 2, but"),
     (
