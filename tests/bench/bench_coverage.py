@@ -243,11 +243,16 @@ class Count:
     open: int = 0
     shares: float = 0.0
     narrowest: float = math.inf
+    #: Laboratories without a verdict: the model was not found to describe their data.
+    withdrawn: int = 0
 
     def told(self, knowledge: Knowledge, name: str, truth: float) -> None:
         """Count one laboratory."""
         profile = knowledge.profiles[name]
         low, high = profile.interval95
+        if profile.verdict == "no verdict":
+            self.withdrawn += 1
+            return
         share = (high - low) / (profile.box[1] - profile.box[0])
         self.total += 1
         self.inside += low <= truth <= high
@@ -265,6 +270,7 @@ class Count:
             self.open + other.open,
             self.shares + other.shares,
             min(self.narrowest, other.narrowest),
+            self.withdrawn + other.withdrawn,
         )
 
 
@@ -317,6 +323,7 @@ def table_rows(setting: Setting, counts: dict[str, Count]) -> list[str]:
             if c.determined == c.total
             else (f"determined in {c.determined}" if c.determined else "not determined")
         )
+        word += f", no verdict in {c.withdrawn}" if c.withdrawn else ""
         rows.append(
             f"| {setting.words} | {name} | {word} | {c.inside}/{c.total} | "
             f"{100.0 * c.inside / c.total:.1f} % | {100.0 * c.shares / c.total:.3g} % |"
