@@ -16,6 +16,8 @@ from pathlib import Path
 from types import TracebackType
 
 MOST_S = 300.0
+#: Signals that ask a process to end.
+ENDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def wait_until(holds: Callable[[], bool], what: str, most_s: float = MOST_S) -> None:
@@ -68,7 +70,11 @@ class Job:
         self._workers: set[int] = set()
 
     def __enter__(self) -> Job:
-        before = signal.signal(self._ignored, signal.SIG_IGN) if self._ignored else None
+        # a test that was started by nohup, or in the background, ignores signals and hands that on
+        changed = {s: signal.SIG_DFL for s in ENDS if signal.getsignal(s) == signal.SIG_IGN}
+        if self._ignored:
+            changed[signal.Signals(self._ignored)] = signal.SIG_IGN
+        before = {s: signal.signal(s, how) for s, how in changed.items()}
         try:
             with self._files[0].open("wb") as out, self._files[1].open("wb") as err:
                 self._process = subprocess.Popen(
@@ -78,8 +84,8 @@ class Job:
                     env={**os.environ, "TMPDIR": str(self.temporary), "OPENBLAS_NUM_THREADS": "1"},
                 )
         finally:
-            if self._ignored:
-                signal.signal(self._ignored, before)
+            for s, how in before.items():
+                signal.signal(s, how)
         return self
 
     def __exit__(
