@@ -27,7 +27,7 @@ from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
 from fitting.campaign.setup import Drive, Setup
-from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
+from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arrays import ComplexArray, Scalar
@@ -456,8 +456,7 @@ class _Series:
                 "experiment"
             )
         for name in self.data.derived:
-            kinds = REPORTABLE if name in setup.laws.formulas else READABLE
-            binder.real(name, "problem: derived", kinds, "reported")
+            binder.reported(name, "problem: derived", setup.laws.formulas)
         sweep = None if swept is None else self._sweep_data(swept, factor, unit)
         bound = BoundCampaign(
             title=self.data.title or "Data from arrays",

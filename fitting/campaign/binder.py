@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from fitting.campaign.data import Campaign
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
-from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.tables import did_you_mean
@@ -87,6 +87,21 @@ class Binder:
         raise BadInput(
             f"{written.where}: found {raw!r}, but '{variable.name}' is a {variable.kind} variable"
         )
+
+    def reported(self, name: str, where: str, by_laws: Collection[str]) -> VariableLike:
+        """A real variable that is reported; a parameter only where a law sets it.
+
+        A parameter that the fit sets itself is reported in any case.
+
+        Args:
+            name: of the variable.
+            where: that names it, for complaints.
+            by_laws: names of the variables that laws set.
+
+        Raises:
+            BadInput: no such variable, or none that can be reported.
+        """
+        return self.real(name, where, REPORTABLE if name in by_laws else READABLE, "reported")
 
     def number(self, variable: VariableLike, written: Written) -> float:
         """A written number in the variable's unit, within its min and max.

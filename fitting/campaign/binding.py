@@ -29,7 +29,7 @@ from fitting.campaign.noise import (
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
 from fitting.campaign.setup import Drive, Setup
-from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
+from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import base_unit, convert
@@ -63,9 +63,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     drift, noise = bind_drift(campaign, binder), _bind_noise(campaign)
     experiments = _bind_experiments(campaign, binder, drive, drift, output)
     for name in file.derived.outputs:
-        # a parameter that the fit sets itself is reported in any case
-        kinds = REPORTABLE if name in laws.formulas else READABLE
-        binder.real(name, f"{top}: [derived] outputs", kinds, "reported")
+        binder.reported(name, f"{top}: [derived] outputs", laws.formulas)
     setup = Setup(
         drive=drive,
         output=output.name,

@@ -26,6 +26,31 @@ PAUSE_MIN = 10.0
 PEAKS, SIGMAS = ("p1", "p2"), ("s1", "s2")
 
 
+def check_noise(noise: float) -> None:
+    """Refuse a relative noise that no lock-in amplifier has.
+
+    Args:
+        noise: standard deviation over the amplitude.
+
+    Raises:
+        BadInput: it is no share between 0 and 0.5.
+    """
+    if not 0.0 < noise < 0.5:
+        raise BadInput(f"lock-ins: noise {noise}, wanted a share between 0 and 0.5")
+
+
+def with_offsets(tables: Tables) -> None:
+    """Ask for an offset of every pair from the drift, and least squares: the noise is known.
+
+    Args:
+        tables: of the campaign, changed in place.
+    """
+    ends = {name: inline(tables["drift"][name]) for name in DRIFTING}
+    drift = {"time": "time", "model": "offsets", "prior": "30 Hz", **ends}
+    put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
+    tables["continuation"]["misfit"] = "squares"
+
+
 @dataclass(frozen=True)
 class LockIns(Instrument):
     """Arrays "peaks_v", "sigmas_v" (2,) and "time_min" (), of both modes at every pair.
@@ -36,8 +61,7 @@ class LockIns(Instrument):
     noise: float = 0.01
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.noise < 0.5:
-            raise BadInput(f"lock-ins: noise {self.noise}, wanted a share between 0 and 0.5")
+        check_noise(self.noise)
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
@@ -67,10 +91,7 @@ class LockIns(Instrument):
         tables["title"] = str(tables["title"]).replace(" series (", " series and the other mode (")
         experiments = peak_table(tables["experiments"]["file"], PEAKS, SIGMAS)
         put(tables, "experiments", experiments, "referred to drive and gain of the sweep")
-        ends = {name: inline(tables["drift"][name]) for name in DRIFTING}
-        drift = {"time": "time", "model": "offsets", "prior": "30 Hz", **ends}
-        put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
-        tables["continuation"]["misfit"] = "squares"
+        with_offsets(tables)
 
     def columns(self, reading: Reading) -> dict[str, Cell]:
         """Time, mode, peaks and standard deviations."""

@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lab.bench import DRIFTING, OUTPUTS, Answer, Bench, Cell, Instrument, Reading
+from fitting.lab.bench import OUTPUTS, Answer, Bench, Cell, Instrument, Reading
 from fitting.lab.instruments.analyser import Analyser
-from fitting.lab.instruments.lock_in import PAUSE_MIN
-from fitting.text.errors import BadInput
-from fitting.text.toml import Tables, inline, put
+from fitting.lab.instruments.lock_in import PAUSE_MIN, check_noise, with_offsets
+from fitting.text.toml import Tables, put
 
 X, Y, SIGMAS = ("X1", "X2"), ("Y1", "Y2"), ("s1", "s2")
 
@@ -39,8 +38,7 @@ class PhaseDetectors(Instrument):
     restarts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.noise < 0.5:
-            raise BadInput(f"lock-ins: noise {self.noise}, wanted a share between 0 and 0.5")
+        check_noise(self.noise)
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
@@ -81,10 +79,7 @@ class PhaseDetectors(Instrument):
         if self.restarts:
             experiments["restarted"] = [f"pair{k + 1}" for k in self.restarts]
         put(tables, "experiments", experiments, "referred to drive and gain of the sweep")
-        ends = {name: inline(tables["drift"][name]) for name in DRIFTING}
-        drift = {"time": "time", "model": "offsets", "prior": "30 Hz", **ends}
-        put(tables, "drift", drift, "one offset per drive pair beside the linear drift")
-        tables["continuation"]["misfit"] = "squares"
+        with_offsets(tables)
 
     def columns(self, reading: Reading) -> dict[str, Cell]:
         """Time, mode, both quadratures and their standard deviations."""
