@@ -145,8 +145,8 @@ def _largest_move(evaluator: LikelihoodEvaluator, optimum: Optimum, x: FloatArra
     sample = evaluator([Request((x,), outputs=False)])[0][0]
     likelihood = optimum.likelihood
     white = (sample.rows - optimum.expansion.sample.rows)[: likelihood.data_rows]
-    sigma = likelihood.inflation * likelihood.noise.row_sigma
-    return float(np.max(np.abs(likelihood.residuals(white)) / sigma))
+    # in the noise as it is stated, whatever errors are widened by
+    return float(np.max(np.abs(likelihood.residuals(white)) / likelihood.noise.row_sigma))
 
 
 def _change_words(likelihood: Likelihood, change: Mapping[str, float], largest: float) -> str:
