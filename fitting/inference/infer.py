@@ -159,7 +159,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
             *warned(Kind.SIMULATION, simulation_sentences(solution.final.promised, named)),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
-            *fit_warnings(fit, offsets, sweeps, best, inflation if describes else 1.0),
+            *fit_warnings(fit, offsets, sweeps, best, inflation, describes),
             *warned(Kind.NOTE, problem.notes if problem.is_joint else ()),
             *warned(Kind.PROFILES, missing),
         ),

@@ -102,6 +102,7 @@ def fit_warnings(
     sweeps: SweepFindings,
     most_likely: FloatArray,
     inflation: float = 1.0,
+    describes: bool = True,
 ) -> list[Warned]:
     """Everything that a fit itself warns of, whatever is inferred from it.
 
@@ -111,6 +112,7 @@ def fit_warnings(
         sweeps: what they show.
         most_likely: parameters (n,), in their units.
         inflation: by how much residuals beyond the noise widen the errors.
+        describes: whether the model describes the data; else no error is given that were widened.
     """
     problem, solution = fit.problem, fit.solution
     lines = () if problem.is_joint else tuple(sweeps.lines.values())
@@ -120,10 +122,10 @@ def fit_warnings(
         *warned(Kind.PEAKS, weak_peaks(problem.experiments)),
         *warned(Kind.SCALE, scale_sentences(campaigns, solution.final.scale_bias)),
         *warned(Kind.BOUND, _on_bounds(solution)),
-        *warned(Kind.INFLATION, _inflation(inflation)),
+        *warned(Kind.INFLATION, _inflation(inflation) if describes else ()),
         *warned(Kind.STRUCTURE, _structure(solution)),
         *warned(Kind.MINIMA, _other_minima(solution, fit.outcome)),
-        *warned(Kind.DRIFT, _drift(problem, offsets, sweeps)),
+        *warned(Kind.DRIFT, _drift(problem, offsets, sweeps, describes)),
         *warned(Kind.OUTLIERS, outlier_sentences(problem, _row_by_row(solution, most_likely))),
         *warned(Kind.SWAPPED, swapped_sentences(problem, solution)),
         *warned(Kind.PHASES, phase_sentences(solution)),
@@ -292,13 +294,16 @@ def _open_search(outcome: Outcome) -> list[str]:
     return [f"{said}."]
 
 
-def _drift(problem: Problem, offsets: Sequence[OffsetResult], sweeps: SweepFindings) -> list[str]:
+def _drift(
+    problem: Problem, offsets: Sequence[OffsetResult], sweeps: SweepFindings, describes: bool
+) -> list[str]:
     """Of every campaign, by its name where there are several."""
     said = []
     for name, bound in problem.campaigns.items():
         labels = {e.label for e in bound.experiments}
         own = tuple(o for o in offsets if o.experiments[0] in labels)
-        told = drift_warnings(bound, own, _width_hz(bound, sweeps.lines.get(name)))
+        width_hz = _width_hz(bound, sweeps.lines.get(name))
+        told = drift_warnings(bound, own, width_hz, describes)
         said += [f"{name}: {text}" if name else text for text in told]
     return said
 
@@ -310,15 +315,28 @@ def _width_hz(bound: BoundCampaign, line: SweepLine | None) -> float:
     return bound.setup.line_width_hz or float("nan")
 
 
+#: What to do about a drift that may not be the straight line that is assumed.
+ESTIMATED = '[drift] model = "offsets" or "walk" estimates it.'
+#: A drift of this share of the line width may be why a model does not describe the data: half of it
+#: as a departure from a straight line moves a peak on the flank by some per cent.
+SUSPECT = 0.1
+
+
 def drift_warnings(
-    bound: BoundCampaign, offsets: Sequence[OffsetResult], width_hz: float
+    bound: BoundCampaign,
+    offsets: Sequence[OffsetResult],
+    width_hz: float,
+    describes: bool = True,
 ) -> list[str]:
     """Where the drift over the series, or an offset from it, exceeds the line width (Hz).
+
+    Of a model that does not describe the data a smaller drift is told too: it may be the cause.
 
     Args:
         bound: campaign, bound to its FMU.
         offsets: values of single experiments.
         width_hz: full line width, Hz.
+        describes: whether the model describes the data.
     """
     if not width_hz > 0.0:
         return []
@@ -332,8 +350,13 @@ def drift_warnings(
         said.append(
             f"{_listed(wide)} over the series, more than the line width of "
             f"{hertz(width_hz, digits=4)}: a small departure from the drift that is assumed moves "
-            "the peaks much."
-            + ("" if offsets else ' [drift] model = "offsets" or "walk" estimates it.')
+            "the peaks much." + ("" if offsets else f" {ESTIMATED}")
+        )
+    elif not describes and not offsets and max(moved.values(), default=0.0) > SUSPECT * width_hz:
+        said.append(
+            f"{_listed(moved)} over the series, where the line is {hertz(width_hz, digits=4)} "
+            "wide, and a straight line is assumed between: a departure from it may be why the "
+            f"model does not describe the data. {ESTIMATED}"
         )
     far = {
         f"{o.experiments[0]} ({', '.join(o.variables)})": abs(o.value) * _in_hertz(o.unit)

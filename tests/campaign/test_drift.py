@@ -219,6 +219,18 @@ def test_drift_beyond_the_line_width_is_told(oscillator_fmu: Path, tmp_path: Pat
     assert "line width of 94 Hz" in said
 
 
+def test_a_smaller_drift_is_told_where_the_model_does_not_describe_the_data(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    path = written(tmp_path, campaign_files(series_of(5.0, 1), "test"))
+    bound = bound_to(oscillator_fmu, path)
+    [said] = drift_warnings(bound, (), 200.0, describes=False)
+    assert "eta_plus drifts by 100" in said
+    assert "a straight line is assumed between" in said
+    assert said.endswith('[drift] model = "offsets" or "walk" estimates it.')
+    assert drift_warnings(bound, (), 2000.0, describes=False) == []
+
+
 class Line:
     """Rows r_i = s_i (a + offset_i) of a straight model, to try the weight of a prior."""
 

@@ -35,7 +35,12 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.mark.parametrize(
     ("folder", "series", "seed"),
-    [("string_q1", "q1", 1), ("string_q2", "q2", 2), ("duffing_string", "duffing", 3)],
+    [
+        ("string_q1", "q1", 1),
+        ("string_q2", "q2", 2),
+        ("duffing_string", "duffing", 3),
+        ("string_q1_published", "q1-published", 4),
+    ],
 )
 def test_shipped_campaigns_are_what_their_headers_say(
     tmp_path: Path, folder: str, series: str, seed: int
