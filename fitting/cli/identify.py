@@ -26,9 +26,7 @@ JSON_NAME = "identify.json"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument(
-        "campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file, as the README tells"
-    )
+    parser.add_argument("campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file")
     parser.add_argument("--out", type=Path, help="folder for results (out/identify_<its folder>)")
     parser.add_argument(
         "--at",

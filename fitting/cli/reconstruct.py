@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CAMPAIGN.toml",
         nargs="+",
-        help="campaign file, as the README tells; several of one sample are fitted together",
+        help="campaign file; several of one sample are fitted together",
     )
     parser.add_argument("--out", type=Path, help="folder for results (out/<campaign's folder>)")
     parser.add_argument(

@@ -67,7 +67,7 @@ class ComplexSweepTable(MeasurementTable):
     set: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the FMU during the sweep."""
     wiring: Annotated[Text, OneOf(WIRINGS)] = "transmission"
-    """How the response stands in what is seen, see the README."""
+    """How the response stands in what is seen, see the page on amplitude and phase."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
     """Complex background beside the response, solved inside."""
     delay: Text = "none"

@@ -1,6 +1,6 @@
 """Where the whole chain holds and where it stops, measured decade by decade.
 
-    python tests/bench/bench_extremes.py            # the table of the README, some minutes
+    python tests/bench/bench_extremes.py            # the table of explanation/extremes.md, minutes
     python tests/bench/bench_extremes.py --quick    # without the thousand experiments
 
 Every fit goes through campaign files and the real FMU; the error is that of the line width against

@@ -46,7 +46,11 @@ def test_general_help_lists_every_command(capsys: pytest.CaptureFixture[str]) ->
     first_words = {line.split()[0] for line in text.splitlines() if line.strip()}
     assert first_words >= set(COMMANDS)
     assert "3 the FMU failed" in " ".join(text.split())
-    told = (ROOT / "README.md").read_text("utf-8").partition("| exit code | meaning |")[2]
+    told = (
+        (ROOT / "docs" / "reference" / "exit-codes.md")
+        .read_text("utf-8")
+        .partition("| exit code | meaning |")[2]
+    )
     codes = re.findall(r"^\| (\d+) \| ", told.partition("\n\n")[0], re.MULTILINE)
     assert codes == ["0", "1", "2", "3", "4", "70", "130"]
     for code in codes:
