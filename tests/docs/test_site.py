@@ -1,4 +1,4 @@
-"""The documentation as a site: every page in its navigation, every link to something that is there."""
+"""The documentation as a site: every page in its navigation, every link leads somewhere."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from tests.support.processes import MOST_S
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
+CONFIGURATION = ROOT / "docs" / "site" / "mkdocs.yml"
 #: Lines of the README: one screen for each question of somebody who has not decided yet.
 MOST_LINES = 150
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    words = ["-m", "mkdocs", "build", "--strict", "-f", str(CONFIGURATION), "-d"]
     built = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict"]
-        + ["-f", str(ROOT / "docs" / "site" / "mkdocs.yml"), "-d", str(tmp_path / "site")],
+        [sys.executable, *words, str(tmp_path / "site")],
         capture_output=True,
         text=True,
         cwd=tmp_path,
