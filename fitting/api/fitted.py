@@ -37,9 +37,8 @@ from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import number, quantity, span
-from fitting.text.tables import did_you_mean
 
 __all__ = [
     "ESTIMATORS",

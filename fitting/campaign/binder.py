@@ -8,8 +8,7 @@ from fitting.campaign.data import Campaign
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
-from fitting.text.tables import did_you_mean
+from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.units import parse_quantity
 from fitting.text.written import Written, in_unit
 

@@ -28,9 +28,9 @@ from fitting.campaign.measured import (
 from fitting.signal.amplitudes import to_peak
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, gathered
+from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.notation import hertz
-from fitting.text.tables import Column, Table, did_you_mean, parse_number, read_table
+from fitting.text.tables import Column, Table, parse_number, read_table
 from fitting.text.units import convert
 from fitting.text.written import Written
 

@@ -18,9 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, did_you_mean
 from fitting.text.formula import Formula, alike
-from fitting.text.tables import did_you_mean
 from fitting.text.units import convert, dimension_of, dimension_words, parse_quantity
 from fitting.text.written import Written, as_written
 

@@ -11,7 +11,7 @@ from fitting.cli.options import positive_time
 from fitting.cli.progress import status_line
 
 NAME = "check"
-EXAMPLE = "fmu-fit check build/CoupledOscillator.fmu --campaign data/string_q1/campaign.toml"
+EXAMPLE = "fmu-fit check CoupledOscillator --campaign string_q1/campaign.toml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ from fitting.cli.results import writes
 from fitting.report.words.design import design_lines
 
 NAME = "design"
-EXAMPLE = "fmu-fit design data/string_q1/campaign.toml --target lambda --out out/next_q1"
+EXAMPLE = "fmu-fit design string_q1/campaign.toml --target lambda --out out/next_q1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

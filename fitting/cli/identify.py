@@ -20,7 +20,7 @@ from fitting.result.result import read_result
 from fitting.text.records import write_json
 
 NAME = "identify"
-EXAMPLE = "fmu-fit identify data/string_q1/campaign.toml --out out/identify_q1"
+EXAMPLE = "fmu-fit identify string_q1/campaign.toml --out out/identify_q1"
 JSON_NAME = "identify.json"
 
 

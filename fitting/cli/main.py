@@ -1,16 +1,9 @@
-"""``fmu-fit``: finds the command, runs it, turns its ending into an exit code.
-
-0 done; 1 ended without convergence, or interrupted (results are written and say so); 2 bad input;
-3 the FMU failed; 4 done, but the model does not describe the data; 70 a fault of this program (the
-traceback is kept in a file that is named); 130 another command than reconstruct was interrupted.
-"""
+"""``fmu-fit``: finds the command, runs it, turns its ending into an exit code (EXIT_CODES)."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import errno
-import importlib
 import logging
 import os
 import platform
@@ -20,28 +13,13 @@ import tempfile
 import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import fitting
 from fitting.cli.interrupts import INTERRUPTED, interruptible
+from fitting.cli.output import told
+from fitting.cli.parser import parsed
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.streams import outlets
-
-#: What each command does. It is a module of `fitting.cli` with NAME, EXAMPLE, add_arguments and
-#: run, which is imported when the command is called: the list of all takes no library.
-COMMANDS = {
-    "example": "a shipped campaign with all its files, to try and to start from",
-    "reconstruct": "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a "
-    "report",
-    "identify": "what these data determine, before or after a fit: directions, intervals, verdicts",
-    "design": "which measurement next: proposed settings, and how well a value would then be known",
-    "simulate": "one drive through an FMU: time trace with beating, spectrum with its peaks",
-    "sweep": "an FRF through an FMU, upwards and downwards: hysteresis, jump frequencies",
-    "synthesize": "a virtual laboratory: a campaign with known truth, noise and drift",
-    "tradeoff": "accuracy against cost, measured on this machine: solvers, windows, settling, "
-    "steps",
-    "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
-}
 
 BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
 #: Name of the file that keeps a traceback: what it begins and ends with.
@@ -70,13 +48,6 @@ MOST_COMPLAINTS = 20
 LONGEST = 4000
 
 
-class _Parser(argparse.ArgumentParser):
-    """Complains in one line, like everything else here."""
-
-    def error(self, message: str) -> NoReturn:
-        raise BadInput(f"{message} (see {self.prog} --help)")
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit code.
 
@@ -102,8 +73,9 @@ def _run(given: Sequence[str]) -> int:
             if word.startswith("--") and word.endswith("=--"):  # argparse makes an empty list of it
                 raise BadInput(f"{word.removesuffix('=--')}: found '--', wanted a value")
         _require_memory()
-        chosen = _parser(given).parse_args(given)
-        code: int = chosen.run(chosen)
+        chosen = parsed(given)
+        with told(chosen):
+            code: int = chosen.run(chosen)
     except BadInput as error:
         return _complain(error, BAD_INPUT)
     except FmuFailure as error:
@@ -198,24 +170,3 @@ def _in_a_line(text: str) -> str:
     if len(line) > LONGEST:
         line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
-
-
-def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    parser = _Parser(prog="fmu-fit", description=fitting.__doc__, epilog=__doc__.split("\n\n")[1])
-    parser.add_argument("--version", action="version", version=f"fmu-fit {fitting.__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
-    named = next((word for word in given if word in COMMANDS), None)
-    for name, summary in COMMANDS.items():
-        if name != named:
-            commands.add_parser(name, help=summary)
-            continue
-        command = importlib.import_module(f"fitting.cli.{name}")
-        sub = commands.add_parser(
-            name,
-            help=summary,
-            description=(command.__doc__ or "").replace("``", "'"),
-            epilog=f"example: {command.EXAMPLE}",
-        )
-        command.add_arguments(sub)
-        sub.set_defaults(run=command.run)
-    return parser

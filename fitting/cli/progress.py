@@ -7,12 +7,33 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-
-from tqdm import tqdm
+from contextvars import ContextVar
 
 TICK_S = 1.0  # on a terminal, where the seconds are seen to run
 #: In a pipe: silence before the first line, part of the time so far between lines, and most of it.
 FIRST_S, PART, MOST_S = 10.0, 0.1, 60.0
+_HIDDEN: ContextVar[bool] = ContextVar("hidden", default=False)
+
+
+@contextmanager
+def hidden() -> Iterator[None]:
+    """No progress is shown."""
+    before = _HIDDEN.set(True)
+    try:
+        yield
+    finally:
+        _HIDDEN.reset(before)
+
+
+def above_status(line: str) -> None:
+    """Write a line to stderr; a progress that lives there stays below it.
+
+    Args:
+        line: without its end.
+    """
+    from tqdm import tqdm  # only a long command shows anything
+
+    tqdm.write(line, file=sys.stderr)
 
 
 @contextmanager
@@ -29,8 +50,11 @@ def status_line(
         label: that goes before the text.
         counted: what is going on inside, as "120 runs"; asked whenever the line is shown.
     """
-    show = _terminal if sys.stderr.isatty() else _pipe
     said = [""]
+    if _HIDDEN.get():
+        yield lambda text: said.__setitem__(0, text)
+        return
+    show = _terminal if sys.stderr.isatty() else _pipe
     ended = threading.Event()
     shower = threading.Thread(
         target=show, args=(label, lambda: _joined(said[0], counted()), ended), daemon=True
@@ -48,6 +72,8 @@ def _joined(*texts: str) -> str:
 
 
 def _terminal(label: str, text: Callable[[], str], ended: threading.Event) -> None:
+    from tqdm import tqdm
+
     with tqdm(desc=label, bar_format="{desc} [{elapsed}]{postfix}", leave=False) as bar:
         while not ended.wait(TICK_S):
             bar.set_postfix_str(text())

@@ -39,7 +39,7 @@ NO_PROFILES = (
 )
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
-EXAMPLE = "fmu-fit reconstruct data/string_q1/campaign.toml --out out/string_q1"
+EXAMPLE = "fmu-fit reconstruct string_q1/campaign.toml --out out/string_q1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

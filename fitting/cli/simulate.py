@@ -28,7 +28,7 @@ from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 
 NAME = "simulate"
-EXAMPLE = 'fmu-fit simulate build/CoupledOscillator.fmu --set u1="6.94018 MHz" --out out/two-tone'
+EXAMPLE = 'fmu-fit simulate CoupledOscillator --set u1="6.94018 MHz" --out out/two-tone'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -25,7 +25,7 @@ from fitting.cli.results import writes
 
 NAME = "sweep"
 EXAMPLE = (
-    'fmu-fit sweep build/DuffingOscillator.fmu --from "6.94 MHz" --to "6.9408 MHz" --points 161 '
+    'fmu-fit sweep DuffingOscillator --from "6.94 MHz" --to "6.9408 MHz" --points 161 '
     "--direction both --out out/sweep"
 )
 BOTH = ("up", "down")

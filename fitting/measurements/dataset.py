@@ -12,8 +12,7 @@ import numpy as np
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.tones import Tones
 from fitting.text.arrays import FloatArray, IntArray, Scalar
-from fitting.text.errors import BadInput
-from fitting.text.tables import did_you_mean
+from fitting.text.errors import BadInput, did_you_mean
 
 #: Residuals beyond this many standard deviations count linearly with outliers = "huber".
 HUBER = 1.345

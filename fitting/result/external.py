@@ -10,9 +10,8 @@ from dataclasses import replace
 from fitting.inference.joint_result import ExternalTest
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.result.result import Result
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import quantity
-from fitting.text.tables import did_you_mean
 from fitting.text.units import convert, parse_quantity
 
 #: A value and its standard deviation: "0.8604 MHz +- 1 kHz", "0.8604 MHz ± 0.001 MHz".

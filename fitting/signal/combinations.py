@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fitting.signal.tones import exact
-from fitting.text.errors import BadInput, shown
-from fitting.text.tables import did_you_mean
+from fitting.text.errors import BadInput, did_you_mean, shown
 
 TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import difflib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -39,6 +40,24 @@ def shown(value: object) -> str:
     if len(text) <= LONGEST_FOUND:
         return text
     return f"{text[: LONGEST_FOUND // 2]} ... {text[-LONGEST_FOUND // 4 :]}"
+
+
+def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:
+    """A hint to append to a complaint: the nearest name, else (``listed``) what there is.
+
+    Args:
+        name: of the variable.
+        candidates: words that would have been understood.
+        listed: whether all candidates are listed where none is alike.
+    """
+    lowered = {c.lower(): c for c in candidates}
+    near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)
+    if near:
+        return f"; did you mean '{lowered[near[0]]}'?"
+    if listed and candidates:
+        shown = ", ".join(candidates[:12]) + (", ..." if len(candidates) > 12 else "")
+        return f"; there is: {shown}"
+    return ""
 
 
 def gathered(readers: Iterable[Callable[[], Made]]) -> list[Made]:

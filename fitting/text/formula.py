@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, shown
-from fitting.text.tables import did_you_mean
+from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.units import Dimension, dimension_of, dimension_words
 
 #: Characters of a formula.

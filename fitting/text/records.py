@@ -140,7 +140,16 @@ def write_json(path: Path, value: Any) -> None:
         path: of the file.
         value: the record.
     """
-    write_whole(path, json.dumps(to_plain(value), indent=1, allow_nan=False) + "\n")
+    write_whole(path, json_text(value))
+
+
+def json_text(value: Any) -> str:
+    """A record as the text of a JSON file.
+
+    Args:
+        value: the record.
+    """
+    return json.dumps(to_plain(value), indent=1, allow_nan=False) + "\n"
 
 
 def read_json(path: Path, kind: type[Record]) -> Record:

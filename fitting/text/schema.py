@@ -34,9 +34,8 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from fitting.text.errors import BadInput, shown
+from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.keys import Missing, Refused
-from fitting.text.tables import did_you_mean
 from fitting.text.written import Written
 
 Record = TypeVar("Record")

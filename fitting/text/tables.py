@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, shown
+from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.files import NoFile, read_whole
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
@@ -192,24 +191,6 @@ def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float
         if math.isfinite(value):
             return value
     raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
-
-
-def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:
-    """A hint to append to a complaint: the nearest name, else (``listed``) what there is.
-
-    Args:
-        name: of the variable.
-        candidates: words that would have been understood.
-        listed: whether all candidates are listed where none is alike.
-    """
-    lowered = {c.lower(): c for c in candidates}
-    near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)
-    if near:
-        return f"; did you mean '{lowered[near[0]]}'?"
-    if listed and candidates:
-        shown = ", ".join(candidates[:12]) + (", ..." if len(candidates) > 12 else "")
-        return f"; there is: {shown}"
-    return ""
 
 
 def _column(text: str, index: int) -> Column:

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 import fitting
-from fitting.cli.main import COMMANDS, main
+from fitting.cli.main import main
+from fitting.cli.parser import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,6 +30,8 @@ def test_help_has_an_example_that_parses(name: str, capsys: pytest.CaptureFixtur
     assert f"example: {example}" in text
     assert example.startswith(f"fmu-fit {name} ")
     assert "`" not in text
+    for absent in ("README", "data/", "build/"):  # an installed wheel has none of them
+        assert absent not in text, f"{name} --help names {absent}"
     for action in positionals(name):
         assert action.help, f"{name} {action.metavar} has no description"
 
@@ -85,6 +88,9 @@ def test_help_takes_no_library(words: list[str]) -> None:
     [
         ([], "COMMAND"),
         (["frobnicate"], "frobnicate"),
+        (["reconstrct"], "no command 'reconstrct'; did you mean 'reconstruct'?"),
+        (["sweep", "a.fmu", "--form", "1"], "no option '--form'; did you mean '--from'?"),
+        (["check", "a.fmu", "--tiemout=3 s"], "no option '--tiemout'; did you mean '--timeout'?"),
         (["simulate"], "FMU"),
         (["check", "absent.fmu"], "absent.fmu: no such file"),
         (["check", "Absent"], "model 'Absent' could not be built: build_fmu.py: there is no model"),

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import random
 from collections.abc import Iterator, Mapping
 
-from fitting.cli.main import COMMANDS
+from fitting.cli.parser import COMMANDS, add_options, command_of
 from tests.faults.case import HERE, OUT, Case
 from tests.faults.scene import CAMPAIGN, FMU
 
@@ -43,7 +42,7 @@ VALUES = (
 
 def _parser(name: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser()
-    importlib.import_module(f"fitting.cli.{name}").add_arguments(parser)
+    add_options(parser, command_of(name))
     return parser
 
 

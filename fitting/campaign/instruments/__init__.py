@@ -25,8 +25,8 @@ from fitting.campaign.instruments.trace import (
     own_estimates,
     unit_of,
 )
-from fitting.text.errors import BadInput
-from fitting.text.tables import did_you_mean, read_text
+from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.tables import read_text
 
 __all__ = [
     "LAYOUTS",

@@ -9,10 +9,9 @@ import numpy as np
 
 from fitting.campaign.instruments.trace import Layout, RawTrace, Selection
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.tables import (
     Table,
-    did_you_mean,
     parse_number,
     parse_table,
     read_text,

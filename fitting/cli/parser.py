@@ -1,0 +1,172 @@
+"""The words of the command line: which commands there are, and what each of them takes."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+from collections.abc import Sequence
+from types import ModuleType
+from typing import NoReturn
+
+import fitting
+from fitting.text.errors import BadInput, did_you_mean
+
+#: What each command does. It is a module of `fitting.cli` with NAME, EXAMPLE, add_arguments and
+#: run, and DOCUMENT where `--json` has something to print; it is imported when the command is
+#: called: the list of all takes no library.
+COMMANDS = {
+    "example": "a shipped campaign with all its files, to try and to start from",
+    "reconstruct": "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a "
+    "report",
+    "identify": "what these data determine, before or after a fit: directions, intervals, verdicts",
+    "design": "which measurement next: proposed settings, and how well a value would then be known",
+    "simulate": "one drive through an FMU: time trace with beating, spectrum with its peaks",
+    "sweep": "an FRF through an FMU, upwards and downwards: hysteresis, jump frequencies",
+    "synthesize": "a virtual laboratory: a campaign with known truth, noise and drift",
+    "tradeoff": "accuracy against cost, measured on this machine: solvers, windows, settling, "
+    "steps",
+    "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
+}
+PROGRAM = "fmu-fit"
+EXIT_CODES = """0 done; 1 ended without convergence, or interrupted (results are written and say
+so); 2 bad input; 3 the FMU failed; 4 done, but the model does not describe the data; 70 a fault of
+this program (the traceback is kept in a file that is named); 130 another command than reconstruct
+was interrupted."""
+#: An example that reads a shipped campaign, as a campaign of one's own.
+SHIPPED = re.compile(r" (\w+)/campaign\.toml")
+
+
+class Parser(argparse.ArgumentParser):
+    """Complains in one line, like everything else here."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the words of the command line.
+
+        Args:
+            message: of argparse.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(f"{message} (see {self.prog} --help)")
+
+
+class _Help(argparse.HelpFormatter):
+    """Leaves indented lines as they are, to be copied."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        if "\n  " not in text:
+            return super()._fill_text(text, width, indent)
+        return "".join(f"{indent}{line}\n" for line in text.splitlines()).rstrip("\n")
+
+
+def parsed(given: Sequence[str]) -> argparse.Namespace:
+    """The arguments of a command; ``run`` among them is the command itself.
+
+    Args:
+        given: words of the command line.
+
+    Raises:
+        BadInput: words that mean nothing.
+    """
+    named = next((word for word in given if not word.startswith("-")), None)
+    if named is not None and named not in COMMANDS:
+        hint = did_you_mean(named, list(COMMANDS))
+        raise BadInput(f"no command {named!r}{hint} (see {PROGRAM} --help)")
+    parser = parser_of(() if named is None else (named,))
+    if named is not None:
+        _refuse_unknown(given, named)
+    return parser.parse_args(given)
+
+
+def parser_of(names: Sequence[str]) -> Parser:
+    """The parser of the program, with the options of some commands.
+
+    Args:
+        names: of the commands that are imported; of the others it knows what they do.
+    """
+    parser = Parser(prog=PROGRAM, description=fitting.__doc__, epilog=EXIT_CODES)
+    parser.add_argument("--version", action="version", version=f"fmu-fit {fitting.__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    for name, summary in COMMANDS.items():
+        if name not in names:
+            commands.add_parser(name, help=summary)
+            continue
+        command = command_of(name)
+        sub = commands.add_parser(
+            name,
+            help=summary,
+            description=(command.__doc__ or "").replace("``", "'"),
+            epilog=_example(command.EXAMPLE),
+            formatter_class=_Help,
+        )
+        add_options(sub, command)
+        sub.set_defaults(run=command.run)
+    return parser
+
+
+def command_of(name: str) -> ModuleType:
+    """The module of a command.
+
+    Args:
+        name: one of COMMANDS.
+    """
+    return importlib.import_module(f"fitting.cli.{name}")
+
+
+def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:
+    """Declare what a command takes, and what every command takes.
+
+    Args:
+        parser: of the command.
+        command: its module.
+    """
+    command.add_arguments(parser)
+    told = parser.add_argument_group("what is told")
+    loudness = told.add_mutually_exclusive_group()
+    loudness.add_argument(
+        "--quiet", action="store_true", help="neither progress nor summary, complaints alone"
+    )
+    loudness.add_argument(
+        "--verbose", action="store_true", help="a line on stderr for every step of the work"
+    )
+    told.add_argument(
+        "--log", metavar="FILE", help="file to which these lines are added, with their times"
+    )
+    document = getattr(command, "DOCUMENT", None)
+    if document is not None:
+        told.add_argument(
+            "--json",
+            action="store_true",
+            help=f"{document} as JSON on stdout, and nothing else there",
+        )
+
+
+def _example(example: str) -> str:
+    """The example; where it reads a shipped campaign, how that is made."""
+    shipped = dict.fromkeys(SHIPPED.findall(example))
+    made = "".join(f"\nmake {name} first:\n  {PROGRAM} example {name}" for name in shipped)
+    return f"example:\n  {example}{made}"
+
+
+def _refuse_unknown(given: Sequence[str], named: str) -> None:
+    """Complain of options that the command has not, before those that are missing.
+
+    Raises:
+        BadInput: a line for each of them, with the option that is nearest.
+    """
+    parser = Parser(prog=f"{PROGRAM} {named}")
+    add_options(parser, command_of(named))
+    known = [option for action in parser._actions for option in action.option_strings]
+    words = list(given[given.index(named) + 1 :])
+    words = words[: words.index("--")] if "--" in words else words
+    asked = [word.partition("=")[0] for word in words if word.startswith("--")]
+    complaints = [
+        f"no option {option!r}{did_you_mean(option, known, listed=False)} "
+        f"(see {PROGRAM} {named} --help)"
+        for option in dict.fromkeys(asked)
+        if " " not in option and not any(name.startswith(option) for name in known)
+    ]
+    if complaints:
+        raise BadInput(*complaints)
