@@ -29,10 +29,17 @@ COMMANDS = {
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
 }
 PROGRAM = "fmu-fit"
-EXIT_CODES = """0 done; 1 ended without convergence, or interrupted (results are written and say
-so); 2 bad input; 3 the FMU failed; 4 done, but the model does not describe the data; 70 a fault of
-this program (the traceback is kept in a file that is named); 130 another command than reconstruct
-was interrupted."""
+#: What the exit codes mean, for --help and the documentation.
+EXIT_CODES = {
+    0: "done, converged, and the model describes the data",
+    1: "ended without convergence, or before all was done (interrupted, no profiles): results are "
+    "written and say so",
+    2: "bad input",
+    3: "the FMU failed",
+    4: "done, but the model does not describe the data",
+    70: "a fault of this program: the traceback is kept in a file that is named",
+    130: "another command than reconstruct was interrupted",
+}
 #: An example that reads a shipped campaign, as a campaign of one's own.
 SHIPPED = re.compile(r" (\w+)/campaign\.toml")
 
@@ -86,7 +93,8 @@ def parser_of(names: Sequence[str]) -> Parser:
     Args:
         names: of the commands that are imported; of the others it knows what they do.
     """
-    parser = Parser(prog=PROGRAM, description=fitting.__doc__, epilog=EXIT_CODES)
+    codes = "; ".join(f"{number} {meaning}" for number, meaning in EXIT_CODES.items())
+    parser = Parser(prog=PROGRAM, description=fitting.__doc__, epilog=f"exit codes: {codes}")
     parser.add_argument("--version", action="version", version=f"fmu-fit {fitting.__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     for name, summary in COMMANDS.items():

@@ -119,33 +119,61 @@ class Result:
     """A whole reconstruction, as `result.json` holds it."""
 
     title: str
+    """Heading of the campaign."""
     synthetic: bool
+    """Whether the data are declared to be made by a computer."""
     status: str
+    """One of STATUSES: converged, not converged, interrupted, does not describe the data."""
     message: str
+    """What `status` means here, a sentence."""
     parameters: Mapping[str, ParameterResult]
+    """The fitted parameters by name."""
     derived: Mapping[str, DerivedResult]
+    """Outputs of the FMU that follow from them, by name."""
     alternative: Mapping[str, Scalar]
+    """The discrete settings that are reported."""
     deviations: Deviations
+    """Relative deviations of the peaks, before and after."""
     j_fit: float
+    """Sum of |r| at the end."""
     j_reg: float
+    """nu/2 |x|^2 at the end."""
     optimality: float
+    """What a linearised step could still gain."""
     scale: Scale
+    """From simulated to measured amplitudes, before and after."""
     peaks: tuple[Peak, ...]
+    """Measured and simulated amplitudes, a peak each."""
     sweep: SweepCurves | None
+    """The measured and the simulated sweep."""
     history: tuple[HistoryRow, ...]
+    """Algorithm 2 from the campaign's start, a row for each nu."""
     alternatives: tuple[AlternativeResult, ...]
+    """All alternatives, each with its starts and where they led."""
     correlation: tuple[Floats, ...]
+    """Of the parameters, in their order."""
     evaluations: Cost
+    """What the fit cost."""
     seconds: float
+    """Wall time of the fit, without starting processes and without the report."""
     warnings: tuple[str, ...]
+    """In sentences."""
     provenance: Provenance
+    """Where all of it comes from."""
     line: SweepLine | None = None
+    """One damped mode fitted to the sweep without the FMU."""
     offsets: tuple[OffsetResult, ...] = ()
+    """Fitted values of single experiments, as offsets from the drift."""
     joint: JointResult | None = None
+    """Several series: what they say alone, together and of each other."""
     external: tuple[ExternalTest, ...] = ()
+    """Distances to values from elsewhere (`--external`)."""
     knowledge: Knowledge | None = None
+    """What the data determine: profiles, directions, other minima."""
     plan: PlanRecord | None = None
+    """How accurately the FMU was simulated, decision by decision."""
     quadratures: Quadratures = field(default_factory=Quadratures)
+    """What was solved inside complex sweeps, and quality factors behind a wiring."""
 
     @property
     def fitted_values(self) -> dict[str, float]:

@@ -225,7 +225,7 @@ class _ForEditors(GenerateJsonSchema):
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> JsonSchemaValue:
         made = super().dataclass_schema(schema)
-        for key, words in _words_below_fields(schema["cls"]).items():
+        for key, words in words_below_fields(schema["cls"]).items():
             made["properties"][key]["description"] = words
         made.pop("title", None)
         return made
@@ -262,8 +262,12 @@ def json_schema(kind: type[Any], **head: str) -> dict[str, Any]:
     return {"$schema": "http://json-schema.org/draft-07/schema#", **plain, **head}
 
 
-def _words_below_fields(record: type[Any]) -> dict[str, str]:
-    """The docstring below each field of a record and of those that it is derived from."""
+def words_below_fields(record: type[Any]) -> dict[str, str]:
+    """The docstring below each field of a record and of those that it is derived from.
+
+    Args:
+        record: a dataclass.
+    """
     words = {}
     for base in reversed(record.__mro__):
         if not dataclasses.is_dataclass(base):
