@@ -15,8 +15,8 @@ INTRODUCTION = """\
 `FMU` is a file, or the name of a model of this project, as `CoupledOscillator`. Every command
 writes only under `--out`. [Exit codes](exit-codes.md) are the same for all."""
 BELOW_THE_CODES = """\
-Bad input is told on stderr, a line for each complaint: file, row, column or key, what was found, what
-is wanted. [Interrupt and resume](../how-to/resume.md) tells what is kept."""
+Bad input is told on stderr, a line for each complaint: file, row, column or key, what was found,
+what is wanted. [Interrupt and resume](../how-to/resume.md) tells what is kept."""
 
 
 def page() -> str:
