@@ -12,22 +12,30 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import PLAIN, RawTrace, Selection, read_trace, unit_of
+from fitting.campaign.instruments import (
+    Channel,
+    Recording,
+    Selection,
+    read_recording,
+    unit_of,
+)
+from fitting.campaign.instruments.roles import (
+    PHASE,
+    X,
+    Y,
+    amplitude_of,
+    asked,
+    frequency_of,
+    parts_of,
+)
 from fitting.campaign.instruments.trace import check_axis
 from fitting.signal.complex_line import complex_line
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.keys import Keys, Text
-from fitting.text.tables import Column, Table, read_table
 from fitting.text.units import convert
 
-#: Usual names of columns, the first that is there is taken.
-FREQUENCY = ("frequency", "freq", "f")
-X = ("x", "re", "real", "in-phase")
-Y = ("y", "im", "imag", "imaginary", "quadrature")
-AMPLITUDE = ("amplitude", "magnitude", "level", "r", "voltage", "db")
-PHASE = ("phase", "theta")
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
 #: mode describes it that well the other way: root mean square over that of the data.
 PLAIN_LINE = 0.15
@@ -46,7 +54,7 @@ class WrittenComplexColumns(Keys):
     y: Text = ""
     """Column of Y, the imaginary part."""
     amplitude: Text = ""
-    """Column of amplitudes, or of dB."""
+    """Column of amplitudes, of dB, or of complex values, as S21."""
     phase: Text = ""
     """Column of phases."""
     drive: Text = ""
@@ -95,17 +103,19 @@ class MeasuredComplex:
 
 def read_complex(
     path: Path,
-    layout: str = PLAIN,
+    layout: str | None = None,
     columns: WrittenComplexColumns | None = None,
     *,
+    trace: int = 1,
     chunk: int | None = None,
 ) -> MeasuredComplex:
     """A complex trace of a file.
 
     Args:
         path: of the file.
-        layout: how the instrument writes.
+        layout: how the instrument writes; None: told by the content.
         columns: names of columns, where they are not the usual ones.
+        trace: (rohde-schwarz) which trace, from 1.
         chunk: (zurich) which sweep of the file.
 
     Raises:
@@ -113,106 +123,82 @@ def read_complex(
             radians that are degrees or degrees that are radians.
     """
     columns = columns or WrittenComplexColumns()
-    if layout != PLAIN:
-        selection = Selection(amplitude=columns.amplitude, phase=columns.phase, chunk=chunk)
-        return _of_trace(read_trace(path, layout, selection))
-    table = read_table(path)
-    frequency = _column(table, columns.frequency, FREQUENCY)
-    if frequency is None:
-        raise _missing(table, "frequency")
-    x, y = _column(table, columns.x, X), _column(table, columns.y, Y)
-    amplitude = _column(table, columns.amplitude, AMPLITUDE)
-    phase = _column(table, columns.phase, PHASE)
-    drive = table.column(columns.drive) if columns.drive else None
-    if x is not None and y is not None:
-        return _driven(_of_parts(table, frequency, x, y), table, drive)
+    selection = Selection(chunk=chunk, trace=trace)
+    recording = read_recording(path, layout, selection)
+    frequency = frequency_of(recording, columns.frequency)
+    drive = recording.column(columns.drive) if columns.drive else None
+    x, y = asked(recording, columns.x, X), asked(recording, columns.y, Y)
+    amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
+    if amplitude is None and x is not None and y is not None:
+        values, unit = parts_of(recording, x, y)
+        return _driven(_measured(recording, frequency, values, unit), recording, drive)
+    amplitude = amplitude or amplitude_of(recording, "")
+    if amplitude is not None and amplitude.is_complex:
+        unit = unit_of(recording, amplitude, f"{amplitude.name} (uV)")
+        values = recording.values(amplitude)
+        return _driven(_measured(recording, frequency, values, unit), recording, drive)
+    phase = asked(recording, columns.phase, PHASE)
     if amplitude is not None and phase is not None:
-        unit = unit_of(table, amplitude, f"{amplitude.name} (uV)")
-        found = _of_trace(
-            RawTrace(
-                path=path,
-                frequency=table.numbers(frequency),
-                frequency_unit=unit_of(table, frequency, "frequency (MHz)"),
-                amplitude=table.numbers(amplitude),
-                amplitude_unit=unit,
-                phase=table.numbers(phase),
-                phase_unit=unit_of(table, phase, "phase (deg)"),
-                places=tuple(f"row {n}" for n in table.lines),
-            )
-        )
-        return _driven(found, table, drive)
-    if x is not None or y is not None:
-        raise _missing(table, "Y" if y is None else "X")
-    raise _missing(table, "amplitude" if amplitude is None else "phase")
+        found = _of_polar(recording, frequency, amplitude, phase)
+        return _driven(found, recording, drive)
+    if (x is None) != (y is None):
+        parts_of(recording, x, y)  # names the one that is missing
+    raise _missing(recording, "amplitude" if amplitude is None else "phase")
 
 
-def _driven(found: MeasuredComplex, table: Table, drive: Column | None) -> MeasuredComplex:
+def _driven(found: MeasuredComplex, recording: Recording, drive: Channel | None) -> MeasuredComplex:
     """Values over the amplitude of the drive, relative to that of the first point."""
     if drive is None:
         return found
-    unit_of(table, drive, f"{drive.name} (V)")
-    level = table.numbers(drive)
+    unit_of(recording, drive, f"{drive.name} (V)")
+    level = recording.numbers(drive)
     for i in np.flatnonzero(level <= 0.0)[:1]:
         raise BadInput(
-            f"{table.path}: row {table.lines[i]}, column '{drive.name}': {level[i]:.6g}; wanted "
-            "the amplitude of the drive, above zero"
+            f"{recording.path}: {recording.places[i]}, column '{drive.name}': {level[i]:.6g}; "
+            "wanted the amplitude of the drive, above zero"
         )
     return replace(found, values=found.values * (level[0] / level))
 
 
-def _column(table: Table, wanted: str, usual: tuple[str, ...]) -> Column | None:
-    if wanted:
-        return table.column(wanted)
-    return next((c for c in map(table.find, usual) if c is not None), None)
-
-
-def _missing(table: Table, what: str) -> BadInput:
-    there = ", ".join(c.name for c in table.columns)
+def _missing(recording: Recording, what: str) -> BadInput:
+    there = ", ".join(c.name for c in recording.channels)
     return BadInput(
-        f"{table.path}: no column '{what}'; wanted frequency with X and Y, Re and Im, amplitude "
-        f"and phase, or dB and phase, there is: {there}"
+        f"{recording.path}: no column '{what}'; wanted frequency with X and Y, Re and Im, "
+        f"amplitude and phase, or dB and phase, there is: {there}"
     )
 
 
-def _of_parts(table: Table, frequency: Column, x: Column, y: Column) -> MeasuredComplex:
-    unit = unit_of(table, x, f"{x.name} (uV)")
-    other = unit_of(table, y, f"{y.name} (uV)")
-    factor = convert(1.0, other, unit, where=f"{table.path}: column '{y.name}'")
-    trace = RawTrace(
-        path=table.path,
-        frequency=table.numbers(frequency),
-        frequency_unit=unit_of(table, frequency, "frequency (MHz)"),
-        amplitude=table.numbers(x),
-        amplitude_unit=unit,
-        places=tuple(f"row {n}" for n in table.lines),
-    )
-    return _measured(trace, trace.amplitude + 1j * factor * table.numbers(y), unit)
-
-
-def _of_trace(trace: RawTrace) -> MeasuredComplex:
+def _of_polar(
+    recording: Recording, frequency: Channel, amplitude: Channel, phase: Channel
+) -> MeasuredComplex:
     """Amplitude, or dB, and phase as complex values."""
-    if trace.phase is None:
-        raise BadInput(f"{trace.path}: has no phase; wanted a column of phases beside amplitudes")
-    phase = trace.phase * convert(1.0, trace.phase_unit, "rad", where=f"{trace.path}: phase")
-    amplitude, unit = trace.amplitude, trace.amplitude_unit
+    path, unit = recording.path, unit_of(recording, amplitude, f"{amplitude.name} (uV)")
+    phase_unit = unit_of(recording, phase, "phase (deg)")
+    radians = recording.numbers(phase) * convert(1.0, phase_unit, "rad", where=f"{path}: phase")
+    written = recording.numbers(amplitude)
+    sizes = written
     if unit == "dB":
-        amplitude, unit = 10.0 ** (amplitude / 20.0), "1"
-    for i in np.flatnonzero(amplitude < 0.0)[:1]:
+        sizes, unit = 10.0 ** (written / 20.0), "1"
+    for i in np.flatnonzero(sizes < 0.0)[:1]:
         raise BadInput(
-            f"{trace.path}: {trace.places[i]}, column 'amplitude': {trace.amplitude[i]:.6g} "
+            f"{path}: {recording.places[i]}, column 'amplitude': {written[i]:.6g} "
             f"{unit}; wanted a magnitude (are columns exchanged, or is it in dB?)"
         )
-    found = _measured(trace, amplitude * np.exp(1j * phase), unit)
-    _check_phase(found, phase, trace.phase_unit)
+    found = _measured(recording, frequency, sizes * np.exp(1j * radians), unit)
+    _check_phase(found, radians, phase_unit)
     return found
 
 
-def _measured(trace: RawTrace, values: ComplexArray, unit: str) -> MeasuredComplex:
-    check_axis(trace)
-    where = f"{trace.path}: column 'frequency'"
-    hertz = [convert(float(f), trace.frequency_unit, "Hz", where=where) for f in trace.frequency]
+def _measured(
+    recording: Recording, frequency: Channel, values: ComplexArray, unit: str
+) -> MeasuredComplex:
+    written = unit_of(recording, frequency, "frequency (MHz)")
+    where = f"{recording.path}: column 'frequency'"
+    axis = recording.numbers(frequency)
+    check_axis(recording.path, axis, written, recording.places)
+    hertz = [convert(float(f), written, "Hz", where=where) for f in axis]
     return MeasuredComplex(
-        frequency_hz=np.array(hertz), values=values, unit=unit, source=trace.path
+        frequency_hz=np.array(hertz), values=values, unit=unit, source=recording.path
     )
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, make_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
+from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
@@ -166,9 +166,9 @@ class WrittenColumns(Keys):
 
 @dataclass(frozen=True)
 class TraceFormat:
-    """How a trace file is read: layout, amplitude declaration, selection within the file."""
+    """How a trace file is read: layout (None: told by its content), amplitude, selection in it."""
 
-    layout: str
+    layout: str | None
     amplitude: Amplitude
     selection: Selection
 
@@ -187,10 +187,11 @@ class WrittenTrace(Keys):
     likewise, as "m peak"."""
     impedance: Annotated[float | None, Quantity("ohm")] = None
     """With dBm only, and required there."""
-    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
-    """How the instrument writes."""
+    layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
+    """How the instrument writes; without it the file's content tells."""
     columns: WrittenColumns = WrittenColumns()
-    """Names of columns, where they are not the usual ones."""
+    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
+    where the file tells none."""
     trace: Annotated[Count | None, Usually(1)] = None
     """(rohde-schwarz only) which trace, from 1."""
     chunk: WholeNumber | None = None
@@ -209,18 +210,18 @@ class WrittenTrace(Keys):
 
     def _found(self) -> str:
         """Words for what is read."""
-        return f'layout = "{self.layout or PLAIN}"'
+        return f'layout = "{self.layout}"'
 
     def _layout_keys(self) -> tuple[str, ...]:
         """Keys that have a meaning with what is read."""
-        return LAYOUTS[self.layout or PLAIN].keys
+        return ("trace", "chunk") if self.layout is None else LAYOUTS[self.layout].keys
 
     @property
     def format(self) -> TraceFormat:
         """How a file is read."""
         columns = self.columns
         return TraceFormat(
-            layout=self.layout or PLAIN,
+            layout=self.layout,
             amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
             selection=Selection(
                 frequency=columns.frequency,

@@ -15,7 +15,7 @@ from fitting.campaign.complex_trace import (
     conjugated,
     read_complex,
 )
-from fitting.campaign.instruments import LAYOUTS, PLAIN
+from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex_curve import ComplexCurve
@@ -28,7 +28,6 @@ from fitting.text.keys import (
     Refused,
     Switch,
     Text,
-    Usually,
     Value,
     WholeNumber,
     refusing,
@@ -50,12 +49,13 @@ class ComplexSweepTable(MeasurementTable):
     file: FileName
     """Frequency with X and Y, real and imaginary part, amplitude and phase, or dB and phase, each
     column with its unit."""
-    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
-    """How the instrument writes."""
+    layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
+    """How the instrument writes; without it the file's content tells."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
     columns: WrittenComplexColumns = field(default_factory=WrittenComplexColumns)
-    """Names of columns, where they are not the usual ones."""
+    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
+    where the file tells none."""
     conjugate: Switch = False
     """The instrument counts phases the other way: the phase of a response rises with frequency."""
     sigma: Value | None = None
@@ -92,8 +92,8 @@ class ComplexSweepTable(MeasurementTable):
                 )
         with refusing("delay"):
             _delay_of(self.delay, "")
-        if self.chunk is not None and self.layout != "zurich":
-            raise Refused('has no meaning without layout = "zurich"', "chunk")
+        if self.chunk is not None and self.layout not in (None, "zurich"):
+            raise Refused('has a meaning with layout = "zurich" only', "chunk")
 
     def curve(self, label: str) -> ComplexCurve:
         """The sweep of the file; settings and output are bound later.
@@ -101,7 +101,7 @@ class ComplexSweepTable(MeasurementTable):
         Args:
             label: of the sweep.
         """
-        measured = read_complex(self.file, self.layout or PLAIN, self.columns, chunk=self.chunk)
+        measured = read_complex(self.file, self.layout, self.columns, chunk=self.chunk)
         measured = conjugated(measured) if self.conjugate else measured
         delay_s = _delay_of(self.delay, "")
         check_sense(measured, delay_s, str(self.file))

@@ -16,7 +16,7 @@ from fitting.campaign.control_table import (
     read_spectra,
 )
 from fitting.campaign.file import TraceFormat
-from fitting.campaign.instruments import LAYOUTS, PLAIN, Selection
+from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.control_spectrum import ControlSpectrum
@@ -62,8 +62,8 @@ class ControlSweepTable(MeasurementTable):
     or another detector unit likewise, as "m peak"."""
     impedance: Annotated[float | None, Quantity("ohm")] = None
     """With dBm only, and required there."""
-    layout: Annotated[Text | None, OneOf(LAYOUTS), Usually(PLAIN)] = None
-    """How the instrument writes the spectra's own files."""
+    layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
+    """How the instrument writes the spectra's own files; without it their content tells."""
     sigma: Value | None = None
     """Standard deviation of every amplitude, as "0.1 uV"; without it, and without relative, that of
     every spectrum is estimated from how its points scatter about a smooth curve."""
@@ -105,7 +105,7 @@ class ControlSweepTable(MeasurementTable):
             first, last = (in_unit(w, "Hz") for w in self.range)
         how = SpectraFormat(
             trace=TraceFormat(
-                layout=self.layout or PLAIN,
+                layout=self.layout,
                 amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
                 selection=Selection(),
             ),

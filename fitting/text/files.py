@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import stat
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,17 +30,37 @@ def read_whole(path: Path, wanted: str = "a file") -> bytes:
         NoFile: there is none of that name.
         BadInput: a folder, a pipe or a device (which may never end), too large, or not readable.
     """
+    return _read(path, wanted, MOST_BYTES, -1)
+
+
+def read_head(path: Path, size: int, wanted: str = "a file") -> bytes:
+    """The first bytes of a file, however large it is.
+
+    Args:
+        path: of the file.
+        size: how many bytes at most.
+        wanted: what it should be, for complaints.
+
+    Raises:
+        NoFile: there is none of that name.
+        BadInput: a folder, a pipe or a device, or not readable.
+    """
+    return _read(path, wanted, math.inf, size)
+
+
+def _read(path: Path, wanted: str, most: float, size: int) -> bytes:
     name = str(path) if str(path).strip() else repr(str(path))
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):
             raise BadInput(f"{name}: is {_kind(found.st_mode)}, wanted {wanted}")
-        if found.st_size > MOST_BYTES:
+        if found.st_size > most:
             raise BadInput(
                 f"{name}: has {found.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
                 f"{MOST_BYTES / 1e6:.6g} MB"
             )
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(size)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise NoFile(f"{name}: no such file, wanted {wanted}") from error
     except OSError as error:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +19,8 @@ from fitting.text.files import NoFile, read_whole
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _HEADER = re.compile(r"(?P<name>.*?)\s*[(\[]\s*(?P<unit>[^()\[\]]*?)\s*[)\]]\s*")
+#: Bytes that tell UTF-16 without a mark: every second one is zero in European languages.
+_SAMPLE = 8
 #: Characters of a column's name and unit; the pattern takes its time over longer ones.
 LONGEST_HEADER = 1000
 
@@ -88,7 +92,7 @@ class Table:
 
 
 def read_text(path: Path) -> str:
-    """The text of a file, UTF-8 or, failing that, Latin-1 (older instruments' micro sign).
+    """The text of a file, in the encoding that `decoded` finds.
 
     Args:
         path: of the file.
@@ -96,12 +100,40 @@ def read_text(path: Path) -> str:
     Raises:
         BadInput: no such file, a folder, a pipe, or not readable.
     """
-    try:
+    with naming_neighbours(path):
         data = read_whole(path)
+    return decoded(data)
+
+
+@contextmanager
+def naming_neighbours(path: Path) -> Iterator[None]:
+    """Where there is no file of that name, the complaint tells the one beside it that is alike.
+
+    Args:
+        path: of the file that is read within.
+    """
+    try:
+        yield
     except NoFile as error:
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         hint = did_you_mean(path.name, siblings, listed=False)
         raise NoFile(f"{path}: no such file{hint}") from error
+
+
+def decoded(data: bytes) -> str:
+    """Text of bytes: UTF-16 where a mark or every second byte tells so, UTF-8, else Latin-1.
+
+    Latin-1 is how older instruments write the micro sign, and takes any bytes.
+
+    Args:
+        data: content of a file, or its beginning.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace")
+    for zeros, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        sample = data[:_SAMPLE]
+        if len(sample) == _SAMPLE and not any(sample[zeros::2]) and all(sample[1 - zeros :: 2]):
+            return data.decode(name, "replace")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -147,7 +179,7 @@ def parse_table(path: Path, numbered: Iterable[tuple[int, str]]) -> Table:
                 f"{path}: row {line} has {len(row)} cells, the header {len(header)} "
                 f"(delimiter {delimiter!r}; a decimal comma needs ';' or tab between cells)"
             )
-    columns = tuple(_column(text, i) for i, text in enumerate(header))
+    columns = tuple(named_column(text, i) for i, text in enumerate(header))
     seen: set[str] = set()
     for column in columns:
         if column.name.lower() in seen:
@@ -193,7 +225,13 @@ def parse_number(text: str, where: str, *, decimal_comma: bool = False) -> float
     raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
 
 
-def _column(text: str, index: int) -> Column:
+def named_column(text: str, index: int) -> Column:
+    """A column of a header's cell: name, and unit in brackets where there is one.
+
+    Args:
+        text: the cell.
+        index: of the column, from zero.
+    """
     match = _HEADER.fullmatch(text) if len(text) <= LONGEST_HEADER else None
     if match and match["name"]:
         return Column(match["name"], match["unit"] or None, index)

@@ -220,7 +220,7 @@ EDITS = [
         "row 16: frequency 10000 Hz appears",
     ),
     ("zurich", ZURICH, "2e-3", "nan", "row 3, field 'r', value 2: found 'nan'"),
-    ("zurich", ZURICH, ";r;", ";x;", "no field 'r'; there is: frequency, x, phase"),
+    ("zurich", ZURICH, ";r;", ";x;", "no column 'amplitude'; there is: frequency, x, phase"),
     ("zurich", ZURICH, "1001.0", "999.0", "row 2, value 2: frequency 999 Hz follows 1000"),
     ("afm", AFM, "[DATA]", "DATA", "no line '[DATA]'"),
     (
@@ -376,25 +376,20 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import Layout, RawTrace, Selection
+from fitting.campaign.instruments import Layout, Recording, Selection
+from fitting.campaign.instruments.recording import channel_of
 from fitting.text.tables import read_text
 
 
-def read(path: Path, selection: Selection) -> RawTrace:
+def read(path: Path, selection: Selection) -> Recording:
     values = np.array(read_text(path).split()[1:], dtype=float).reshape(-1, 2)
     places = tuple(f"pair {i + 1}" for i in range(len(values)))
-    return RawTrace(
-        path=path,
-        frequency=values[:, 0],
-        frequency_unit="kHz",
-        amplitude=values[:, 1],
-        amplitude_unit="mV",
-        places=places,
-    )
+    channels = channel_of("f", "kHz", values[:, 0]), channel_of("R", "mV", values[:, 1])
+    return Recording(path=path, channels=channels, places=places)
 
 
 LAYOUT = Layout(
-    name="toy", read=read, recognises=lambda text: text.startswith("TOY"), keys=("chunk",)
+    name="toy", read=read, recognises=lambda head: head.data.startswith(b"TOY"), keys=("chunk",)
 )
 """
 

@@ -157,7 +157,10 @@ XY = "frequency (Hz),X (V),Y (V)\n" + "\n".join(
     [
         (XY.replace("Y (V)", "Z (V)"), r"no column 'Y'; wanted frequency with X and Y"),
         (XY.replace("X (V),Y (V)", "R (V),Z (V)"), r"no column 'phase'; wanted frequency with X"),
-        (XY.replace("frequency (Hz)", "time (s)"), r"no column 'frequency'; wanted"),
+        (
+            XY.replace("frequency (Hz)", "time (s)"),
+            r"is a recording over time",
+        ),
         (XY.replace("X (V)", "X"), r"column 'X' has no unit"),
         (XY.replace("Y (V)", "Y (Hz)"), r"column 'Y'"),
         (XY.replace("960.0,", "960.0,nan,", 1).replace(",", "", 0), r"row 2 has 4 cells"),

@@ -2,13 +2,17 @@
 
 To add an instrument, add a file here, of any name, with a `Layout`:
 
-    def _read(path: Path, selection: Selection) -> RawTrace:
-        ...  # one trace in the units of the file; BadInput with file and row
+    def _read(path: Path, selection: Selection) -> Recording:
+        ...  # named columns in the units of the file; BadInput with file and row
 
-    LAYOUT = Layout(name="mine", read=_read, recognises=lambda text: text.startswith("MINE"))
+    LAYOUT = Layout(name="mine", read=_read, recognises=lambda head: head.text.startswith("MINE"))
 
 It is found by being here: a campaign may say ``layout = "mine"`` at once, and `layout_of` tells it
-by the content of a file.
+by the first bytes of a file (``head.data``; ``head.text`` where they are text). Which column is the
+frequency and which the amplitude is decided for all layouts in `roles`. A library that a layout
+needs is imported within its reader, under `fitting.campaign.instruments.library.needed`.
+
+`fitting.campaign.recognised` tells people what a file is, and guesses what its columns are.
 """
 
 from __future__ import annotations
@@ -17,26 +21,33 @@ import importlib
 import pkgutil
 from pathlib import Path
 
+from fitting.campaign.instruments.foreign import refuse_foreign
+from fitting.campaign.instruments.recording import Channel, Recording, unit_of
+from fitting.campaign.instruments.roles import trace_of
 from fitting.campaign.instruments.trace import (
+    Head,
     Layout,
     RawTrace,
     Selection,
     check_axis,
+    head_of,
     own_estimates,
-    unit_of,
 )
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.tables import read_text
 
 __all__ = [
     "LAYOUTS",
     "PLAIN",
+    "Channel",
+    "Head",
     "Layout",
     "RawTrace",
+    "Recording",
     "Selection",
     "found_layouts",
     "layout_of",
     "own_estimates",
+    "read_recording",
     "read_trace",
     "unit_of",
 ]
@@ -64,23 +75,56 @@ LAYOUTS: dict[str, Layout] = found_layouts()
 def layout_of(path: Path) -> str:
     """The name of the layout that a file is written in, by its content.
 
+    Args:
+        path: of the file.
+
     Raises:
-        BadInput: no such file, or not readable.
+        BadInput: no such file, not readable, or of a kind that holds no measurement.
     """
-    text = read_text(path)
+    head = head_of(path)
     special = [layout for layout in LAYOUTS.values() if layout.name != PLAIN]
-    return next((layout.name for layout in special if layout.recognises(text)), PLAIN)
+    found = next((layout.name for layout in special if layout.recognises(head)), None)
+    if found is not None:
+        return found
+    refuse_foreign(head)
+    return PLAIN
 
 
-def read_trace(path: Path, layout: str, selection: Selection | None = None) -> RawTrace:
+def read_recording(path: Path, layout: str | None, selection: Selection) -> Recording:
+    """The columns of a file.
+
+    Args:
+        path: of the file.
+        layout: that it is written in; None: told by its content.
+        selection: of one of its traces, where it holds several.
+
+    Raises:
+        BadInput: unreadable, of another kind, or without what the layout has to hold.
+    """
+    if layout is not None and layout not in LAYOUTS:
+        raise BadInput(f"{path}: unknown layout '{layout}'{did_you_mean(layout, list(LAYOUTS))}")
+    if layout == PLAIN:
+        refuse_foreign(head_of(path))
+    name = layout or layout_of(path)
+    for key, is_told in (("trace", selection.trace != 1), ("chunk", selection.chunk is not None)):
+        if is_told and key not in LAYOUTS[name].keys:
+            raise BadInput(f"{path}: is read as layout '{name}'; '{key}' has no meaning with it")
+    return LAYOUTS[name].read(path, selection)
+
+
+def read_trace(path: Path, layout: str | None, selection: Selection | None = None) -> RawTrace:
     """Read one trace and check its frequency axis: finite, strictly rising, enough points.
+
+    Args:
+        path: of the file.
+        layout: that it is written in; None: told by its content.
+        selection: what to take from the file.
 
     Raises:
         BadInput: unreadable, missing column or unit, text or NaN in a cell, frequencies unsorted or
             twice, fewer than 3 points.
     """
-    if layout not in LAYOUTS:
-        raise BadInput(f"{path}: unknown layout '{layout}'{did_you_mean(layout, list(LAYOUTS))}")
-    trace = LAYOUTS[layout].read(path, selection or Selection())
-    check_axis(trace)
+    selection = selection or Selection()
+    trace = trace_of(read_recording(path, layout, selection), selection)
+    check_axis(trace.path, trace.frequency, trace.frequency_unit, trace.places)
     return trace

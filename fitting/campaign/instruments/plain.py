@@ -1,45 +1,72 @@
-"""Plain delimited text with units in its header, also ';' with decimal comma."""
+"""Columns of text: what people write by hand, and what a program without a format of its own does.
+
+A head with units in brackets as the documentation tells it is held to the letter, so that a slip is
+named with its row. Anything else is looked at: blanks or a tab between cells, no head, lines that
+begin with # or %, settings above the table, a row of units below the names.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from fitting.campaign.instruments.trace import Layout, RawTrace, Selection, unit_of
-from fitting.text.tables import Column, Table, read_table
+from fitting.campaign.instruments.recording import Recording, of_table
+from fitting.campaign.instruments.trace import Layout, Selection
+from fitting.text.loose_tables import (
+    ENDS,
+    UNITS,
+    cells_of,
+    find_table,
+    is_number,
+    suffixed_unit,
+    words_of,
+)
+from fitting.text.tables import Table, parse_table, read_text
 
-FREQUENCY_NAMES = ("frequency", "freq", "f")
-AMPLITUDE_NAMES = ("amplitude", "magnitude", "level", "r", "voltage")
-PHASE_NAMES = ("phase", "theta")
+
+def _read_csv(path: Path, _: Selection) -> Recording:
+    text = read_text(path)
+    found = None if _is_as_told(text) else find_table(path, text)
+    if found is None:
+        lines = enumerate(text.splitlines(), start=1)
+        table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
+        delimiter = next((d for d in ";\t" if d in _kept(text)[0]), ",")
+        return of_table(_with_suffixes(table), words_of(delimiter, table.lines[0] - 1))
+    return replace(of_table(_with_suffixes(found.table), found.words), headed=found.headed)
 
 
-def _read_csv(path: Path, selection: Selection) -> RawTrace:
-    table = read_table(path)
-    frequency = _pick(table, selection.frequency, FREQUENCY_NAMES)
-    amplitude = _pick(table, selection.amplitude, AMPLITUDE_NAMES)
-    phase = _pick(table, selection.phase, PHASE_NAMES) if _has_phase(table, selection) else None
-    return RawTrace(
-        path=path,
-        frequency=table.numbers(frequency),
-        frequency_unit=unit_of(table, frequency, "frequency (MHz)"),
-        amplitude=table.numbers(amplitude),
-        amplitude_unit=unit_of(table, amplitude, "amplitude (uV)"),
-        phase=None if phase is None else table.numbers(phase),
-        phase_unit="" if phase is None else unit_of(table, phase, "phase (deg)"),
-        places=tuple(f"row {n}" for n in table.lines),
+def _kept(text: str) -> list[str]:
+    return [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
+
+
+def _is_as_told(text: str) -> bool:
+    """Whether a head of names stands right above the first row: it is held to the letter then."""
+    kept = _kept(text)[:2]
+    if not kept:
+        return True
+    delimiter = next((d for d in ";\t," if d in kept[0]), "")
+    if not delimiter:
+        return False
+    head, *rows = (cells_of(line, delimiter) for line in kept)
+    comma = delimiter != ","
+    if len(head) < 2 or any(is_number(c, decimal_comma=comma) for c in head):
+        return False
+    if any(mark in cell for cell in head for mark in "[(") and not head[0].startswith("%"):
+        return True
+    row = rows[0] if rows else ()
+    units = bool(row) and all(c.lower() in UNITS or not c for c in row)
+    return (
+        not units and len(row) >= len(head) and any(is_number(c, decimal_comma=comma) for c in row)
     )
 
 
-def _has_phase(table: Table, selection: Selection) -> bool:
-    return bool(selection.phase) or any(table.find(name) for name in PHASE_NAMES)
-
-
-def _pick(table: Table, wanted: str, usual: Sequence[str]) -> Column:
-    if wanted:
-        return table.column(wanted)
-    return next((c for c in map(table.find, usual) if c is not None), None) or table.column(
-        usual[0]
+def _with_suffixes(table: Table) -> Table:
+    """Columns with the unit that their name ends in, as freq_hz, where no brackets tell it."""
+    columns = (
+        c if c.unit is not None else replace(c, unit=suffixed_unit(c.name)[1])
+        for c in table.columns
     )
+    return replace(table, columns=tuple(columns))
 
 
-LAYOUT = Layout(name="csv", read=_read_csv, recognises=lambda text: True)
+LAYOUT = Layout(name="csv", read=_read_csv, recognises=lambda head: True)

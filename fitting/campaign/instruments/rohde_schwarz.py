@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments.trace import Layout, RawTrace, Selection
+from fitting.campaign.instruments.recording import Recording, channel_of
+from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
 from fitting.text.tables import parse_number, read_text, split_line
 
 
-def _read_rohde_schwarz(path: Path, selection: Selection) -> RawTrace:
+def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
     """``name;value;unit`` header lines, then ``Trace n``, ``Values;N`` and N lines ``x;y[;y2]``.
 
     Layout after "ASCII File Export Format" in the user manuals of R&S FSV, FSW and FPL. The second
@@ -37,7 +38,7 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> RawTrace:
 
 def _rohde_schwarz_trace(
     path: Path, lines: Sequence[tuple[str, ...]], start: int, header: Mapping[str, tuple[str, ...]]
-) -> RawTrace:
+) -> Recording:
     where = f"{path}: row {start + 1}, 'Values'"
     count = int(parse_number((lines[start] + ("",))[1], where))
     if count < 0:
@@ -59,21 +60,20 @@ def _rohde_schwarz_trace(
         units.append(unit)
     notes = {k: " ".join(header[k]).strip() for k in ("type", "rbw", "detector") if k in header}
     places = tuple(f"row {start + 2 + j}" for j in range(count))
-    return RawTrace(
+    return Recording(
         path=path,
-        frequency=points[:, 0],
-        frequency_unit=units[0],
-        amplitude=points[:, 1],
-        amplitude_unit=units[1],
-        phase=None,
-        phase_unit="",
+        channels=(
+            channel_of("Time" if units[0] == "s" else "Frequency", units[0], points[:, 0]),
+            channel_of("Level", units[1], points[:, 1]),
+        ),
         places=places,
+        words=", ".join(("Rohde & Schwarz, ASCII trace", *notes.values())),
         notes=notes,
     )
 
 
-def _recognises(text: str) -> bool:
-    return any(line.lower().startswith(("values;", "values:;")) for line in text.splitlines())
+def _recognises(head: Head) -> bool:
+    return any(line.lower().startswith(("values;", "values:;")) for line in head.lines)
 
 
 LAYOUT = Layout(

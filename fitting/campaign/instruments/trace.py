@@ -1,18 +1,24 @@
-"""A trace as an instrument wrote it, and what a layout of files has to say of itself."""
+"""One trace of a file, what to take from a file, and what a layout has to say of itself."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from fitting.campaign.instruments.recording import Recording
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.tables import Column, Table
+from fitting.text.files import read_head
+from fitting.text.tables import decoded, naming_neighbours
 
 MIN_POINTS = 3
+
+#: Bytes of a file's beginning by which it is recognised.
+HEAD_BYTES = 1 << 18
 
 #: Header entries in which an instrument tells its own estimate of the line that it swept.
 OWN_ESTIMATES: Mapping[str, str] = {"f_res (Hz)": "frequency_hz", "Q": "q"}
@@ -42,29 +48,70 @@ class RawTrace:
 class Selection:
     """What to take from a file that holds more: column names, trace number, chunk.
 
-    Empty names mean the usual ones; ``trace`` counts from 1 (rohde-schwarz); ``chunk`` is the
-    sweep's number as LabOne writes it (None: the file must hold one only).
+    Empty names mean the usual ones, and a name may say the unit that the file does not, as
+    "column 2 (mV)"; ``trace`` counts from 1 (rohde-schwarz); ``chunk`` is the sweep's number as
+    LabOne writes it (None: the file must hold one only).
     """
 
     frequency: str = ""
     amplitude: str = ""
     phase: str = ""
+    x: str = ""
+    y: str = ""
     trace: int = 1
     chunk: int | None = None
+
+
+@dataclass(frozen=True)
+class Head:
+    """The beginning of a file, by which a layout recognises its own: bytes, and text if it is."""
+
+    path: Path
+    data: bytes
+
+    @cached_property
+    def text(self) -> str:
+        """The beginning as text, in whole lines; empty for a file that is not text."""
+        whole = len(self.data) < HEAD_BYTES
+        found = decoded(self.data if whole else self.data[: self.data.rfind(b"\n") + 1])
+        return "" if "\0" in found else found
+
+    @cached_property
+    def lines(self) -> tuple[str, ...]:
+        """Lines of the text."""
+        return tuple(self.text.splitlines())
+
+    @cached_property
+    def first_line(self) -> str:
+        """The first line that is not blank."""
+        return next((line for line in self.lines if line.strip()), "")
+
+
+def head_of(path: Path) -> Head:
+    """The beginning of a file.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        BadInput: no such file, or not readable.
+    """
+    with naming_neighbours(path):
+        return Head(path, read_head(path, HEAD_BYTES))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
     """How an instrument writes files: the name of the layout in a campaign, and its reader.
 
-    ``recognises`` says of a file's text whether it is written so; ``read`` takes one trace from it
-    (its frequency axis is checked afterwards) and raises BadInput naming file and row; ``keys`` are
-    those of ``trace`` and ``chunk`` that have a meaning with it.
+    ``recognises`` says of a file's beginning whether it is written so; ``read`` gives the columns
+    that the file holds (or those of the one trace that is selected) and raises BadInput naming
+    file and row; ``keys`` are those of ``trace`` and ``chunk`` that have a meaning with it.
     """
 
     name: str
-    read: Callable[[Path, Selection], RawTrace]
-    recognises: Callable[[str], bool]
+    read: Callable[[Path, Selection], Recording]
+    recognises: Callable[[Head], bool]
     keys: tuple[str, ...] = ()
 
 
@@ -83,34 +130,21 @@ def own_estimates(notes: Mapping[str, str]) -> dict[str, float]:
     return found
 
 
-def check_axis(trace: RawTrace) -> None:
+def check_axis(path: Path, frequency: FloatArray, unit: str, places: Sequence[str]) -> None:
     """BadInput for frequencies that are too few or do not rise strictly.
 
     Args:
-        trace: as the file has it.
+        path: of the file.
+        frequency: (n,), as the file has it.
+        unit: of the file.
+        places: where each stands.
     """
-    if trace.frequency.size < MIN_POINTS:
-        raise BadInput(f"{trace.path}: {trace.frequency.size} points; wanted at least {MIN_POINTS}")
-    for i in np.flatnonzero(np.diff(trace.frequency) <= 0.0)[:1]:
-        before, here = trace.frequency[i], trace.frequency[i + 1]
+    if frequency.size < MIN_POINTS:
+        raise BadInput(f"{path}: {frequency.size} points; wanted at least {MIN_POINTS}")
+    for i in np.flatnonzero(np.diff(frequency) <= 0.0)[:1]:
+        before, here = frequency[i], frequency[i + 1]
         what = "appears twice" if here == before else f"follows {before:.12g}: not sorted"
         raise BadInput(
-            f"{trace.path}: {trace.places[i + 1]}: frequency {here:.12g} {trace.frequency_unit} "
+            f"{path}: {places[i + 1]}: frequency {here:.12g} {unit} "
             f"{what}; wanted strictly rising frequencies"
         )
-
-
-def unit_of(table: Table, column: Column, example: str) -> str:
-    """The unit written in a column's header; raises BadInput if there is none.
-
-    Args:
-        table: as it was read.
-        column: of the table.
-        example: a unit that would do, for the complaint.
-    """
-    if column.unit is None:
-        raise BadInput(
-            f"{table.path}: column '{column.name}' has no unit in its header; "
-            f"wanted it in brackets, as in '{example}'"
-        )
-    return column.unit

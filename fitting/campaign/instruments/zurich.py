@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments.trace import Layout, RawTrace, Selection
+from fitting.campaign.instruments.recording import Channel, Recording, of_table
+from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.errors import BadInput
 from fitting.text.tables import (
     Table,
     parse_number,
@@ -18,8 +21,20 @@ from fitting.text.tables import (
     split_line,
 )
 
+#: What LabOne writes its quantities in; it does not say so in the file.
+UNITS = {
+    "frequency": "Hz",
+    "r": "V",
+    "x": "V",
+    "y": "V",
+    "phase": "rad",
+    "bandwidth": "Hz",
+    "grid": "Hz",
+}
+WORDS = "Zurich Instruments LabOne, sweeper"
 
-def _read_zurich(path: Path, selection: Selection) -> RawTrace:
+
+def _read_zurich(path: Path, selection: Selection) -> Recording:
     """LabOne sweeper CSV: ``chunk;timestamp;size;fieldname;v0;v1;...``, or one line per point.
 
     A line holds one quantity of one sweep ("chunk"), padded with nan behind the last measured
@@ -33,25 +48,16 @@ def _read_zurich(path: Path, selection: Selection) -> RawTrace:
         return _zurich_by_field(path, lines, names, selection)
     table = parse_table(path, lines)
     rows = _zurich_chunk_rows(table, selection)
-    columns = [table.column(n) for n in ("frequency", selection.amplitude or "r")]
-    phase = table.find(selection.phase or "phase")
     part = Table(
         path=path,
-        columns=table.columns,
+        columns=tuple(
+            c if c.unit else replace(c, unit=UNITS.get(c.name.lower())) for c in table.columns
+        ),
         cells=tuple(table.cells[i] for i in rows),
         lines=tuple(table.lines[i] for i in rows),
         decimal_comma=False,
     )
-    return RawTrace(
-        path=path,
-        frequency=part.numbers(columns[0]),
-        frequency_unit=columns[0].unit or "Hz",
-        amplitude=part.numbers(columns[1]),
-        amplitude_unit=columns[1].unit or "V",
-        phase=part.numbers(phase) if phase else None,
-        phase_unit=(phase.unit or "rad") if phase else "",
-        places=tuple(f"row {n}" for n in part.lines),
-    )
+    return of_table(part, WORDS)
 
 
 def _zurich_chunk_rows(table: Table, selection: Selection) -> list[int]:
@@ -79,7 +85,7 @@ def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
 
 def _zurich_by_field(
     path: Path, lines: Sequence[tuple[int, str]], names: Sequence[str], selection: Selection
-) -> RawTrace:
+) -> Recording:
     if "chunk" not in names:
         raise BadInput(f"{path}: no column 'chunk'; wanted one beside 'fieldname'")
     at_chunk, at_field = names.index("chunk"), names.index("fieldname")
@@ -90,31 +96,27 @@ def _zurich_by_field(
             raise BadInput(f"{path}: row {n} holds no values behind its field name")
     chunk = _one_chunk(path, [cells[at_chunk] for _, cells in body], selection.chunk)
     fields = {c[at_field].lower(): (n, c[at_field + 1 :]) for n, c in body if c[at_chunk] == chunk}
-    frequency_row, frequency = _zurich_field(path, fields, "frequency", None)
-    _, amplitude = _zurich_field(path, fields, selection.amplitude or "r", frequency.size)
-    phase_name = selection.phase or "phase"
-    has_phase = bool(selection.phase) or phase_name in fields
-    phase = _zurich_field(path, fields, phase_name, frequency.size)[1] if has_phase else None
-    places = tuple(f"row {frequency_row}, value {j + 1}" for j in range(frequency.size))
-    return RawTrace(
+    if "frequency" not in fields:
+        raise BadInput(f"{path}: no field 'frequency'; there is: {', '.join(fields)}")
+    row, cells = fields["frequency"]
+    frequency = _values(path, "frequency", row, cells, None)
+    return Recording(
         path=path,
-        frequency=frequency,
-        frequency_unit="Hz",
-        amplitude=amplitude,
-        amplitude_unit="V",
-        phase=phase,
-        phase_unit="rad" if has_phase else "",
-        places=places,
+        channels=tuple(
+            Channel(
+                name=name,
+                unit=UNITS.get(name),
+                read=partial(_values, path, name, *field, frequency.size),
+            )
+            for name, field in fields.items()
+        ),
+        places=tuple(f"row {row}, value {j + 1}" for j in range(frequency.size)),
+        words=WORDS,
     )
 
 
-def _zurich_field(
-    path: Path, fields: Mapping[str, tuple[int, tuple[str, ...]]], name: str, size: int | None
-) -> tuple[int, FloatArray]:
+def _values(path: Path, name: str, line: int, cells: Sequence[str], size: int | None) -> FloatArray:
     """Values of one field; ``size`` None: up to the nan padding, which ends the sweep."""
-    if name.lower() not in fields:
-        raise BadInput(f"{path}: no field '{name}'{did_you_mean(name, list(fields))}")
-    line, cells = fields[name.lower()]
     kept = list(cells)
     while kept and (size is None or len(kept) > size) and kept[-1].lower() in ("", "nan"):
         kept.pop()
@@ -124,11 +126,11 @@ def _zurich_field(
         parse_number(text, f"{path}: row {line}, field '{name}', value {j + 1}")
         for j, text in enumerate(kept)
     ]
-    return line, np.array(values, dtype=float)
+    return np.array(values, dtype=float)
 
 
-def _recognises(text: str) -> bool:
-    head = next((line for line in text.splitlines() if line.strip()), "").lower()
+def _recognises(file: Head) -> bool:
+    head = file.first_line.lower()
     return "chunk" in split_line(head, ";" if ";" in head else ",")
 
 

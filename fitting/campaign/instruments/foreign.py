@@ -1,0 +1,62 @@
+"""Files that hold no columns of numbers: said by their kind, with what to do."""
+
+from __future__ import annotations
+
+from fitting.campaign.instruments.trace import Head
+from fitting.text.errors import BadInput
+
+_AS_TEXT = "export the sweep as text (CSV) in the program that wrote it"
+_PICTURE = "a picture; wanted the numbers: " + _AS_TEXT
+
+#: First bytes, the kind that they tell, and what to do.
+KINDS: tuple[tuple[bytes, str], ...] = (
+    (b"\x89PNG\r\n", _PICTURE),
+    (b"\xff\xd8\xff", _PICTURE),
+    (b"GIF8", _PICTURE),
+    (b"II*\0", _PICTURE),
+    (b"MM\0*", _PICTURE),
+    (b"BM", _PICTURE),
+    (b"%PDF", "a PDF document; wanted the numbers: " + _AS_TEXT),
+    (b"%!PS", "a PostScript document; wanted the numbers: " + _AS_TEXT),
+    (b"\xd0\xcf\x11\xe0", "an old Excel or Word file; save the sheet as CSV"),
+    (b"\x1f\x8b", "compressed (gzip); unpack it first"),
+    (b"BZh", "compressed (bzip2); unpack it first"),
+    (b"\xfd7zXZ", "compressed (xz); unpack it first"),
+    (b"7z\xbc\xaf", "an archive (7z); unpack it and name the file with the sweep"),
+    (b"\x93NUMPY", "an array of NumPy; write it with numpy.savetxt, with a head of columns"),
+    (b"SQLite format 3", "a database (SQLite); export the sweep as CSV, as from QCoDeS"),
+    (b"<?xml", "XML; " + _AS_TEXT),
+    (b"<html", "a web page; wanted the numbers: download the data file itself"),
+    (b"<!DOC", "a web page; wanted the numbers: download the data file itself"),
+)
+_ZIP = b"PK\x03\x04"
+
+
+def refuse_foreign(head: Head) -> None:
+    """Complain of a file of a known kind that holds no columns of numbers.
+
+    Args:
+        head: beginning of the file.
+
+    Raises:
+        BadInput: says the kind, and what to do.
+    """
+    kind = _kind(head)
+    if kind:
+        raise BadInput(f"{head.path}: is {kind}")
+
+
+def _kind(head: Head) -> str:
+    data = head.data
+    if data.startswith(_ZIP):
+        if b"xl/" in data or b"[Content_Types].xml" in data:
+            return "an Excel workbook (.xlsx); save the sheet as CSV"
+        if b".npy" in data:
+            return "arrays of NumPy (.npz); write them with numpy.savetxt, with a head of columns"
+        return "an archive (zip); unpack it and name the file with the sweep"
+    known = next((kind for start, kind in KINDS if data.startswith(start)), "")
+    if known and not (known == _PICTURE and head.text and data.startswith(b"BM")):
+        return known
+    if data and not head.text and b"\0" in data:
+        return f"not text and of no kind that is known here; {_AS_TEXT}"
+    return ""

@@ -1,0 +1,213 @@
+"""What a file holds, whatever wrote it: named columns of numbers, each with the unit it tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.tables import Column, Table, named_column, parse_number
+
+Numbers = FloatArray | ComplexArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Channel:
+    """A column of a recording: its name, its unit as the file tells it (None: it does not).
+
+    ``read`` gives its values (n,), checked then and not before: nobody may want this column.
+    """
+
+    name: str
+    unit: str | None
+    read: Callable[[], Numbers]
+    is_complex: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """Columns of one file, all of one length.
+
+    ``places`` says for every point where it stands in the file; ``words`` say what the file is;
+    ``notes`` hold header entries worth repeating; ``headed`` whether the file names its columns.
+    """
+
+    path: Path
+    channels: tuple[Channel, ...]
+    places: tuple[str, ...]
+    words: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict)
+    headed: bool = True
+
+    def find(self, name: str) -> Channel | None:
+        """The column of that name, capitals apart, or None; a unit in brackets says its unit.
+
+        Args:
+            name: of the column, as "R" or, for a file without units, "R (uV)".
+
+        Raises:
+            BadInput: the file tells another unit.
+        """
+        exact = next((c for c in self.channels if c.name.lower() == name.lower()), None)
+        if exact is not None:
+            return exact
+        asked = named_column(name, 0)
+        found = next((c for c in self.channels if c.name.lower() == asked.name.lower()), None)
+        if found is None or asked.unit is None:
+            return found
+        if found.unit not in (None, asked.unit):
+            raise BadInput(
+                f"{self.path}: column '{found.name}' is in {found.unit}; the campaign says "
+                f"{asked.unit}"
+            )
+        return Channel(
+            name=found.name, unit=asked.unit, read=found.read, is_complex=found.is_complex
+        )
+
+    def column(self, name: str) -> Channel:
+        """The column of that name; raises BadInput with the nearest name if there is none.
+
+        Args:
+            name: of the column.
+        """
+        found = self.find(name)
+        if found is None:
+            present = [c.name for c in self.channels]
+            raise BadInput(f"{self.path}: no column '{name}'{did_you_mean(name, present)}")
+        return found
+
+    def numbers(self, channel: Channel) -> FloatArray:
+        """The finite real numbers of a column, (n,).
+
+        Args:
+            channel: of this recording.
+
+        Raises:
+            BadInput: complex values, or a value that is no finite number; names its place.
+        """
+        if channel.is_complex:
+            raise BadInput(
+                f"{self.path}: column '{channel.name}' holds complex values; wanted real ones"
+            )
+        values = np.asarray(channel.read(), dtype=float)
+        self._check(channel, values)
+        return values
+
+    def values(self, channel: Channel) -> ComplexArray:
+        """The finite complex numbers of a column, (n,).
+
+        Args:
+            channel: of this recording.
+        """
+        values = np.asarray(channel.read(), dtype=complex)
+        self._check(channel, values)
+        return values
+
+    def _check(self, channel: Channel, values: Numbers) -> None:
+        for i in np.flatnonzero(~np.isfinite(values))[:1]:
+            raise BadInput(
+                f"{self.path}: {self.places[i]}, column '{channel.name}': found {values[i]:g}, "
+                "wanted a finite number"
+            )
+
+
+def unit_of(recording: Recording | Table, column: Channel | Column, example: str) -> str:
+    """The unit written in a column's header; raises BadInput if there is none.
+
+    Args:
+        recording: what was read.
+        column: of it.
+        example: a unit that would do, for the complaint.
+    """
+    if column.unit is None:
+        hint = ""
+        if isinstance(recording, Recording):
+            unit = named_column(example, 0).unit
+            hint = f", there or in the campaign's columns: '{column.name} ({unit})'"
+        raise BadInput(
+            f"{recording.path}: column '{column.name}' has no unit in its header; "
+            f"wanted it in brackets, as in '{example}'{hint}"
+        )
+    return column.unit
+
+
+def channel_of(name: str, unit: str | None, values: Numbers) -> Channel:
+    """A column whose values are there already.
+
+    Args:
+        name: of the column.
+        unit: as the file tells it; None: it does not.
+        values: (n,).
+    """
+    return Channel(
+        name=name, unit=unit or None, read=lambda: values, is_complex=np.iscomplexobj(values)
+    )
+
+
+def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = None) -> Recording:
+    """The recording that a table of text holds.
+
+    Args:
+        table: as it was read.
+        words: that say what the file is.
+        notes: of the file's header.
+    """
+    return Recording(
+        path=table.path,
+        channels=tuple(_of_column(table, column) for column in table.columns),
+        places=tuple(f"row {n}" for n in table.lines),
+        words=words,
+        notes=notes or {},
+    )
+
+
+def _of_column(table: Table, column: Column) -> Channel:
+    first = table.cells[0][column.index] if table.cells else ""
+    if as_complex(first) is None:
+        return Channel(name=column.name, unit=column.unit, read=lambda: table.numbers(column))
+    return Channel(
+        name=column.name,
+        unit=column.unit,
+        read=lambda: _complex_cells(table, column),
+        is_complex=True,
+    )
+
+
+def _complex_cells(table: Table, column: Column) -> ComplexArray:
+    values = []
+    for text, line in zip(table.texts(column), table.lines, strict=True):
+        where = f"{table.path}: row {line}, column '{column.name}'"
+        value = as_complex(text)
+        values.append(parse_number(text, where) if value is None else value)
+    return np.array(values, dtype=complex)
+
+
+def as_complex(text: str) -> complex | None:
+    """The complex number of a cell, as "1+2j", "(1 - 2i)" or "3j"; None: it is none.
+
+    Args:
+        text: the cell.
+    """
+    plain = text.strip().removeprefix("(").removesuffix(")").replace(" ", "").lower()
+    if not plain.endswith(("i", "j")) or "_" in plain or plain[:-1].endswith(("n", "in")):
+        return None
+    try:
+        return complex(plain[:-1].replace("*", "") + "j")
+    except ValueError:
+        return None
+
+
+def not_usable(path: Path, kind: str, what: str) -> NoReturn:
+    """A complaint of a file whose kind is known and that cannot be used as it is.
+
+    Args:
+        path: of the file.
+        kind: of the file, as "a Touchstone file".
+        what: stands against it, and what to do.
+    """
+    raise BadInput(f"{path}: is {kind}; {what}")

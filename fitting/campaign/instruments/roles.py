@@ -1,0 +1,185 @@
+"""Which column of a recording is the frequency, the amplitude, X, Y: by usual names, or guessed.
+
+What a campaign reads goes by the names that it gives, or else by usual ones: never by a guess. The
+guesses are for people to look at: `fitting.campaign.recognised` tells them with words.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitting.campaign.instruments.recording import Channel, Recording, unit_of
+from fitting.campaign.instruments.trace import RawTrace, Selection
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.loose_tables import suffixed_unit
+from fitting.text.units import convert
+
+#: Usual names of columns, small letters; the first that is there is taken.
+FREQUENCY = ("frequency", "freq", "f", "frequencies", "frequency axis", "grid")
+AMPLITUDE = ("amplitude", "magnitude", "level", "r", "voltage", "mag", "amp", "db")
+PHASE = ("phase", "theta", "angle")
+X = ("x", "re", "real", "in-phase", "i")
+Y = ("y", "im", "imag", "imaginary", "quadrature", "q")
+TIME = ("time", "t", "seconds", "elapsed time", "x-axis")
+
+
+def plain_name(channel: Channel) -> str:
+    """The name of a column in small letters, without unit, dots and bars."""
+    name = suffixed_unit(channel.name)[0] if channel.unit else channel.name
+    return re.sub(r"\s+", " ", name.lower().strip(" .|:")).replace("_", " ")
+
+
+def usual(recording: Recording, names: Sequence[str]) -> Channel | None:
+    """The column of the first of these names that is there.
+
+    Args:
+        recording: what was read.
+        names: small letters.
+    """
+    by_name: dict[str, Channel] = {}
+    for channel in recording.channels:
+        by_name.setdefault(plain_name(channel), channel)
+    return next((by_name[name] for name in names if name in by_name), None)
+
+
+def asked(recording: Recording, wanted: str, names: Sequence[str]) -> Channel | None:
+    """The column of the wanted name, else of a usual one, or None.
+
+    Args:
+        recording: what was read.
+        wanted: name of the campaign; empty: none.
+        names: usual ones.
+
+    Raises:
+        BadInput: there is no column of the wanted name.
+    """
+    return recording.column(wanted) if wanted else usual(recording, names)
+
+
+def frequency_of(recording: Recording, wanted: str) -> Channel:
+    """The column of frequencies.
+
+    Args:
+        recording: what was read.
+        wanted: name of the campaign; empty: none.
+
+    Raises:
+        BadInput: there is none; says so of a recording over time.
+    """
+    found = asked(recording, wanted, FREQUENCY)
+    if found is not None:
+        return found
+    time = usual(recording, TIME)
+    if time is not None:
+        raise BadInput(
+            f"{recording.path}: is a recording over time (column '{time.name}'), not a sweep of "
+            "the frequency; wanted a column of frequencies"
+        )
+    if not recording.headed:
+        raise BadInput(
+            f"{recording.path}: names no columns; wanted their names in the campaign, as "
+            'columns = { frequency = "column 1 (Hz)", amplitude = "column 2 (V)" }'
+        )
+    return recording.column(FREQUENCY[0])
+
+
+def amplitude_of(recording: Recording, wanted: str) -> Channel | None:
+    """The column of amplitudes, or the one of complex values; None where there is neither.
+
+    Args:
+        recording: what was read.
+        wanted: name of the campaign; empty: none.
+
+    Raises:
+        BadInput: several columns of complex values, and none of them named.
+    """
+    found = asked(recording, wanted, AMPLITUDE)
+    if found is not None:
+        return found
+    complexes = [c for c in recording.channels if c.is_complex]
+    if len(complexes) > 1:
+        names = ", ".join(c.name for c in complexes)
+        raise BadInput(
+            f"{recording.path}: holds {names}; wanted one of them named in the campaign, as "
+            f'columns = {{ amplitude = "{complexes[-1].name}" }}'
+        )
+    return complexes[0] if complexes else None
+
+
+def trace_of(recording: Recording, selection: Selection) -> RawTrace:
+    """Frequency, amplitude and phase of a recording; complex values as both.
+
+    Args:
+        recording: what was read.
+        selection: names of columns, where they are not the usual ones.
+
+    Raises:
+        BadInput: a column or a unit is missing, a value is no finite number.
+    """
+    frequency = frequency_of(recording, selection.frequency)
+    amplitude = amplitude_of(recording, selection.amplitude)
+    x, y = asked(recording, selection.x, X), asked(recording, selection.y, Y)
+    if selection.x or (amplitude is None and x is not None and y is not None):
+        values, unit = parts_of(recording, x, y)
+        sizes, phase, phase_unit = _polar(values)
+    else:
+        amplitude = amplitude or recording.column(AMPLITUDE[0])
+        sizes, phase, phase_unit = _sizes(recording, amplitude, selection.phase)
+        unit = unit_of(recording, amplitude, "amplitude (uV)")
+    return RawTrace(
+        path=recording.path,
+        frequency=recording.numbers(frequency),
+        frequency_unit=unit_of(recording, frequency, "frequency (MHz)"),
+        amplitude=sizes,
+        amplitude_unit=unit,
+        phase=phase,
+        phase_unit=phase_unit,
+        places=recording.places,
+        notes=recording.notes,
+    )
+
+
+def _polar(values: ComplexArray) -> tuple[FloatArray, FloatArray | None, str]:
+    return np.abs(values), np.angle(values), "rad"
+
+
+def _sizes(
+    recording: Recording, amplitude: Channel, wanted_phase: str
+) -> tuple[FloatArray, FloatArray | None, str]:
+    if amplitude.is_complex:
+        values = recording.values(amplitude)
+        return _polar(values)
+    phase = asked(recording, wanted_phase, PHASE)
+    sizes = recording.numbers(amplitude)
+    if phase is None:
+        return sizes, None, ""
+    return sizes, recording.numbers(phase), unit_of(recording, phase, "phase (deg)")
+
+
+def parts_of(
+    recording: Recording, x: Channel | None, y: Channel | None
+) -> tuple[ComplexArray, str]:
+    """Complex values of two columns, and their unit, which is that of X.
+
+    Args:
+        recording: what was read.
+        x: real part.
+        y: imaginary part.
+
+    Raises:
+        BadInput: one is missing, has no unit, or has one that does not fit the other's.
+    """
+    if x is None or y is None:
+        there = ", ".join(c.name for c in recording.channels)
+        raise BadInput(
+            f"{recording.path}: no column '{'X' if x is None else 'Y'}'; wanted frequency with X "
+            f"and Y, Re and Im, amplitude and phase, or dB and phase, there is: {there}"
+        )
+    unit = unit_of(recording, x, f"{x.name} (uV)")
+    other = unit_of(recording, y, f"{y.name} (uV)")
+    factor = convert(1.0, other, unit, where=f"{recording.path}: column '{y.name}'")
+    return recording.numbers(x) + 1j * factor * recording.numbers(y), unit

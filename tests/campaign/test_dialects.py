@@ -1,0 +1,244 @@
+"""Columns of text in any spelling: the resonance that was written is found, or the row is named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
+from fitting.campaign.instruments import Selection, read_trace
+from fitting.campaign.recognised import Recognised, recognised
+from fitting.text.errors import BadInput
+
+#: The resonance of all files here: Hz, full width Hz.
+F_HZ, WIDTH_HZ = 6940.25, 31.0
+AXIS_HZ = np.linspace(6800.0, 7080.0, 57)
+VALUES = 2e-3 * WIDTH_HZ * np.exp(0.4j) / (2 * (AXIS_HZ - F_HZ) - 1j * WIDTH_HZ)
+
+
+def found_line(f: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    """Frequency and full width of one pole, by least squares of its complex gain and both."""
+
+    def gain(x: np.ndarray) -> tuple[complex, np.ndarray]:
+        shape = 1.0 / (2 * (f - x[0]) - 1j * x[1])
+        return np.vdot(shape, values) / np.vdot(shape, shape), shape
+
+    def rest(x: np.ndarray) -> np.ndarray:
+        a, shape = gain(x)
+        return np.concatenate([(a * shape - values).real, (a * shape - values).imag])
+
+    values = values / np.max(np.abs(values))
+    start = [f[np.argmax(np.abs(values))], np.ptp(f) / 5]
+    x = least_squares(rest, start, x_scale=[1.0, 1.0], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    return float(x[0]), abs(float(x[1]))
+
+
+def selection_of(columns: dict[str, str]) -> Selection:
+    """The same names of columns for a sweep of amplitudes."""
+    names = (columns.get(key, "") for key in ("frequency", "amplitude", "phase", "x", "y"))
+    frequency, amplitude, phase, x, y = names
+    return Selection(frequency=frequency, amplitude=amplitude, phase=phase, x=x, y=y)
+
+
+def rows(form: str, delimiter: str = ",") -> list[str]:
+    """Lines of the resonance: a number format of the columns named in ``form``."""
+    columns = {
+        "f": AXIS_HZ,
+        "M": AXIS_HZ / 1e6,
+        "x": VALUES.real,
+        "y": VALUES.imag,
+        "r": np.abs(VALUES),
+        "p": np.rad2deg(np.angle(VALUES)),
+        "d": 20 * np.log10(np.abs(VALUES)),
+    }
+    return [delimiter.join(f"{columns[c][i]:.12e}" for c in form) for i in range(AXIS_HZ.size)]
+
+
+def text(head: str, form: str, delimiter: str = ",") -> str:
+    return "\n".join([*([head] if head else []), *rows(form, delimiter), ""])
+
+
+COMPLEX = "\n".join(
+    f"{f!r},{v.real:.12e}{v.imag:+.12e}j" for f, v in zip(AXIS_HZ.tolist(), VALUES, strict=True)
+)
+#: Files, and what the campaign has to say of them.
+FILES: dict[str, tuple[bytes, dict[str, str]]] = {
+    "tab": (text("frequency (Hz)\tX (V)\tY (V)", "fxy", "\t").encode(), {}),
+    "semicolon, decimal comma": (
+        text("frequency (MHz);x (V);y (V)", "Mxy", ";").replace(".", ",").encode(),
+        {},
+    ),
+    "blanks": (text("freq_hz   re_v   im_v", "fxy", "   ").encode(), {}),
+    "blanks, decimal comma": (
+        text("frequency (Hz)  X (V)  Y (V)", "fxy", "  ").replace(".", ",").encode(),
+        {},
+    ),
+    "# before the names": (text("# f/Hz, I/V, Q/V", "fxy").encode(), {}),
+    "% before the names": (
+        ("% Model: plate\n" + text("% freq (Hz)    real (V)    imag (V)", "fxy", " ")).encode(),
+        {},
+    ),
+    "settings above": (
+        ("Device,7\nGain,1.5\n\n" + text("Frequency [Hz],R [V],Phase [deg]", "frp")).encode(),
+        {},
+    ),
+    "units in a row": (text("Freq,R,Theta\nMHz,V,deg", "Mrp").encode(), {}),
+    "dB and degrees": (text("f (Hz),dB (dB),phase (deg)", "fdp").encode(), {}),
+    "no names": (
+        text("", "fxy").encode(),
+        {"frequency": "column 1 (Hz)", "x": "column 2 (V)", "y": "column 3 (V)"},
+    ),
+    "no names, amplitude and phase": (
+        text("", "frp", "\t").encode(),
+        {
+            "frequency": "column 1 (Hz)",
+            "amplitude": "column 2 (V)",
+            "phase": "column 3 (deg)",
+        },
+    ),
+    "no units": (
+        text("frequency,amplitude,phase", "Mrp").encode(),
+        {
+            "frequency": "frequency (MHz)",
+            "amplitude": "amplitude (V)",
+            "phase": "phase (deg)",
+        },
+    ),
+    "complex values": (("f (Hz),S (V)\n" + COMPLEX).encode(), {}),
+    "complex in brackets, i": (
+        ("f (Hz),S (V)\n" + COMPLEX.replace("j", "i)").replace(",", ",(").replace("(S", "S"))
+        .replace(",(S", ",S")
+        .encode(),
+        {},
+    ),
+    "UTF-8 with a mark": (text("f (Hz),x (V),y (V)", "fxy").encode("utf-8-sig"), {}),
+    "UTF-16 with a mark": (text("f (Hz),x (V),y (V)", "fxy").encode("utf-16"), {}),
+    "UTF-16 without": (text("f (Hz),x (V),y (V)", "fxy").encode("utf-16-le"), {}),
+    "Latin-1": (text("# Güte: µ\nf (Hz),x (V),y (V)", "fxy").encode("latin-1"), {}),
+    "lines of Windows, END": (
+        (text("f (Hz),x (V),y (V)", "fxy") + "END\n").replace("\n", "\r\n").encode(),
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_resonance_is_found_in_any_spelling(name: str, tmp_path: Path) -> None:
+    data, columns = FILES[name]
+    if name == "lines of Windows, END":
+        data = data.replace(b"f (Hz),x (V),y (V)", b"Rec 7\r\nf (Hz),x (V),y (V)")
+    path = tmp_path / "sweep.txt"
+    path.write_bytes(data)
+    measured = read_complex(path, None, WrittenComplexColumns(**columns))
+    f, width = found_line(measured.frequency_hz, measured.values)
+    assert f == pytest.approx(F_HZ, abs=1e-6)
+    assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
+    trace = read_trace(path, None, selection_of(columns))
+    np.testing.assert_allclose(
+        trace.amplitude if trace.amplitude_unit == "V" else 10 ** (trace.amplitude / 20),
+        np.abs(VALUES),
+        rtol=1e-9,
+    )
+
+
+def seen(path: Path, data: str | bytes) -> Recognised:
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return recognised(path)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_roles_are_seen_or_guessed(name: str, tmp_path: Path) -> None:
+    found = seen(tmp_path / "sweep.txt", FILES[name][0])
+    assert found.is_sweep
+    assert found.is_complex
+    assert found.layout == "csv"
+    assert found.points == AXIS_HZ.size
+    assert f"{AXIS_HZ.size} points" in found.words
+    axis = found.role("frequency")
+    assert axis is not None
+    told = "no names" in name or name == "no units"
+    assert (axis.unit is None) == told
+    assert axis.guessed == ("no names" in name)
+    assert ("frequency" in found.without_unit) == told
+
+
+def test_what_is_guessed_is_said(tmp_path: Path) -> None:
+    found = seen(tmp_path / "a.txt", text("", "frp", " "))
+    assert found.words == "columns of text, blanks between them, no names, 57 points"
+    assert found.remarks[0] == (
+        "column 'column 1' is taken for the frequency: it is the first one and rises; "
+        "no unit is told"
+    )
+    assert "it would be in deg" in found.remarks[2]
+    assert found.selection.phase == "column 3"
+    unusual = seen(tmp_path / "b.csv", text("drive (kHz),lock-in (mV),arg (deg)", "Mrp"))
+    assert [c.role for c in unusual.columns] == ["frequency", "amplitude", "phase"]
+    assert all(c.guessed for c in unusual.columns)
+    assert unusual.words.endswith("names in row 1, 57 points, kHz")
+
+
+def test_a_recording_over_time_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "scope.csv"
+    found = seen(path, "time (s),C1 (V)\n0,1\n1e-3,2\n2e-3,1\n")
+    assert not found.is_sweep
+    assert found.role("time") is not None
+    assert found.remarks[0] == "it is a recording over time, not a sweep of the frequency"
+    with pytest.raises(BadInput, match=r"is a recording over time \(column 'time'\), not a sweep"):
+        read_trace(path, None)
+
+
+def test_columns_without_names_or_units_are_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(text("", "fr", " "))
+    with pytest.raises(BadInput, match=r"names no columns; .*frequency = \"column 1 \(Hz\)\""):
+        read_trace(path, None)
+    with pytest.raises(BadInput, match=r"no column 'column 9 \(Hz\)'; did you mean"):
+        read_trace(path, None, Selection(frequency="column 9 (Hz)"))
+    path.write_text(text("frequency (Hz),level (mV)", "fr"))
+    with pytest.raises(BadInput, match=r"column 'level' is in mV; the campaign says V"):
+        read_trace(path, None, Selection(amplitude="level (V)"))
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        (lambda t: t.replace("\n6.8", "\n6.8x", 1), r"row 2: found '6.8x.*wanted a number"),
+        (lambda t: t + "7.1e3 1 2\n", r"row 59 has 3 cells, the rows above it 2"),
+        (lambda t: t + "second sweep\n", r"row 59 .*wanted|row 59, column"),
+        (lambda t: t[:-30] + "nan\n", r"row 58.*(nan|cells)"),
+    ],
+)
+def test_a_broken_row_is_named(change: Callable[[str], str], wanted: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text(change(text("freq_hz  r_v", "fr", "  ")))
+    with pytest.raises(BadInput, match=wanted):
+        read_trace(path, None)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is a picture; wanted the numbers"),
+        (b"%PDF-1.7\n", "is a PDF document"),
+        (
+            b"PK\x03\x04....xl/workbook.xml",
+            r"is an Excel workbook \(.xlsx\); save the sheet as CSV",
+        ),
+        (b"PK\x03\x04....a.csv", r"is an archive \(zip\); unpack it"),
+        (b"\x1f\x8b\x08", r"is compressed \(gzip\); unpack it first"),
+        (b"\x93NUMPY\x01\0", "is an array of NumPy"),
+        (bytes(range(256)) * 4, "is not text and of no kind that is known here"),
+    ],
+)
+@pytest.mark.parametrize("layout", [None, "csv"])
+def test_other_files_are_called_by_their_kind(
+    data: bytes, words: str, layout: str | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "sweep.csv"
+    path.write_bytes(data)
+    with pytest.raises(BadInput, match=words):
+        read_trace(path, layout)
