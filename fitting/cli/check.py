@@ -8,9 +8,11 @@ from pathlib import Path
 import fitting as ff
 from fitting.cli.drive_options import add_fmu, add_timeout, fmu_of
 from fitting.cli.options import positive_time
+from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 
 NAME = "check"
+DOCUMENT = "what was found"
 EXAMPLE = "fmu-fit check CoupledOscillator --campaign string_q1/campaign.toml"
 
 
@@ -35,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: the FMU cannot be read, breaks the rules of FMI, or does not suit the campaign.
         FmuFailure: the trial run failed.
     """
+    from fitting.report.documents import check_document
     from fitting.report.words.check import check_lines, description_lines
 
     with fmu_of(args) as fmu:
@@ -42,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
         with status_line(NAME) as tell:
             tell("trial run and resets")
             found = ff.check(fmu, args.campaign, step_s=args.step)
+    hand_over(args, check_document(found))
     for line in check_lines(found):
         print(line)
     if found.failure is not None:

@@ -11,11 +11,13 @@ import fitting as ff
 from fitting.api.design import CRITERIA, DESIGN_FILES
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.options import folder_name, seed, whole_number, worker_count
+from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.design import design_lines
 
 NAME = "design"
+DOCUMENT = "design.json"
 EXAMPLE = "fmu-fit design string_q1/campaign.toml --target lambda --out out/next_q1"
 
 
@@ -80,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
         found = replace(found, design=replace(found.design, provenance=provenance))
         tell("writing")
         written = found.write(out, report=not args.no_report)
+    hand_over(args, found.design)
     print("\n".join(design_lines(found.design)))
     print(f"\nwritten: {', '.join(map(str, written[:2]))}")
     what = "amplitudes" if found.design.is_of_sweeps else "peaks"

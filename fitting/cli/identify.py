@@ -13,6 +13,7 @@ import fitting as ff
 from fitting.api.jobs import BUDGET, with_part
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.options import folder_name, seed, whole_number, worker_count
+from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.identification import identification_lines
@@ -22,6 +23,7 @@ from fitting.text.records import write_json
 NAME = "identify"
 EXAMPLE = "fmu-fit identify string_q1/campaign.toml --out out/identify_q1"
 JSON_NAME = "identify.json"
+DOCUMENT = JSON_NAME
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -106,6 +108,7 @@ def run(args: argparse.Namespace) -> int:
         provenance={"command": _command(args), **found.provenance},
     )
     write_json(out / JSON_NAME, found)
+    hand_over(args, found)
     print("\n".join(identification_lines(found)))
     print(f"\nwritten: {out / JSON_NAME}")
     if not args.no_report:

@@ -24,6 +24,7 @@ from fitting.api.jobs import RESULT_FILES, draw_report
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.interrupts import to_the_end
 from fitting.cli.options import folder_name, relative_accuracy, seed, whole_number, worker_count
+from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 from fitting.report.words.result import result_lines
@@ -39,6 +40,7 @@ NO_PROFILES = (
 )
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
+DOCUMENT = "result.json"
 EXAMPLE = "fmu-fit reconstruct string_q1/campaign.toml --out out/string_q1"
 
 
@@ -131,6 +133,7 @@ def run(args: argparse.Namespace) -> int:
     if args.external:
         result = with_external(result, args.external)
         write_result(result, out)
+    hand_over(args, result)
     print("\n".join(result_lines(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if not ended.done:

@@ -24,10 +24,12 @@ from fitting.cli.options import (
     relative_accuracy,
     whole_number,
 )
+from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 
 NAME = "simulate"
+DOCUMENT = "the response, or the plan,"
 EXAMPLE = 'fmu-fit simulate CoupledOscillator --set u1="6.94018 MHz" --out out/two-tone'
 
 
@@ -101,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: names, values, units or times do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
+    from fitting.report.documents import drive_document, plan_document
     from fitting.report.words.simulation import drive_lines, plan_lines, plan_warnings
 
     if args.out is None and not args.plan:
@@ -111,12 +114,15 @@ def run(args: argparse.Namespace) -> int:
         if args.plan:
             with status_line(NAME):
                 plan = fmu.plan(values, **asked)
+            hand_over(args, plan_document(plan))
             print(*plan_lines(plan), sep="\n")
             return 0 if plan.budget.kept else 1
         with status_line(NAME):
             response = fmu.simulate(values, **asked)
         print(*plan_lines(response.plan), *fmu.write(response, args.out), sep="\n")
-        print(*drive_lines(response, units_of(fmu, response.drive.outputs)), sep="\n")
+        units = units_of(fmu, response.drive.outputs)
+        hand_over(args, drive_document(response, units))
+        print(*drive_lines(response, units), sep="\n")
         for warning in fmu.warnings:
             print(f"the FMU warns: {warning}")
         for text in plan_warnings(response.plan):

@@ -20,10 +20,12 @@ from fitting.cli.drive_options import (
     units_of,
 )
 from fitting.cli.options import positive_quantity, whole_number
+from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
 
 NAME = "sweep"
+DOCUMENT = "the response"
 EXAMPLE = (
     'fmu-fit sweep DuffingOscillator --from "6.94 MHz" --to "6.9408 MHz" --points 161 '
     "--direction both --out out/sweep"
@@ -71,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: names, values, units or frequencies do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
+    from fitting.report.documents import sweep_document
     from fitting.report.words.simulation import plan_lines, plan_warnings, sweep_lines
 
     with fmu_of(args) as fmu, complaints_of_options():
@@ -92,7 +95,9 @@ def run(args: argparse.Namespace) -> int:
                 f"{other.amplitude} = 0: {other.frequency} does not drive in a sweep of {args.tone}"
             )
         output = response.sweep.output
-        print(*sweep_lines(response, units_of(fmu, [output])[output]), sep="\n")
+        unit = units_of(fmu, [output])[output]
+        hand_over(args, sweep_document(response, unit))
+        print(*sweep_lines(response, unit), sep="\n")
         for warning in fmu.warnings:
             print(f"the FMU warns: {warning}")
         for text in plan_warnings(response.plan):

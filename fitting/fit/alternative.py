@@ -7,6 +7,7 @@ lowered at the last nu; the least J is reported, wherever it was found.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -30,6 +31,8 @@ from fitting.fit.solver.continuation import (
 )
 from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.text.arrays import FloatArray
+
+_log = logging.getLogger(__name__)
 
 #: Evaluations of a search, in those of Algorithm 2, after which no further screen is begun.
 BUDGET_SHARE = 12.0
@@ -149,6 +152,10 @@ def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Out
         mirrors = find_twins(evaluator, course.schedule.seed, course.objective)
         outcome = replace(outcome, further=outcome.further + evaluator.counts)
         if mirrors:
+            _log.info(
+                "alternative %d: mirrors one that is done, its minima are known",
+                course.alternative + 1,
+            )
             return replace(outcome, search=_mirrored(course, other.outcome.search, mirrors[0]))
     own = outcome.chains[0]
     end = np.array(own.steps[-1].x)
@@ -158,6 +165,14 @@ def _searched(course: Course, outcome: Outcome, solved: Sequence[Solved]) -> Out
     spent = sum(step.evaluations for step in own.steps)
     search = search_box(
         LikelihoodEvaluator(likelihood), [end], course.schedule.seed, int(BUDGET_SHARE * spent)
+    )
+    _log.info(
+        "alternative %d: box searched from %d points by %d descents, %d minima, %d evaluations",
+        course.alternative + 1,
+        search.screened,
+        search.descents,
+        len(search.minima),
+        search.evaluations,
     )
     counts = Counts(evaluations=1 + search.evaluations, runs=point.runs + search.runs)
     return replace(outcome, search=search, further=outcome.further + counts)

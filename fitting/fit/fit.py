@@ -5,6 +5,7 @@ Writes nothing and draws nothing: progress, finished levels and the clock are ha
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ from fitting.fit.solver.continuation import ContinuationStep, Course, Journal, S
 from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,6 +306,7 @@ def _finished(
     chain = outcome.best or outcome.chains[0]
     solution = solution_of(evaluator, chain, options.schedule, options.solve.misfit)
     status, message = _status(solution, outcomes, options.solve.misfit)
+    _log.info("fit: %s: %s", status.value, message)
     return Fit(
         problem=problem,
         options=options,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -18,6 +19,8 @@ from fitting.measurements.planning import Series, measured_plan, plan_series
 from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,10 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         refuse_other_drives(each, workers)
     variables, own = workers.description.variables, read_accuracy_annotation(workers.description)
     plans = {name: measured_plan(each, workers, variables, own) for name, each in series.items()}
-    return PlannedFmu(problem, workers, plans)
+    planned = PlannedFmu(problem, workers, plans)
+    for sentence in planned.sentences:
+        _log.info("plan: %s", sentence)
+    return planned
 
 
 def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import time
@@ -26,6 +27,8 @@ from fitting.fmu.worker.reuse import ReuseDecision
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.scratch import Scratch
+
+_log = logging.getLogger(__name__)
 
 POLL_S = 0.1
 CLOSING_S = 2.0
@@ -204,6 +207,7 @@ class FmuWorkers:
             raise FmuFailure(f"no worker process could be started: {error}", {}, d.path) from error
         self._open.processes[number] = worker
         self.counts += Counts(processes=1)
+        _log.debug("worker %d: process %d started", number + 1, worker.pid)
         return worker
 
     def _kill(self, number: int) -> None:
@@ -252,6 +256,7 @@ class FmuWorkers:
         if reply.failure is not None:
             raise self._failure(reply.failure, job.runs[left[0]])
         if reply.used_up:
+            _log.info("worker %d: replaced, its process wants to do no more runs", number + 1)
             self._kill(number)
         if left:
             self._send(number, job)
@@ -271,6 +276,7 @@ class FmuWorkers:
             raise self._failure(f"the FMU {text}", self._run_of(number, worker, job), NoAnswer)
         else:
             job.repeated.add(number)
+            _log.info("worker %d: killed (%s), replaced", number + 1, death.killed_by)
             self._kill(number)
             self._send(number, job)
 
@@ -283,6 +289,7 @@ class FmuWorkers:
         if not in_trial:
             raise self._failure(f"the FMU {how}", run, kind)
         self._verdicts[number].refuse(f"after a reset the FMU {how}")
+        _log.info("worker %d: replaced, after a reset the FMU %s", number + 1, how)
         self._send(number, job)
 
     def _run_of(self, number: int, worker: WorkerProcess, job: _Job) -> Run:

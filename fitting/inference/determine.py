@@ -6,8 +6,9 @@ the data do not see, verdicts. Generic: it knows rows, parameters and outputs, n
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
@@ -44,6 +45,9 @@ from fitting.inference.likelihood.twins import with_values_nearby
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.text.arrays import FloatArray
+from fitting.text.notation import span
+
+_log = logging.getLogger(__name__)
 
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
@@ -63,7 +67,7 @@ class InferenceOptions:
     sets are fitted anew, through `executor` if there is one. `only` names the values that are
     profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
     whether fits beyond the box are looked for. `widening`: by how much the noise of a sweep was
-    taken wider because its residuals hang together.
+    taken wider because its residuals hang together. `progress` is told the evaluations so far.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -81,6 +85,7 @@ class InferenceOptions:
     directions: bool = True
     beyond: bool = True
     widening: float = 1.0
+    progress: Callable[[int], None] = lambda evaluations: None
 
 
 def determine(
@@ -110,8 +115,13 @@ def determine(
     if not options.data:
         [point] = evaluate_many(objective, [solution])
         likelihood = replace(likelihood, shift=point.residuals)
-    evaluator = LikelihoodEvaluator(likelihood, options.budget)
+    evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
+    _log.info(
+        "profiles: most likely point at chi^2 = %.6g on %.6g degrees of freedom",
+        optimum.chi_square,
+        optimum.degrees_of_freedom,
+    )
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
     optimum = found.optimum
     outside = beyond(evaluator, found) if options.beyond else ()
@@ -129,6 +139,9 @@ def determine(
     profiles = profiles_of(found, basis)
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
+    for name, p in profiles.items():
+        interval = span(*p.interval95, p.unit).replace("\u00a0", " ")
+        _log.info("profile of %s: %s, %s", name, interval, p.verdict)
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
     idle = identifiability.without_effect(evaluator, optimum, profiles)
     resampled = None

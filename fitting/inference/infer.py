@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -92,7 +92,8 @@ class InferenceRequest:
     `units` are those of the derived outputs; without `profiles` intervals are those of the
     linearised problem; `only` names the values whose profiles are walked (all, if empty); `budget`
     is of simulation runs; `bootstrap` synthetic data sets are fitted anew; `sweeps` what those
-    of this fit show, where it was found before.
+    of this fit show, where it was found before; `progress` is told the evaluations of the
+    profiles so far.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -101,6 +102,7 @@ class InferenceRequest:
     bootstrap: int = 0
     only: tuple[str, ...] = ()
     sweeps: SweepFindings | None = None
+    progress: Callable[[int], None] = lambda evaluations: None
 
 
 def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
@@ -228,6 +230,7 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             only=request.only or everything,
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
+            progress=request.progress,
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
         plain = likelihood_of(solution.objective, noise.sigma, noise.common)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import stat
 from collections.abc import Mapping
@@ -10,6 +11,8 @@ from pathlib import Path
 from fitting.text.atomic import replace_file
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import open_folder_of
+
+_log = logging.getLogger(__name__)
 
 #: A file that is larger is none of those that people mean here.
 MOST_BYTES = 2 * 2**30
@@ -99,6 +102,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
         replace_file(path, data)
     else:
         folder.write(path, data)
+    _log.debug("written: %s", path)
 
 
 def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:

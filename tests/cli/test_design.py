@@ -24,6 +24,7 @@ from fitting.text.errors import BadInput
 from fitting.text.records import write_json
 from tests.fit import test_swap
 from tests.support.cfmu_build import build_c_fmu
+from tests.support.in_process import told
 from tests.support.report_records import result_for
 
 DATA = Path(__file__).parents[2] / "data"
@@ -42,8 +43,10 @@ def proposed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the command writes for the shipped q1 series on a coarse grid."""
     folder = tmp_path_factory.mktemp("design")
     (folder / "limits.toml").write_text(LIMITS)
-    words = ["design", Q1 / "campaign.toml", "--candidates", folder / "limits.toml", "--out"]
-    assert main([str(word) for word in (*words, folder / "out")]) == 0
+    words = ["design", Q1 / "campaign.toml", "--candidates", folder / "limits.toml", "--json"]
+    ended = told(*words, "--out", folder / "out")
+    assert ended.code == 0
+    assert ended.out == (folder / "out" / "design.json").read_text("utf-8")
     return folder / "out"
 
 

@@ -23,6 +23,7 @@ from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockst
 from fitting.fit.linearisation import Linearisation
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
 
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
@@ -276,6 +277,7 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         starts: search vectors, the end of Algorithm 2 first.
 
     Raises:
+        BadInput: the evaluator's limit does not let it begin.
         FmuFailure: the model failed at the first start.
     """
     likelihood = evaluator.likelihood
@@ -392,6 +394,11 @@ def _best_of(
         )
         if expansion is not None
     ]
+    if not begun:
+        raise BadInput(
+            f"budget: found {evaluator.limit}, wanted more: the first linearisation alone takes "
+            f"{len(likelihood.parameters) + 1} evaluations"
+        )
     ended = run_in_lockstep([descend(likelihood, expansion) for expansion in begun], evaluator)
     best, converged = begun[0], False
     for begin, end in zip(begun, ended, strict=True):

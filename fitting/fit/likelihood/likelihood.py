@@ -11,7 +11,7 @@ so that no box decides it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -209,11 +209,18 @@ class LikelihoodEvaluator:
     """Evaluates a likelihood in batches and counts; at most about `limit` simulation runs.
 
     Runs that points of a batch share count once; a model that counts none counts evaluations.
+    `progress` is told the evaluations so far.
     """
 
-    def __init__(self, likelihood: Likelihood, limit: int = 10**9) -> None:
+    def __init__(
+        self,
+        likelihood: Likelihood,
+        limit: int = 10**9,
+        progress: Callable[[int], None] = lambda evaluations: None,
+    ) -> None:
         self.likelihood = likelihood
         self.limit = limit
+        self._progress = progress
         self.evaluations = self.derived = self.runs = self.failures = 0
 
     def __call__(self, requests: Sequence[Request]) -> list[list[Sample]]:
@@ -272,6 +279,7 @@ class LikelihoodEvaluator:
 
     def _asked(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         self.evaluations += len(xs)
+        self._progress(self.evaluations)
         points = evaluate_many(self.likelihood.objective, xs)
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]

@@ -10,6 +10,7 @@ finished steps are handed out, and may be handed back in to go on after an inter
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -30,6 +31,8 @@ from fitting.fit.solver.interior_point import (
     to_the_last_digits,
 )
 from fitting.text.arrays import FloatArray
+
+_log = logging.getLogger(__name__)
 
 #: Starts that end closer than this, in units of the search vector, ended in one minimum ...
 SAME_POINT = 1e-2
@@ -234,7 +237,7 @@ def _solved(
         answer = to_the_last_digits(evaluator, answer, tikhonov_weights, course.settings)
     point = evaluator.point(answer.x)
     following = j_reg(answer.x, weights(course.objective, nu * course.schedule.beta, misfit))
-    return ContinuationStep(
+    step = ContinuationStep(
         alternative=course.alternative,
         start=start,
         level=level,
@@ -253,6 +256,17 @@ def _solved(
         runs=evaluator.counts.runs,
         seconds=course.journal.clock() - begun,
     )
+    _log.info(
+        "alternative %d, start %d, nu = %.1e: J = %.6g, %s, %d evaluations, %.1f s",
+        step.alternative + 1,
+        step.start + 1,
+        nu,
+        step.j,
+        step.status,
+        step.evaluations,
+        step.seconds,
+    )
+    return step
 
 
 def met(
