@@ -13,7 +13,11 @@ INTRODUCTION = """\
 
 `fmu-fit COMMAND --help` shows the same in a terminal; `python -m fitting` is the same program.
 `FMU` is a file, or the name of a model of this project, as `CoupledOscillator`. Every command
-writes only under `--out`. [Exit codes](exit-codes.md) are the same for all."""
+writes only under `--out`. [Exit codes](exit-codes.md) are the same for all.
+
+With `--json` the result stands on stdout as one document, and nothing else does, so that
+`fmu-fit reconstruct CAMPAIGN.toml --json | jq .parameters` works. Progress and the lines of
+`--verbose` go to stderr."""
 BELOW_THE_CODES = """\
 Bad input is told on stderr, a line for each complaint: file, row, column or key, what was found,
 what is wanted. [Interrupt and resume](../how-to/resume.md) tells what is kept."""
