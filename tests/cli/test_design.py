@@ -43,7 +43,7 @@ def proposed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the command writes for the shipped q1 series on a coarse grid."""
     folder = tmp_path_factory.mktemp("design")
     (folder / "limits.toml").write_text(LIMITS)
-    words = ["design", Q1 / "campaign.toml", "--candidates", folder / "limits.toml", "--json"]
+    words = ("design", Q1 / "campaign.toml", "--candidates", folder / "limits.toml", "--json")
     ended = told(*words, "--out", folder / "out")
     assert ended.code == 0
     assert ended.out == (folder / "out" / "design.json").read_text("utf-8")
