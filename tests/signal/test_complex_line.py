@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 from fitting.signal.complex_line import complex_line
+from fitting.text.arrays import ComplexArray, FloatArray
 
 ETA_HZ, WIDTH_HZ = 6.94e6, 94.0
 
 
-def response(f: np.ndarray, delay_s: float = 0.0) -> np.ndarray:
+def response(f: FloatArray, delay_s: float = 0.0) -> ComplexArray:
     """c + A/(1 + 2i (f - eta)/w), turned by a cable: exp(-i 2 pi (f - middle) tau)."""
     resonance = (3.0 - 4.0j) / (1.0 + 2j * (f - ETA_HZ) / WIDTH_HZ)
     turn = np.exp(-2j * np.pi * (f - 0.5 * (f[0] + f[-1])) * delay_s)
     return np.asarray((0.7 + 0.2j + resonance) * turn)
 
 
-def grid(low: float = -4.0, high: float = 6.0, points: int = 101) -> np.ndarray:
+def grid(low: float = -4.0, high: float = 6.0, points: int = 101) -> FloatArray:
     """Frequencies from so many widths below the resonance to so many above."""
     return np.asarray(ETA_HZ + WIDTH_HZ * np.linspace(low, high, points))
 
@@ -36,7 +37,7 @@ def test_an_exact_line_comes_back() -> None:
 
 def test_phases_that_are_counted_backwards_show_as_a_negative_width() -> None:
     f = grid()
-    found = complex_line(f, np.conj(response(f)))
+    found = complex_line(f, np.asarray(np.conj(response(f))))
     assert found.width_hz == pytest.approx(-WIDTH_HZ, rel=1e-6)
     assert found.top == pytest.approx(3.7 + 3.8j, rel=1e-6)
 

@@ -79,13 +79,14 @@ def test_three_points_and_a_bend_give_the_remainder_of_their_parabola() -> None:
     """Cauchy: bend y2/6 |(x - x1)(x - x2)(x - x3)| at the vertex, half of it over y."""
     f, a = np.array([9.5, 10.0, 11.5]), np.array([0.8, 1.0, 0.5])
     y = a**-2.0
-    c, b, curvature = np.polynomial.Polynomial.fit(f - 10.0, y, 2).convert().coef
+    curvature, b, c = map(float, np.polyfit(f - 10.0, y, 2))
     at, least = -b / (2 * curvature), c - b * b / (4 * curvature)
     found = refine_maximum(f, a, 0.3)
     assert found.frequency_hz == pytest.approx(10.0 + at, rel=1e-12)
     assert found.value == pytest.approx(least**-0.5, rel=1e-12)
     remainder = 0.3 * 2 * curvature / 6 * abs((at + 0.5) * at * (at - 1.5))
     assert found.bias == pytest.approx(0.5 * remainder / least, rel=1e-9)
+    assert found.bracketed
     # without the bend nothing is known of what a parabola leaves but the fall
     assert refine_maximum(f, a).bias == pytest.approx(1.0, rel=1e-9)
     # four points have their own bias
@@ -152,12 +153,45 @@ def test_a_top_at_the_end_is_told(first: int, edge: bool) -> None:
     assert found.fall == pytest.approx(1.0 - 1.0 / np.sqrt(1.25))
 
 
+def test_beside_an_end_the_five_points_of_a_top_are_the_last_ones() -> None:
+    for f, places in ((np.arange(8.0), slice(3, 8)), (np.arange(8.0)[::-1], slice(0, 5))):
+        a = lorentzian((f - 6.2) / 0.7) * (1.0 + 0.01 * np.cos(3.0 * f))
+        k = int(np.argmax(a))
+        relative = a[places] / a[k]
+        x = f[places] - f[k]
+        columns = np.vander(x, 3, increasing=True) * relative[:, None] ** 3
+        c = np.linalg.lstsq(columns, relative, rcond=None)[0]
+        top = a[k] * (c[0] - c[1] ** 2 / (4 * c[2])) ** -0.5
+        found = laboratory_maximum(f, a)
+        assert found.fitted_v == pytest.approx(top, rel=1e-9)
+        assert found.fall == pytest.approx(1.0 - np.min(a[k - 1 : k + 2]) / a[k])
+
+
+def test_three_points_have_the_top_of_the_parabola_through_them() -> None:
+    f, a = np.array([1.0, 2.0, 4.0]), np.array([0.8, 1.0, 0.5])
+    at, least = lowest(f, a**-2.0)
+    assert 1.0 < at < 4.0
+    found = laboratory_maximum(f, a)
+    assert found.fitted_v == pytest.approx(least**-0.5, rel=1e-9)
+    assert found.fitted_v > 1.0
+    assert found.fall == 0.5
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_the_largest_point_at_either_end_is_not_refined(last: bool) -> None:
+    a = np.array([1.0, 2.0, 3.0, 5.0, 8.0, 9.0])
+    found = refine_maximum(np.arange(6.0), a if last else a[::-1])
+    assert not found.bracketed
+    assert (found.value, found.frequency_hz) == (9.0, 5.0 if last else 0.0)
+
+
 def test_sweeps_without_a_top_have_no_fitted_one() -> None:
     with pytest.raises(ValueError, match="no points"):
         laboratory_maximum(np.zeros(0), np.zeros(0))
     two = laboratory_maximum(np.arange(2.0), np.array([1.0, 0.5]))
     assert np.isnan(two.fitted_v)
     assert two.sigma == two.fall == 0.5
+    assert (two.scatter, two.bias_std) == (0.0, 0.0)
     dark = laboratory_maximum(np.arange(9.0), np.zeros(9))
     assert (dark.value_v, dark.fall) == (0.0, 0.0)
     assert np.isnan(dark.bias)
@@ -202,6 +236,7 @@ def test_a_scale_is_a_number_with_all_its_digits() -> None:
         with pytest.raises(NoScale):
             chi_of_maxima(laboratory, simulated)
     huge, small = 1e200 * np.array([1.0, 2.0, 1.0]), 1e-100 * np.array([2.0, 4.0, 2.0])
+    assert chi_of_sweep(np.array([1.0, 2.0]), np.array([0.0, 1.0])) == 2.0
     assert chi_of_sweep(small, huge / 1e50) == pytest.approx(2e-250, rel=1e-12)
     with pytest.raises(NoScale, match="zero everywhere"):
         chi_of_sweep(small, 1e-310 * np.ones(3))

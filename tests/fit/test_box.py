@@ -1,0 +1,242 @@
+"""The box as a cube, its minima and its twins: maps by hand, wells and symmetries known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fitting.campaign.parameters import Parameter, to_model, to_search
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.objective import make_objective
+from fitting.fit.search.box import Box
+from fitting.fit.search.minima import Minimum, Search, screened, search_box, worth
+from fitting.fit.search.twins import find_twins
+from fitting.fit.solver.evaluator import Evaluator
+from fitting.text.arrays import FloatArray
+from tests.support.datasets import dataset
+from tests.support.rows import RowsResponse
+from tests.support.whitened import SIGMA, parameter, whitened
+
+PLAIN = parameter("plain", -2.0, 6.0, scale=2.0)
+DECADES = parameter("decades", 1.0, 1000.0, scale=50.0)
+NARROW = parameter("narrow", 1.0, 9.9)
+TURNING = parameter("turning", 1.0, 8.0, period=3.0)
+PRIOR = parameter("prior", 0.0, 1.0, prior_sigma=0.1, start=0.3)
+ALL = (PLAIN, DECADES, NARROW, TURNING, PRIOR)
+
+
+def test_a_point_of_the_cube_by_hand() -> None:
+    box = Box(ALL)
+    p = np.array([4.0, 10.0, 9.9 - 0.25 * 8.9, 2.5, 0.7])
+    x = to_search(ALL, p)
+    cube = box.to_cube(x)
+    assert cube == pytest.approx([0.75, 1.0 / 3.0, 0.75, 0.5, 0.7])
+    back = to_model(ALL, box.from_cube(cube[:4]))
+    assert back == pytest.approx([4.0, 10.0, 9.9 - 0.25 * 8.9, 2.5, 0.3])  # a prior: at its start
+    assert to_model(ALL, box.from_cube(np.ones(4))) == pytest.approx([6.0, 1000.0, 9.9, 4.0, 0.3])
+    ten = Box((parameter("ten", 1.0, 10.0),))  # a decade is spread in its logarithm
+    assert to_model(ten.parameters, ten.from_cube(np.array([0.5])))[0] == pytest.approx(10**0.5)
+
+
+def test_distances_go_the_short_way_round_and_leave_priors_out() -> None:
+    box = Box(ALL)
+    p = np.array([4.0, 10.0, 5.0, 1.2, 0.1])
+    x = to_search(ALL, p)
+
+    def apart(**moved: float) -> float:
+        names = [each.name for each in ALL]
+        q = p.copy()
+        for name, value in moved.items():
+            q[names.index(name)] = value
+        return box.apart(x, to_search(ALL, q))
+
+    assert apart() == 0.0
+    assert apart(prior=0.9) == 0.0
+    assert apart(turning=3.9) == pytest.approx(0.1)  # 2.7 of 3 forward is 0.3 back
+    assert apart(turning=7.2) == pytest.approx(0.0, abs=1e-12)
+    assert apart(turning=2.2, plain=5.0) == pytest.approx(1.0 / 3.0)
+    assert apart(decades=100.0) == pytest.approx(1.0 / 3.0)
+    narrow = Box((parameter("part", 0.0, 2.0, period=3.0),))  # less than a turn has two ends
+    assert narrow.apart(np.array([-0.9]), np.array([0.9])) == pytest.approx(0.9)
+
+
+def test_a_box_without_unknowns_has_no_points() -> None:
+    assert Box((PRIOR,)).spread(4, 1) == []
+
+
+# --- minima
+
+
+def evaluator_of(
+    rows: Callable[[FloatArray], FloatArray], *parameters: Parameter
+) -> LikelihoodEvaluator:
+    objective = whitened(rows, *parameters)
+    size = objective.data.sigma.size
+    return LikelihoodEvaluator(likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0))))
+
+
+def wells(p: FloatArray) -> FloatArray:
+    """Minima at x = -2 and 2 of chi^2 36 and 0, both at y = 1."""
+    return np.array([4.0 * (p[0] ** 2 - 4.0), 1.5 * (p[0] - 2.0), 3.0 * (p[1] - 1.0), 0.0, 0.0])
+
+
+TWO = (parameter("x", -6.0, 6.0), parameter("y", -6.0, 6.0))
+
+
+def test_all_wells_are_found_the_lowest_first() -> None:
+    evaluator = evaluator_of(wells, *TWO)
+    search = search_box(evaluator, [np.array([-3.0, 0.0])], 1, 10**6)
+    low, high = search.minima
+    assert low.x == pytest.approx([2.0, 1.0], abs=0.02)
+    assert low.chi_square == pytest.approx(0.0, abs=2e-3)
+    # beside the other the second row tilts the well: 16 (x^2 - 4) 2 x + 2.25 (x - 2) = 0 near -2
+    assert high.x == pytest.approx([-1.965, 1.0], abs=0.02)
+    assert high.chi_square == pytest.approx(wells(np.array([-1.965, 1.0])) @ wells(high.x), abs=0.3)
+    assert search.explained
+    assert (search.screened, search.screens) == (64, 1)  # noise explains it at once
+    assert search.descents == low.descents + high.descents == 9
+    assert search.evaluations == evaluator.evaluations
+    assert search.apart_by_height() == ([low], [high])
+
+
+def test_what_noise_does_not_explain_is_screened_on_to_the_budget() -> None:
+    """A row of ten that nothing lowers. Each screen is as many points as there were before."""
+    offset = lambda p: np.append(wells(p), 10.0)  # noqa: E731
+    for budget, most in ((1, 1), (500, 4)):
+        search = search_box(evaluator_of(offset, *TWO), [], 1, budget)
+        assert not search.explained
+        assert min(budget, 2) <= search.screens <= most
+        assert search.evaluations >= budget
+        assert search.screened == 64 * 2 ** (search.screens - 1)
+        assert search.descents == 8 * search.screens
+        assert search.minima[0].chi_square == pytest.approx(100.0, abs=2e-3)
+
+
+def test_boxes_of_more_parameters_are_screened_by_more_points() -> None:
+    for count, points in ((3, 64), (4, 128)):
+        own = [parameter(f"x{i}", -6.0, 6.0) for i in range(count)]
+        evaluator = evaluator_of(lambda p: np.append(3.0 * (p - 1.0), np.zeros(2)), *own)
+        search = search_box(evaluator, [], 1, 10**6)
+        assert search.explained
+        assert search.screened == points
+        assert len(search.minima) == 1
+
+
+def test_without_unknowns_only_the_starts_are_let_down() -> None:
+    evaluator = evaluator_of(lambda p: np.array([p[0] - 0.4, 0.0]), PRIOR)
+    search = search_box(evaluator, [np.zeros(1)], 1, 10**6)
+    assert (search.screened, search.screens, search.descents) == (0, 0, 1)
+
+
+def test_the_points_to_descend_from_are_the_best_that_are_alone() -> None:
+    """Ranked by sum ln(1 + row^2); of neighbours within half a spacing the better one."""
+    evaluator = evaluator_of(wells, *TWO)
+    box = Box(TWO)
+    points = box.spread(64, 5)
+    merits = [float(np.sum(np.log1p(wells(x) ** 2))) for x in points]
+    order = sorted(range(64), key=lambda k: merits[k])
+    near = 0.5 * 64**-0.5
+    alone = [
+        k
+        for i, k in enumerate(order)
+        if all(np.max(np.abs(points[k] - points[j])) / 12.0 > near for j in order[:i])
+    ]
+    found = screened(evaluator, 5)
+    assert len(found) == 8
+    wanted = [*alone, *(k for k in order if k not in alone)][:8]
+    assert [f.tolist() for f in found] == [points[k].tolist() for k in wanted]
+    assert alone[:8] != order[:8]  # it does matter
+    further = screened(evaluator, 5, 64, skip=64)
+    assert all(any(np.array_equal(f, x) for x in box.spread(128, 5)[64:]) for f in further)
+
+
+@pytest.mark.parametrize(("chi_square", "counts"), [(0.0, 1.0), (99.0, 1.0), (250.0, 2.5)])
+def test_a_difference_of_one_counts_or_of_a_hundredth(chi_square: float, counts: float) -> None:
+    assert worth(chi_square) == counts
+
+    def minimum(height: float) -> Minimum:
+        return Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height, reached=True)
+
+    minima = tuple(minimum(chi_square + step * counts) for step in (0.0, 0.99, 1.01))
+    told: dict[str, Any] = {"screened": 0, "screens": 0, "descents": 3, "explained": True}
+    search = Search(minima=minima, evaluations=0, runs=0, **told)
+    assert search.apart_by_height() == (list(minima[:2]), [minima[2]])
+    assert Search(minima=(), evaluations=0, runs=0, **told).apart_by_height() == ([], [])
+
+
+# --- twins
+
+
+def twins_of(
+    rows: Callable[[FloatArray], FloatArray], *parameters: Parameter
+) -> list[tuple[list[int], list[float], list[float]]]:
+    """Order, signs and shifts of every symmetry that is found."""
+    size = rows(np.array([p.start for p in parameters])).size
+    objective = make_objective(
+        RowsResponse(rows), parameters, dataset(np.ones(size), np.full(size, SIGMA))
+    )
+    found = find_twins(Evaluator(objective), seed=1)
+    return [(t.order.tolist(), t.signs.tolist(), t.shifts.tolist()) for t in found]
+
+
+def test_exchanges_are_found_among_boxes_that_share_a_tenth() -> None:
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([p[0] + p[1], p[0] * p[1]])
+
+    def box(lower: float, **told: Any) -> Parameter:
+        return parameter("b", lower, lower + 10.0, **told)
+
+    a = parameter("a", 0.0, 10.0)
+    assert twins_of(rows, a, box(0.0)) == [([1, 0], [1.0, 1.0], [0.0, 0.0])]
+    assert len(twins_of(rows, a, box(7.0))) == 1
+    assert twins_of(rows, a, box(9.1)) == []
+    assert twins_of(rows, a, box(0.0, unit="Hz")) == []
+    assert twins_of(rows, a, box(0.0, prior_sigma=1.0)) == []
+
+
+def test_all_orders_of_three_alike_are_found() -> None:
+    own = [parameter(name, 0.0, 10.0) for name in "abc"]
+    rows = lambda p: np.array([np.sum(p), np.sum(p**2), np.prod(p)])  # noqa: E731
+    assert len(twins_of(rows, *own)) == 5
+    two = lambda p: np.array([p[0] + p[2], p[0] * p[2], p[1]])  # noqa: E731
+    assert twins_of(two, *own) == [([2, 1, 0], [1.0] * 3, [0.0] * 3)]
+
+
+@pytest.mark.parametrize("harmonic", [1, 2, 4])
+def test_fractions_of_a_turn_and_its_reversal(harmonic: int) -> None:
+    """cos(k t) of a period of 8 is the same a k-th of it on, and reversed."""
+    own = parameter("t", -4.0, 4.0, period=8.0)
+    rows = lambda p: np.array([np.cos(2.0 * np.pi * harmonic * p[0] / 8.0), 1.0])  # noqa: E731
+    found = {(s[0], t[0] % 8.0) for _, s, t in twins_of(rows, own)}
+    turns = {8.0 * k / harmonic for k in range(harmonic)}
+    assert found == {(s, t) for s in (1.0, -1.0) for t in turns} - {(1.0, 0.0)}
+
+
+def test_a_sign_is_reversed_about_zero_and_an_angle_about_its_middle() -> None:
+    even = lambda p: np.array([p[0] ** 2, 1.0])  # noqa: E731
+    assert twins_of(even, parameter("a", -3.0, 3.0)) == [([0], [-1.0], [0.0])]
+    assert twins_of(even, parameter("a", -3.0, 4.0)) == []
+    about_two = lambda p: np.array([(p[0] - 2.0) ** 2, 1.0])  # noqa: E731
+    assert twins_of(about_two, parameter("a", 1.0, 3.0, unit="rad")) == [([0], [-1.0], [4.0])]
+    assert twins_of(about_two, parameter("a", 1.0, 3.0)) == []
+
+
+def test_rows_that_differ_by_more_than_rounding_are_no_twin() -> None:
+    own = parameter("a", -3.0, 3.0)
+    for off, found in ((1e-11, 1), (1e-7, 0)):
+        rows = lambda p, e=off: np.array([p[0] ** 2 + e * p[0], 1.0])  # noqa: E731
+        assert len(twins_of(rows, own)) == found
+    # at one place of the box only: a bump that most points do not see is no symmetry either
+    bump = lambda p: np.array([p[0] ** 2 + max(0.0, p[0] - 1.0), 1.0])  # noqa: E731
+    assert twins_of(bump, own) == []
+
+
+def test_more_candidates_than_are_tried_are_none() -> None:
+    """Five alike have 120 orders, six have 720."""
+    rows = lambda p: np.array([np.sum(p), np.sum(p**2)])  # noqa: E731
+    five = [parameter(f"x{i}", 1.0, 10.0) for i in range(5)]
+    assert len(twins_of(rows, *five)) == 119
+    assert twins_of(rows, *five, parameter("x5", 1.0, 10.0)) == []
