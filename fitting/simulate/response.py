@@ -245,7 +245,7 @@ def respond(workers: Workers, plan: DrivePlan, shown: Shown | None = None) -> Dr
         plan=plan,
         peaks=peaks,
         spectrum=spectrum,
-        lines=_mixed_lines(drive, spectrum, peaks, plan.promised),
+        lines=_mixed_lines(drive, spectrum, _oscillating(peaks, constant), plan.promised),
         remainder=_remainder(lines, np.array(constant), rounding, plan.promised),
         beating=trace,
         carrier=_trace(carrier, workers.run([carrier])[0]),
@@ -361,6 +361,11 @@ def _remainder(lines: _Lines, constant: BoolArray, rounding: float, promised: fl
     most = max(share, mixed)
     kind = RemainderKind.ROUNDING if most <= max(SMALL, rounding) else RemainderKind.SMALL
     return Remainder(kind, most, math.nan)
+
+
+def _oscillating(peaks: FloatArray, constant: tuple[bool, ...]) -> FloatArray:
+    """Peaks (tones, outputs), infinite where an output does not oscillate: no line is larger."""
+    return np.where(constant, np.inf, peaks)
 
 
 def _mixed_lines(
