@@ -1,6 +1,7 @@
 """Build the FMUs of ``fmu_src/``: the same sources and options give the same bytes.
 
     python build_fmu.py [--out DIR] [--model NAME ...] [--modes N] [--set NAME=VALUE ...]
+    python build_fmu.py --like FMU [--name NAME] [--history TEXT] [--out DIR] [--set NAME=VALUE ...]
 
 pythonfmu does the building; what it leaves to chance is settled here. Every FMU is assembled twice:
 first under a blank name, then under the name that is the digest of that content. The name goes into
@@ -63,10 +64,10 @@ SLAVE = '''\
 from {package}.bridge import attach
 from {package}.{module} import {model} as Fmi2Slave
 
-attach(globals(), {model!r})
+attach(globals(), {name!r})
 
 
-class {model}(Fmi2Slave):
+class {name}(Fmi2Slave):
     start_overrides = {overrides!r}
     guid_text = {guid!r}
 '''
@@ -82,11 +83,27 @@ class _Identity(NamedTuple):
     guid: str
 
 
+class Variant(NamedTuple):
+    """A model under a name of its own (empty: the model's), with the history of its start values.
+
+    The history is a sentence for the page in the FMU.
+    """
+
+    name: str = ""
+    history: str = ""
+
+
 class _Job(NamedTuple):
     model: str
     source: Path
     module: str
     overrides: Mapping[str, StartValue]
+    variant: Variant
+
+    @property
+    def name(self) -> str:
+        """The name of the FMU, of its binary and of its class."""
+        return self.variant.name or self.model
 
 
 def build(
@@ -95,16 +112,20 @@ def build(
     start_values: Mapping[str, StartValue] | None = None,
     *,
     source: Path = SOURCE,
+    variant: Variant | None = None,
 ) -> Path:
     """Build one model into ``out`` and return the path of the FMU.
 
     ``start_values`` replaces start values of parameters, by variable name, in the variable's unit;
-    text is read as on the command line. ``source`` is the package with the models.
+    text is read as on the command line. ``source`` is the package with the models; ``variant``
+    gives the FMU another name.
 
     Raises ``BuildError`` for an unknown model and for a start value that is unknown, not a
     parameter's, of the wrong type or out of bounds; nothing is written then.
     """
-    return build_all([model], out, start_values, source=source)[0]
+    content = fmu_bytes(model, start_values, source=source, variant=variant)
+    name = variant.name if variant is not None and variant.name else model
+    return _write_all({name: content}, out)[0]
 
 
 def build_all(
@@ -120,6 +141,10 @@ def build_all(
     """
     names = list(models) if models is not None else list(model_modules(source))
     contents = {name: fmu_bytes(name, start_values, source=source) for name in names}
+    return _write_all(contents, out)
+
+
+def _write_all(contents: Mapping[str, bytes], out: str | os.PathLike[str]) -> list[Path]:
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -133,14 +158,18 @@ def fmu_bytes(
     start_values: Mapping[str, StartValue] | None = None,
     *,
     source: Path = SOURCE,
+    variant: Variant | None = None,
 ) -> bytes:
     """Return the archive of one FMU; raises ``BuildError`` as ``build`` does."""
+    variant = variant or Variant()
+    if variant.name and (not variant.name.isascii() or not variant.name.isidentifier()):
+        raise BuildError(f"name {variant.name!r}: wanted letters, digits and _, no digit first")
     module_name = _module_of(model, source)
     with _loaded(source, module_name) as module:
         model_class = getattr(module, model)
         overrides = checked_start_values(model_class, start_values or {})
         _try_start(model_class, overrides)
-        job = _Job(model, source, module_name, overrides)
+        job = _Job(model, source, module_name, overrides, variant)
 
         def entries(identity: _Identity) -> list[_Entry]:
             with tempfile.TemporaryDirectory(prefix="build_fmu_") as folder:
@@ -181,6 +210,39 @@ def _module_of(model: str, source: Path) -> str:
             return str(module)
         names.append(f"{family}{least} to {family}{most}")
     raise BuildError(f"there is no model {model!r}; there are {', '.join(names)}")
+
+
+class Built(NamedTuple):
+    """What an FMU of this builder was built from: the model, the start values that it replaced."""
+
+    model: str
+    start_values: Mapping[str, StartValue]
+
+
+def built_from(fmu: Path) -> Built:
+    """Return what an FMU was built from; raises ``BuildError`` if this builder did not make it."""
+    try:
+        with zipfile.ZipFile(fmu) as archive:
+            module = archive.read("resources/slavemodule.txt").decode().strip()
+            tree = ast.parse(archive.read(f"resources/{module}.py"))
+        imported = next(
+            alias.name
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+            if alias.asname == "Fmi2Slave"
+        )
+        slave = next(node for node in tree.body if isinstance(node, ast.ClassDef))
+        values = next(
+            ast.literal_eval(node.value)
+            for node in slave.body
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "start_overrides"
+        )
+        return Built(imported, dict(values))
+    except OSError as error:
+        raise BuildError(f"{fmu}: cannot be read: {error.strerror}") from error
+    except (zipfile.BadZipFile, KeyError, StopIteration, SyntaxError, ValueError) as error:
+        raise BuildError(f"{fmu}: is no FMU that build_fmu.py made") from error
 
 
 # --- loading the sources without leaving a trace -------------------------------------------------
@@ -247,15 +309,16 @@ def _identity(entries: Sequence[_Entry]) -> _Identity:
 
 def _assemble(stage: Path, job: _Job, identity: _Identity) -> list[_Entry]:
     """Let pythonfmu build the FMU in ``stage`` and return its content, sorted by name."""
-    package = stage / f"fmu_{job.model.lower()}_{identity.tag}"
+    package = stage / f"fmu_{job.name.lower()}_{identity.tag}"
     package.mkdir()
     for name in ["__init__", *needed_modules(job.source, job.module, BRIDGE)]:
         (package / f"{name}.py").write_bytes((job.source / f"{name}.py").read_bytes())
-    script = stage / f"slave_{job.model.lower()}_{identity.tag}.py"
+    script = stage / f"slave_{job.name.lower()}_{identity.tag}.py"
     slave = SLAVE.format(
         package=package.name,
         module=job.module,
         model=job.model,
+        name=job.name,
         overrides=dict(job.overrides),
         guid=identity.guid,
     )
@@ -311,7 +374,8 @@ def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
     family = job.model.rstrip("0123456789")
     templates = [f"{name}.html.j2" for name in (job.model, family, "base")]
     return environment.select_template(templates).render(
-        model=job.model,
+        model=job.name,
+        history=job.variant.history,
         description=model_class.description,
         version=model_class.version,
         guid=identity.guid,
@@ -378,9 +442,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="NAME=VALUE",
         help="other start values of parameters, in the units of the FMU",
     )
+    parser.add_argument(
+        "--like",
+        type=Path,
+        metavar="FMU",
+        help="build the model of this FMU, which build_fmu.py made, with its start values",
+    )
+    parser.add_argument("--name", default="", help="with --like: another name for the FMU")
+    parser.add_argument(
+        "--history", default="", help="with --like: a sentence on the start values, for its page"
+    )
     options = parser.parse_args(arguments)
     try:
         start_values = dict(_assignment(text) for text in options.set)
+        if options.like is None and (options.name or options.history):
+            raise BuildError("--name and --history: have a meaning with --like alone")
+        if options.like is not None:
+            print(_build_like(options, start_values))
+            return 0
         models = _numbered(options.model, options.modes)
         for path in build_all(models, options.out, start_values):
             print(path)
@@ -388,6 +467,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"build_fmu.py: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _build_like(options: argparse.Namespace, start_values: Mapping[str, str]) -> Path:
+    if options.model or options.modes:
+        raise BuildError("--like: has the model and its modes; --model and --modes have no meaning")
+    like = built_from(options.like)
+    variant = Variant(options.name, options.history)
+    return build(like.model, options.out, {**like.start_values, **start_values}, variant=variant)
 
 
 def _numbered(models: Sequence[str] | None, modes: str | None) -> Sequence[str] | None:

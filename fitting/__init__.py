@@ -14,6 +14,7 @@ __version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from fitting.api import plot
+    from fitting.api.calibration import calibrate
     from fitting.api.check import check
     from fitting.api.design import Goal, Limits, design, limits
     from fitting.api.examples import example
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
 #: nothing and a worker process or ``--help`` loads no more than it needs.
 _HOMES = {
+    "api.calibration": ("calibrate",),
     "api.check": ("check",),
     "api.design": ("Goal", "Limits", "design", "limits"),
     "api.examples": ("example",),
@@ -86,6 +88,7 @@ __all__ = [
     "Value",
     "Wiring",
     "__version__",
+    "calibrate",
     "check",
     "design",
     "example",

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.api.fmu import Fmu, held_fmu
+from fitting.api.start_values import Starts, started
 from fitting.campaign import Campaign, WrittenFmu, bind
 from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
@@ -96,6 +97,7 @@ class Problem:
         fmu: Fmu | None = None,
         *,
         accuracy: float | None = None,
+        start: Starts | None = None,
     ) -> Problem:
         """The problem of one campaign, or of several of one sample together.
 
@@ -104,6 +106,8 @@ class Problem:
             fmu: The FMU; None: the one that the campaigns name.
             accuracy: Wanted relative accuracy of simulated amplitudes, between 0 and 1; None: the
                 campaigns' own.
+            start: Where the search sets out from: values by parameter in its unit, or the path of a
+                parameter set (.ssv); None: the campaigns' own.
 
         Raises:
             BadInput: campaigns that cannot be read, contradict each other or do not fit the FMU.
@@ -119,6 +123,8 @@ class Problem:
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
             bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+        if start is not None:
+            bound = started(bound, start)
         record = problem_of(bound)
         refuse_repeats(bound)
         made = cls.__new__(cls)

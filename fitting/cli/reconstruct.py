@@ -82,6 +82,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole_number(1),
         help="starts followed; 1: no search (the campaign's)",
     )
+    parser.add_argument(
+        "--start",
+        type=Path,
+        metavar="SET.ssv",
+        help="start at the values of a parameter set (the campaign's)",
+    )
     parser.add_argument("--quick", action="store_true", help="one start, looser tolerances")
     parser.add_argument(
         "--no-profiles", action="store_true", help="linearised errors only: no profile likelihood"
@@ -112,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu:
-        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy)
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         check_external(args.external, _units(problem))
         memory = _memory(args, problem, out)
         try:

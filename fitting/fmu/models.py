@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.scratch import Scratch
@@ -51,9 +54,58 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
         return cache / built.name
 
 
+@dataclass(frozen=True, kw_only=True)
+class Rebuilding:
+    """A shipped model with other start values: its new name, and their history in a sentence."""
+
+    name: str
+    history: str
+    start_values: Mapping[str, Scalar]
+
+
+def rebuilt(fmu: Path, wanted: Rebuilding, out: Path) -> Path | None:
+    """Build the model of an FMU again with other start values; None if it is none of this project.
+
+    An FMU is one of this project only if its builder makes the very same bytes of it.
+
+    Args:
+        fmu: path of an FMU.
+        wanted: name and start values of the new one.
+        out: folder for it.
+
+    Raises:
+        BadInput: a start value that the model refuses, in the builder's words.
+    """
+    with Scratch() as folder, ThreadPoolExecutor(1) as thread:
+        like = ["--like", str(fmu)]
+        try:
+            same = thread.submit(_builder, like, folder).result()
+        except BadInput:  # another builder's, or of sources that are not here
+            return None
+        if same.read_bytes() != fmu.read_bytes():
+            return None
+        named = ["--name", wanted.name, "--history", wanted.history]
+        values = [f"{name}={_start(value)}" for name, value in wanted.start_values.items()]
+        asked = [*like, *named, *(["--set", *values] if values else [])]
+        built = thread.submit(_builder, asked, folder).result()
+        write_whole(out / built.name, built.read_bytes())
+        return out / built.name
+
+
+def _start(value: Scalar) -> str:
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
 def _build(model: str, folder: Path) -> Path:
-    builder = shipped(BUILDER)
-    command = [sys.executable, str(builder), "--model", model, "--out", str(folder)]
+    try:
+        return _builder(["--model", model], folder)
+    except BadInput as error:
+        raise BadInput(f"model {model!r} could not be built: {error}") from error
+
+
+def _builder(words: Sequence[str], folder: Path) -> Path:
+    """Run the builder into a folder; the path of the FMU, or its own complaint."""
+    command = [sys.executable, str(shipped(BUILDER)), *words, "--out", str(folder)]
     built = subprocess.run(  # noqa: S603
         command,
         stdin=subprocess.DEVNULL,
@@ -66,5 +118,5 @@ def _build(model: str, folder: Path) -> Path:
     lines = built.stdout.strip().splitlines()
     if built.returncode != 0 or not lines:
         said = built.stderr.strip().splitlines() or ["no message"]
-        raise BadInput(f"model {model!r} could not be built: {said[-1]}")
+        raise BadInput(said[-1])
     return Path(lines[-1])

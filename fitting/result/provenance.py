@@ -17,6 +17,7 @@ from fitting.campaign import BoundCampaign
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
 from fitting.result.result import Provenance
+from fitting.text.arrays import Scalar
 from fitting.text.files import read_whole
 from fitting.text.records import to_plain
 
@@ -47,6 +48,7 @@ def job_of(problem: Problem, identity: Identity, options: Options) -> str:
         "fmu": identity.sha256,
         "options": to_plain({"schedule": options.schedule, "solve": options.solve}),
         "accuracy": problem.accuracy,
+        "starts": {parameter.name: parameter.start for parameter in problem.parameters},
         "version": fitting.__version__,
         "versions": {name: version(name) for name in ("numpy", "scipy")},
     }
@@ -88,8 +90,15 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
             "optimality_relative": solve.relative,
         },
         plan=identity.plan,
+        start_values=_start_values(problem),
         finished=datetime.now(UTC).isoformat(timespec="seconds"),
     )
+
+
+def _start_values(problem: Problem) -> dict[str, Scalar]:
+    """Start values of the FMU that all campaigns agree on."""
+    first, *others = (bound.setup.start_values for bound in problem.campaigns.values())
+    return {n: v for n, v in first.items() if all(other.get(n) == v for other in others)}
 
 
 def _first(problem: Problem) -> BoundCampaign:

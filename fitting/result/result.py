@@ -96,7 +96,7 @@ class Provenance:
     """Where the result comes from; `plan` and `notes` in sentences.
 
     `notes` are about the run, not about the result. `files`: path as seen from the campaign's
-    folder -> sha256.
+    folder -> sha256. `start_values` are those of the FMU that were set beside the fitted ones.
     """
 
     fmu_name: str
@@ -112,6 +112,7 @@ class Provenance:
     plan: tuple[str, ...]
     finished: str
     notes: tuple[str, ...] = ()
+    start_values: Mapping[str, Scalar] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

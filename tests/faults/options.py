@@ -24,6 +24,7 @@ COMPLETE: Mapping[str, tuple[str, ...]] = {
     "simulate": (f"{HERE}/{FMU}", *OUTPUT, "--plan", "--set", "A2=0"),
     "sweep": (f"{HERE}/{FMU}", *OUTPUT, "--from", "300 Hz", "--to", "340 Hz", "--points", "3"),
     "synthesize": ("--series", "q1", *OUTPUT),
+    "calibrate": (ABSENT, *OUTPUT),
     "check": (f"{HERE}/{FMU}",),
     "example": ("string_q1", *OUTPUT),
 }

@@ -359,3 +359,49 @@ def test_links_inside_the_fmu_lead_somewhere(page: Page, oscillator_fmu: Path) -
     assert own == (ROOT / "LICENSE").read_text(encoding="utf-8")
     assert bridge.startswith("MIT License")
     assert "NTNU" in bridge
+
+
+def test_like_builds_the_same_bytes_again_and_other_values_under_another_name(
+    tmp_path: Path,
+) -> None:
+    first = build("CoupledOscillator", tmp_path, {"theta": 1.95})
+    words = ["--like", str(first), "--out"]
+    assert main([*words, str(tmp_path / "again")]) == 0
+    assert (tmp_path / "again" / first.name).read_bytes() == first.read_bytes()
+    named = ["--name", "String7", "--history", "Fitted & checked.", "--set", "d1=94.5"]
+    assert main([*words, str(tmp_path), *named]) == 0
+    other = tmp_path / "String7.fmu"
+    assert (start(other, "theta"), start(other, "d1")) == ("1.95", "94.5")
+    assert description(other).get("modelName") == "String7"
+    assert guid(other) != guid(first)
+    with zipfile.ZipFile(other) as archive:
+        assert "Fitted &amp; checked." in archive.read("documentation/index.html").decode()
+    assert build_fmu.built_from(other).start_values == {"theta": 1.95, "d1": 94.5}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--like", "{fmu}", "--name", "7"], "name '7': wanted letters, digits and _"),
+        (["--like", "{here}/none.fmu"], "none.fmu: cannot be read: No such file"),
+        (["--like", "{here}/text.fmu"], "text.fmu: is no FMU that build_fmu.py made"),
+        (
+            ["--like", "{fmu}", "--model", "CoupledOscillator"],
+            "--model and --modes have no meaning",
+        ),
+        (["--name", "x"], "have a meaning with --like alone"),
+    ],
+    ids=["name", "absent", "text", "model", "alone"],
+)
+def test_like_refuses_what_it_cannot_build(
+    words: list[str],
+    told: str,
+    oscillator_fmu: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "text.fmu").write_text("no archive")
+    given = [word.format(fmu=oscillator_fmu, here=tmp_path) for word in words]
+    assert main([*given, "--out", str(tmp_path / "out")]) == 2
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

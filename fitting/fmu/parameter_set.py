@@ -1,0 +1,177 @@
+"""Parameter sets (.ssv) and system structures (.ssp) for other tools, by the SSP standard 1.0.
+
+Source: Modelica Association, System Structure and Parameterization 1.0; fmpy brings its schemas.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+from fitting.fmu.description import FmuDescription, FmuVariable
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+from fitting.text.files import read_whole
+
+STRUCTURE = "SystemStructure.ssd"
+SET_TYPE = "application/x-ssp-parameter-set"
+FMU_TYPE = "application/x-fmu-sharedlibrary"
+#: Of the annotation that holds errors and verdicts.
+TOOL = "fmu-fit"
+_STANDARD = "http://ssp-standard.org/SSP1/SystemStructure"
+_NAMES = {
+    "ssc": f"{_STANDARD}Common",
+    "ssd": f"{_STANDARD}Description",
+    "ssv": f"{_STANDARD}ParameterValues",
+}
+#: The earliest date that an archive can hold: the same content gives the same bytes.
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetValue:
+    """A value of a parameter set, in ``unit``; ``notes`` by name go into its annotation."""
+
+    name: str
+    value: Scalar
+    unit: str | None = None
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+
+def parameter_set(title: str, values: Sequence[SetValue], description: FmuDescription) -> str:
+    """A parameter set as the text of an .ssv file.
+
+    Args:
+        title: name of the set.
+        values: of parameters of the FMU, in its units.
+        description: of the FMU, which defines the units.
+    """
+    root = _element("ssv:ParameterSet", version="1.0", name=title, generationTool=TOOL)
+    table = _element("ssv:Parameters", root)
+    for value in values:
+        parameter = _element("ssv:Parameter", table, name=value.name)
+        kind, text = _written(value.value, description.variable(value.name))
+        unit = {"unit": value.unit} if value.unit and kind == "Real" else {}
+        _element(f"ssv:{kind}", parameter, value=text, **unit)
+        if value.notes:
+            note = _element("ssv:Annotations", parameter)
+            note = _element("ssc:Annotation", note, type=TOOL)
+            ElementTree.SubElement(note, "Known", dict(value.notes))
+    used = {value.unit for value in values if value.unit}
+    found = [unit for unit in _units(description) if unit.get("name") in used]
+    if found:
+        units = _element("ssv:Units", root)
+        for unit in found:
+            _unit(unit, units)
+    return _text(root)
+
+
+def _written(value: Scalar, variable: FmuVariable) -> tuple[str, str]:
+    """The type in a parameter set, and the value as text."""
+    if variable.kind == "Boolean":
+        return "Boolean", str(bool(value)).lower()
+    if variable.kind == "Integer":
+        return "Integer", str(int(value))
+    return ("Real", repr(float(value))) if variable.kind == "Real" else ("String", str(value))
+
+
+def system_structure(fmu: Path, values: str, description: FmuDescription) -> bytes:
+    """An .ssp archive of one component: the FMU and its parameter set.
+
+    Args:
+        fmu: path of the FMU that goes in.
+        values: text of the parameter set.
+        description: of the FMU.
+    """
+    name = description.model_name
+    root = _element("ssd:SystemStructureDescription", version="1.0", name=name)
+    elements = _element("ssd:Elements", _element("ssd:System", root, name=name))
+    source, bound = f"resources/{fmu.name}", f"resources/{fmu.stem}.ssv"
+    component = _element("ssd:Component", elements, name=name, source=source, type=FMU_TYPE)
+    connectors = _element("ssd:Connectors", component)
+    for variable in description.variables.values():
+        if variable.causality in ("input", "output", "parameter") and variable.kind != "other":
+            ends = {"name": variable.name, "kind": variable.causality}
+            _element(f"ssc:{variable.kind}", _element("ssd:Connector", connectors, **ends))
+    bindings = _element("ssd:ParameterBindings", component)
+    _element("ssd:ParameterBinding", bindings, type=SET_TYPE, source=bound)
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for member, content in (
+            (STRUCTURE, _text(root).encode()),
+            (source, fmu.read_bytes()),
+            (bound, values.encode()),
+        ):
+            archive.writestr(zipfile.ZipInfo(member, _DATE), content, zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
+
+
+def read_parameter_set(path: Path) -> list[SetValue]:
+    """The values of an .ssv file.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        BadInput: no such file, or none that the standard's schema allows.
+    """
+    from fmpy.ssp.ssd import read_ssv  # slow to load
+
+    content = read_whole(path, "a parameter set (.ssv)")
+    try:
+        found = read_ssv(io.BytesIO(content))
+    except Exception as error:  # of fmpy, without a class of its own
+        told = " ".join(str(error).replace("SystemStructure.ssd", "the file").split())
+        raise BadInput(f"{path}: is no parameter set (.ssv): {told}") from error
+    return [
+        SetValue(name=p.name, value=_value(p.type, p.value, f"{path}: {p.name}"), unit=p.unit)
+        for p in found.parameters
+    ]
+
+
+def _value(kind: str, text: str, where: str) -> Scalar:
+    if kind == "Real":
+        return float(text)
+    if kind == "Integer":
+        return int(text)
+    if kind == "Boolean":
+        return text in ("true", "1")
+    if kind == "String":
+        return text
+    raise BadInput(f"{where}: found a value of type {kind}, wanted a number, a Boolean or a text")
+
+
+def _units(description: FmuDescription) -> list[ElementTree.Element]:
+    """The definitions of units in the FMU, by FMI."""
+    with zipfile.ZipFile(description.path) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))  # noqa: S314
+    return root.findall("UnitDefinitions/Unit")
+
+
+def _unit(defined: ElementTree.Element, units: ElementTree.Element) -> None:
+    """The same definition by SSP, whose base units are those of FMI."""
+    base = defined.find("BaseUnit")
+    unit = _element("ssc:Unit", units, name=str(defined.get("name")))
+    _element("ssc:BaseUnit", unit, **({} if base is None else base.attrib))
+
+
+def _element(
+    tag: str, parent: ElementTree.Element | None = None, **attributes: str
+) -> ElementTree.Element:
+    prefix, _, name = tag.partition(":")
+    full = f"{{{_NAMES[prefix]}}}{name}"
+    if parent is None:
+        return ElementTree.Element(full, attributes)
+    return ElementTree.SubElement(parent, full, attributes)
+
+
+def _text(root: ElementTree.Element) -> str:
+    for prefix, name in _NAMES.items():
+        ElementTree.register_namespace(prefix, name)
+    ElementTree.indent(root)
+    body = ElementTree.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{body}\n'

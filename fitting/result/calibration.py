@@ -1,0 +1,143 @@
+"""Which values of a result are handed on to other tools, and which are left, with the reason."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from fitting.fmu.description import FmuDescription
+from fitting.fmu.parameter_set import SetValue
+from fitting.inference.values import ParameterResult
+from fitting.inference.verdict import Verdict
+from fitting.result.result import Result
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+from fitting.text.units import convert
+
+
+@dataclass(frozen=True, kw_only=True)
+class Handed:
+    """One fitted parameter: its value, error and 95 % interval in ``unit``, that of the FMU.
+
+    ``left`` is the reason why it is not handed on; empty: it is.
+    """
+
+    name: str
+    value: float
+    unit: str
+    std: float
+    ci95: tuple[float, float]
+    verdict: Verdict
+    left: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What a result hands on: ``parameters``, ``settings``, and what the campaign set beside.
+
+    ``settings`` are of the alternative that fits best, ``open_settings`` those of one that others
+    equal, which are left. ``campaign_values`` are start
+    values of the campaign, with which the parameters were fitted.
+    """
+
+    parameters: tuple[Handed, ...]
+    campaign_values: Mapping[str, Scalar]
+    settings: Mapping[str, Scalar]
+    open_settings: Mapping[str, Scalar]
+
+    @property
+    def handed(self) -> tuple[Handed, ...]:
+        """The parameters that are handed on."""
+        return tuple(p for p in self.parameters if not p.left)
+
+    @property
+    def start_values(self) -> dict[str, Scalar]:
+        """Start values by variable of the FMU, in its units."""
+        fitted = {p.name: p.value for p in self.handed}
+        return {**self.campaign_values, **self.settings, **fitted}
+
+    def set_values(self) -> list[SetValue]:
+        """The same for a parameter set, with errors and verdicts as notes."""
+        plain = {**self.campaign_values, **self.settings}
+        return [SetValue(name=name, value=value) for name, value in plain.items()] + [
+            SetValue(name=p.name, value=p.value, unit=p.unit or None, notes=_notes(p))
+            for p in self.handed
+        ]
+
+
+def calibration(result: Result, description: FmuDescription, also: Collection[str]) -> Calibration:
+    """What a result hands on to an FMU: by itself only what the data determine.
+
+    Args:
+        result: of a reconstruction.
+        description: of the FMU.
+        also: parameters that are handed on although the data do not determine them.
+
+    Raises:
+        BadInput: ``also`` names what was not fitted.
+    """
+    known = (*result.parameters, *result.alternative)
+    for name in also:
+        if name not in known:
+            raise BadInput(f"also: {name!r} was not fitted, wanted one of {', '.join(known)}")
+    parameters = tuple(
+        _handed(name, value, description, name in also) for name, value in result.parameters.items()
+    )
+    tied = sum(a.equal_to_best for a in result.alternatives) > 1
+    form = {n: v for n, v in result.alternative.items() if n in description.variables}
+    sure = {name: value for name, value in form.items() if not tied or name in also}
+    left = {name: value for name, value in form.items() if name not in sure}
+    return Calibration(
+        parameters=parameters,
+        campaign_values=result.provenance.start_values,
+        settings=sure,
+        open_settings=left,
+    )
+
+
+def _handed(name: str, found: ParameterResult, description: FmuDescription, wanted: bool) -> Handed:
+    variable = description.variables.get(name)
+    unit = found.unit
+    if variable is None:
+        left = "is no variable of the FMU"
+    elif not variable.can_be_started:
+        left = "cannot be set in the FMU"
+    else:
+        left = "" if wanted or found.identifiable is Verdict.DETERMINED else str(found.identifiable)
+        unit = variable.unit or unit
+    factor = convert(1.0, found.unit, unit, where=name) if unit != found.unit else 1.0
+    low, high = (factor * end for end in found.ci95)
+    return Handed(
+        name=name,
+        value=factor * found.value,
+        unit=unit,
+        std=factor * found.std,
+        ci95=(low, high),
+        verdict=found.identifiable,
+        left=left,
+    )
+
+
+def _notes(p: Handed) -> dict[str, str]:
+    numbers = {"std": p.std, "ci95_low": p.ci95[0], "ci95_high": p.ci95[1]}
+    return {"verdict": str(p.verdict)} | {
+        name: repr(value) for name, value in numbers.items() if not math.isnan(value)
+    }
+
+
+def calibration_csv(found: Calibration) -> str:
+    """All fitted parameters as CSV: value, error, interval, verdict, and whether it is handed on.
+
+    Args:
+        found: what is handed on.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["name", "unit", "value", "std", "ci95_low", "ci95_high", "verdict", "left"])
+    for p in found.parameters:
+        numbers = ("" if math.isnan(v) else repr(v) for v in (p.value, p.std, *p.ci95))
+        writer.writerow([p.name, p.unit, *numbers, p.verdict, p.left])
+    return text.getvalue()
