@@ -52,20 +52,22 @@ def parameter_set(title: str, values: Sequence[SetValue], description: FmuDescri
     """
     root = _element("ssv:ParameterSet", version="1.0", name=title, generationTool=TOOL)
     table = _element("ssv:Parameters", root)
+    defined = {str(unit.get("name")): unit for unit in _units(description)}
+    used: dict[str, ElementTree.Element] = {}
     for value in values:
         parameter = _element("ssv:Parameter", table, name=value.name)
         kind, text = _written(value.value, description.variable(value.name))
-        unit = {"unit": value.unit} if value.unit and kind == "Real" else {}
-        _element(f"ssv:{kind}", parameter, value=text, **unit)
+        attributes = {"value": text}
+        if kind == "Real" and value.unit in defined:  # the standard wants it defined in the file
+            attributes["unit"] = value.unit
+            used[value.unit] = defined[value.unit]
+        _element(f"ssv:{kind}", parameter, **attributes)
         if value.notes:
-            note = _element("ssv:Annotations", parameter)
-            note = _element("ssc:Annotation", note, type=TOOL)
+            note = _element("ssc:Annotation", _element("ssv:Annotations", parameter), type=TOOL)
             ElementTree.SubElement(note, "Known", dict(value.notes))
-    used = {value.unit for value in values if value.unit}
-    found = [unit for unit in _units(description) if unit.get("name") in used]
-    if found:
+    if used:
         units = _element("ssv:Units", root)
-        for unit in found:
+        for unit in used.values():
             _unit(unit, units)
     return _text(root)
 

@@ -47,7 +47,7 @@ def line(result: Result, times: np.ndarray, u_hz: float, amplitude: float) -> np
     """The textbook's periodic solution of q'' + 2 pi d q' + (2 pi eta)^2 q = A cos 2 pi u t."""
     eta, d = result.parameters["eta_plus"].value, result.parameters["d1"].value
     denominator = 4.0 * np.pi**2 * ((eta - u_hz) * (eta + u_hz) + 1j * u_hz * d)
-    return np.real(amplitude / denominator * np.exp(2j * np.pi * u_hz * times))
+    return np.asarray(np.real(amplitude / denominator * np.exp(2j * np.pi * u_hz * times)))
 
 
 DRIVEN = {"u1": 30280.0, "u2": 30290.0, "A1": 1.0, "A2": 0.5}
