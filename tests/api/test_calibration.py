@@ -55,7 +55,7 @@ DRIVEN = {"u1": 30280.0, "u2": 30290.0, "A1": 1.0, "A2": 0.5}
 
 def truth(result: Result, times: np.ndarray) -> np.ndarray:
     first = line(result, times, DRIVEN["u1"], DRIVEN["A1"])
-    return np.add(first, line(result, times, DRIVEN["u2"], DRIVEN["A2"]))
+    return np.asarray(first + line(result, times, DRIVEN["u2"], DRIVEN["A2"]))
 
 
 def worst(found: np.ndarray, wanted: np.ndarray) -> float:
