@@ -290,6 +290,10 @@ class WrittenExperiments(WrittenTrace):
             )
 
     def _check_phases(self) -> None:
+        for name in self.data_columns:
+            if self.data_columns.count(name) > 1:
+                key = "phases" if self.phases else "y" if self.x else "peak_sigmas"
+                raise Refused(f"'{name}' is named twice, wanted a column for each", key)
         if self.phases and not self.peaks:
             raise Refused("wanted only beside 'peaks'", "phases")
         if self.phases and len(self.phases) != len(self.peaks):
