@@ -104,12 +104,12 @@ def _memory_bytes(pids: Iterable[int]) -> float:
     if sys.platform != "linux":
         return math.nan
     try:
-        return float(sum(_resident_bytes(pid) for pid in ("self", *pids)))
+        return float(sum(map(_resident_bytes, ("self", *map(str, pids)))))
     except (OSError, ValueError):
         return math.nan
 
 
-def _resident_bytes(pid: int | str) -> int:
+def _resident_bytes(pid: str) -> int:
     text = Path(f"/proc/{pid}/status").read_text("ascii", "replace")
     [line] = [line for line in text.splitlines() if line.startswith("VmRSS:")]
     return 1024 * int(line.split()[1])
