@@ -127,7 +127,12 @@ def read_complex(
             radians that are degrees or degrees that are radians.
     """
     columns = columns or WrittenComplexColumns()
-    selection = Selection(chunk=chunk, trace=trace)
+    selection = Selection(
+        frequency=columns.frequency,
+        amplitude=columns.amplitude or columns.x,
+        trace=trace,
+        chunk=chunk,
+    )
     recording = read_recording(path, layout, selection)
     frequency = frequency_of(recording, columns.frequency)
     drive = recording.column(columns.drive) if columns.drive else None

@@ -193,7 +193,7 @@ class WrittenTrace(Keys):
     """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
     where the file tells none."""
     trace: Annotated[Count | None, Usually(1)] = None
-    """(rohde-schwarz only) which trace, from 1."""
+    """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
 

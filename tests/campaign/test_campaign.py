@@ -308,7 +308,7 @@ READING = [
         TOML,
         'layout = "csv"',
         'layout = "csv"\ntrace = 2',
-        '[experiments] trace: has no meaning with layout = "csv", only with layout = "rohde-',
+        '[experiments] trace: has no meaning with layout = "csv", only with layout = "keysight" or',
     ),
     (
         TOML,

@@ -49,8 +49,8 @@ class Selection:
     """What to take from a file that holds more: column names, trace number, chunk.
 
     Empty names mean the usual ones, and a name may say the unit that the file does not, as
-    "column 2 (mV)"; ``trace`` counts from 1 (rohde-schwarz); ``chunk`` is the sweep's number as
-    LabOne writes it (None: the file must hold one only).
+    "column 2 (mV)"; ``trace`` counts from 1 (rohde-schwarz, keysight); ``chunk`` is the sweep's
+    number as LabOne writes it (None: the file must hold one only).
     """
 
     frequency: str = ""
