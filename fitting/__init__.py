@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     from fitting.api import plot
     from fitting.api.calibration import calibrate
     from fitting.api.check import check
-    from fitting.api.cost import Cost, cost
     from fitting.api.design import Goal, Limits, design, limits
     from fitting.api.examples import example
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
     from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
+    from fitting.api.init import init
     from fitting.api.jobs import identify, report
+    from fitting.api.line import Columns, Line, line, write_line
     from fitting.api.problem import Problem
     from fitting.api.synthesis import synthesize, synthesize_curves
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
@@ -42,12 +43,13 @@ if TYPE_CHECKING:
 _HOMES = {
     "api.calibration": ("calibrate",),
     "api.check": ("check",),
-    "api.cost": ("Cost", "cost"),
     "api.design": ("Goal", "Limits", "design", "limits"),
     "api.examples": ("example",),
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
     "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
+    "api.init": ("init",),
     "api.jobs": ("identify", "report"),
+    "api.line": ("Columns", "Line", "line", "write_line"),
     "api.problem": ("Problem",),
     "api.synthesis": ("synthesize", "synthesize_curves"),
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
@@ -67,11 +69,11 @@ _HOMES = {
 __all__ = [
     "Accuracy",
     "BadInput",
+    "Columns",
     "ComplexCurve",
     "ComplexSweep",
     "ControlSpectrum",
     "ControlSweep",
-    "Cost",
     "Drive",
     "Fit",
     "Fmu",
@@ -80,6 +82,7 @@ __all__ = [
     "Inference",
     "Laws",
     "Limits",
+    "Line",
     "Noise",
     "Parameter",
     "Problem",
@@ -93,12 +96,13 @@ __all__ = [
     "__version__",
     "calibrate",
     "check",
-    "cost",
     "design",
     "example",
     "fit",
     "identify",
+    "init",
     "limits",
+    "line",
     "plot",
     "profile",
     "read_campaign",
@@ -108,6 +112,7 @@ __all__ = [
     "synthesize",
     "synthesize_curves",
     "tradeoff",
+    "write_line",
     "write_tradeoff",
 ]
 

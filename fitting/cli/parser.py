@@ -17,6 +17,8 @@ from fitting.text.errors import BadInput, did_you_mean
 #: called: the list of all takes no library.
 COMMANDS = {
     "example": "a shipped campaign with all its files, to try and to start from",
+    "line": "one resonance of one file, no campaign: frequency, width, Q with honest errors",
+    "init": "a commented campaign that runs as it is, from files of measurements and an FMU",
     "reconstruct": "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a "
     "report",
     "identify": "what these data determine, before or after a fit: directions, intervals, verdicts",

@@ -87,11 +87,16 @@ def fault_sentences(problem: Problem, explained: Collection[str] = ()) -> list[s
         if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
         faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-        said += [f"{name}: {_fault(f)}" if name else _fault(f) for f in faults]
+        said += [f"{name}: {fault_sentence(f)}" if name else fault_sentence(f) for f in faults]
     return said
 
 
-def _fault(found: SweepFault) -> str:
+def fault_sentence(found: SweepFault) -> str:
+    """What makes a sweep no damped line, in words.
+
+    Args:
+        found: the fault.
+    """
     size = with_error(100.0 * found.size, 100.0 * found.std, "%")
     plain, taken = (hertz(width, digits=4) for width in found.width_hz)
     widths = f" Its width, with this taken into account, is {taken}; without, {plain}."

@@ -31,16 +31,17 @@ from fitting.report.tables.values import (
 from fitting.report.words.agreement import agreement_sentences
 from fitting.report.words.inference import knowledge_heading, knowledge_words
 from fitting.report.words.plan import remarks
-from fitting.report.words.result import ending_words
 from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
     deviation_sentence,
     equal_alternatives_sentence,
+    scalar_words,
+    settings_words,
     tied_sentences,
     value_sentence,
 )
 from fitting.result.result import STATUSES, Result
-from fitting.text.notation import number, scalar_words, settings_words
+from fitting.text.notation import number
 
 Figures = tuple[FigureFile, ...]
 #: Names of figures by the section that they belong to; what is in none gets one of its own.
@@ -76,22 +77,11 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
     return Page(
         title=result.title,
         kind="reconstruction",
-        status=status_of(result),
+        status=Status(result.status, result.message, result.status == STATUSES[0]),
         sections=sections_of(result, data, figures),
         synthetic=result.synthetic,
         warnings=result.warnings,
     )
-
-
-def status_of(result: Result) -> Status:
-    """How it ended: good only where the model describes the data, and doubtful unless wholly so.
-
-    Args:
-        result: of a reconstruction.
-    """
-    words, message = ending_words(result)
-    good = result.status == STATUSES[0]
-    return Status(words, message, good, doubtful=not result.ending.whole)
 
 
 def sections_of(

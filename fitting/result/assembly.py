@@ -75,7 +75,6 @@ def result_of(
         knowledge=inference.knowledge,
         plan=plan,
         quadratures=inference.quadratures,
-        ending=inference.ending,
     )
 
 

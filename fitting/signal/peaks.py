@@ -257,6 +257,7 @@ def fit_resonance(
     *,
     background: str = "none",
     sigma_v: float | None = None,
+    dip: bool = False,
     source: str = "sweep",
 ) -> Resonance:
     """Fit ``|A g(f) + b|`` to a sweep of amplitudes, see :func:`mode_response` for g.
@@ -273,6 +274,7 @@ def fit_resonance(
         amplitude_v: amplitudes (n,), V peak.
         background: model of what is added to the line.
         sigma_v: standard deviations (n,), V.
+        dip: begin at the smallest amplitude, a line that takes away from a background.
         source: of the data, for complaints.
 
     Raises:
@@ -286,7 +288,7 @@ def fit_resonance(
             f"{source}: {frequency_hz.size} points are too few for a resonance fit; "
             f"wanted at least {max(MIN_SWEEP_POINTS, unknowns + 1)}"
         )
-    eta0, width0, height = _first_guess(frequency_hz, amplitude_v)
+    eta0, width0, height = (_dip_guess if dip else _first_guess)(frequency_hz, amplitude_v)
 
     def curve(x: FloatArray) -> FloatArray:
         wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
@@ -296,6 +298,8 @@ def fit_resonance(
 
     start = np.zeros(unknowns)
     start[2] = 1.0
+    if dip and unknowns == 5:  # g is -i at eta: what it is taken from
+        start[2], start[4] = 1.0 - float(np.min(amplitude_v)) / height, 1.0
     fit = minimise_squares(
         lambda x: (curve(x) - amplitude_v) / height,
         start,
@@ -312,6 +316,16 @@ def _first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[flo
     spacing = float(np.median(np.diff(frequency_hz)))
     width = max(float(high[-1] - high[0]), spacing)
     return float(frequency_hz[top]), width, height if height > 0.0 else 1.0
+
+
+def _dip_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
+    """The lowest point, the width of the region below half of the squared depth, and the top."""
+    bottom, top = int(np.argmin(amplitude_v)), float(np.median(np.sort(amplitude_v)[-5:]))
+    half = math.sqrt(0.5 * (float(amplitude_v[bottom]) ** 2 + top**2))
+    low = frequency_hz[amplitude_v <= half]
+    spacing = float(np.median(np.diff(frequency_hz)))
+    width = max(float(low[-1] - low[0]), spacing)
+    return float(frequency_hz[bottom]), width, top if top > 0.0 else 1.0
 
 
 def _as_resonance(

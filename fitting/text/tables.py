@@ -117,7 +117,8 @@ def naming_neighbours(path: Path) -> Iterator[None]:
     except NoFile as error:
         siblings = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         hint = did_you_mean(path.name, siblings, listed=False)
-        raise NoFile(f"{path}: no such file{hint}") from error
+        name = str(path) if str(path).strip() else repr(str(path))
+        raise NoFile(f"{name}: no such file{hint}") from error
 
 
 def decoded(data: bytes) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from fitting.inference.verdict import Verdict
+from fitting.report.words.values import settings_words
 from fitting.result.calibration import Calibration, Handed
-from fitting.text.notation import listed, number, plain, quantity, settings_words, span
+from fitting.text.notation import listed, number, plain, quantity, span
 
 
 def calibration_lines(found: Calibration) -> list[str]:

@@ -1,0 +1,69 @@
+"""A first campaign from files and an FMU."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fitting.api.fmu import Fmu
+from fitting.draft.draft import ONE_MODE, Source, draft_of
+from fitting.draft.questions import Answers, Ask, Question
+from fitting.resonance.reading import Columns
+from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+from fitting.text.results_folder import results_folder
+
+__all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
+
+CAMPAIGN = "campaign.toml"
+#: What may be told beforehand, by name.
+KEYS = ("output", "tone", "input", "fit", "amplitudes")
+
+
+def init(
+    files: str | Path | Sequence[str | Path],
+    fmu: str | Path | None = None,
+    *,
+    out: str | Path = ".",
+    columns: Columns | None = None,
+    told: Mapping[str, str | Sequence[str]] | None = None,
+    ask: Ask | None = None,
+) -> tuple[Path, tuple[str, ...]]:
+    """Write a first campaign.toml that runs as it is, from files of measurements and an FMU.
+
+    Args:
+        files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
+            peaks or a spectrum each, and a sweep.
+        fmu: Path of an FMU, or the name of a model of this project; None: one mode.
+        out: Folder for campaign.toml, made where there is none.
+        columns: What the files do not tell of their columns.
+        told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
+            ("peak" or "rms").
+        ask: Asks a person what nobody told; None: the default is taken, and said.
+
+    Returns:
+        The path of the campaign, and what was found, taken and guessed, in sentences.
+
+    Raises:
+        BadInput: files or an FMU that cannot be used, or do not suit each other; a folder that
+            holds another campaign.
+        FmuFailure: the FMU failed with its own start values.
+    """
+    paths = [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)]
+    answers = Answers({k: _names(v) for k, v in (told or {}).items()}, ask)
+    unknown = [key for key in answers.told if key not in KEYS]
+    if unknown:
+        raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
+    with results_folder(Path(out), "init", (CAMPAIGN,)):
+        with Fmu(fmu or ONE_MODE, 1) as held:
+            is_model = fmu is None or (isinstance(fmu, str) and fmu.isidentifier())
+            source = Source(str(fmu or ONE_MODE), is_model, held.workers)
+            draft = draft_of(paths, source, columns or Columns(), answers, Path(out))
+        path = Path(out) / CAMPAIGN
+        write_whole(path, draft.text)
+    return path, draft.said
+
+
+def _names(value: str | Sequence[str]) -> tuple[str, ...]:
+    return (value,) if isinstance(value, str) else tuple(value)

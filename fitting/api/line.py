@@ -1,0 +1,114 @@
+"""One resonance of a file or of arrays: frequency, width, quality, without any FMU."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from fitting.resonance.line import (
+    WIRINGS,
+    DipReading,
+    Line,
+    LineForm,
+    LinePoints,
+    line_of,
+)
+from fitting.resonance.reading import Columns, read_trace_of
+from fitting.resonance.trace import trace_of
+from fitting.text.errors import BadInput
+from fitting.text.results_folder import results_folder
+
+__all__ = [
+    "LINE_FILES",
+    "WIRINGS",
+    "Columns",
+    "DipReading",
+    "Line",
+    "LineForm",
+    "LinePoints",
+    "line",
+    "write_line",
+]
+
+#: What `write_line` writes.
+LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
+
+
+def line(
+    source: str | Path | npt.ArrayLike,
+    values: npt.ArrayLike | None = None,
+    *,
+    unit: str = "1",
+    within_hz: tuple[float | None, float | None] = (None, None),
+    wiring: str = "",
+    columns: Columns | None = None,
+) -> Line:
+    """One resonance of a measured response: eigenfrequency, full width and quality, with errors.
+
+    What stands beside the line, nothing, a constant or a slope, is found by comparing, see
+    `fitting.resonance.form` for the formula. Errors hold for noise as it is seen in what the fit
+    leaves, and are wider where neighbouring points follow each other.
+
+    Args:
+        source: A file, whose kind is recognised; or frequencies, shape (n,), Hz.
+        values: With frequencies: amplitudes, or complex values whose phase falls over a resonance,
+            shape (n,).
+        unit: Of these values.
+        within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
+        wiring: "transmission", "fano", "sloped", "notch" or "reflection"; empty: they are compared.
+        columns: Of a file, what it does not tell.
+
+    Returns:
+        ``frequency_hz``, ``width_hz``, ``q`` and ``amplitude``, each with its ``_std``; ``forms``
+        has what else was tried.
+
+    Raises:
+        BadInput: a file that is not read, no resonance, one that the ends of the sweep cut off, two
+            of them, or too few points.
+    """
+    if isinstance(source, str | PathLike):
+        if values is not None:
+            raise BadInput(
+                "line: found a file and values, wanted frequencies and values, or a file"
+            )
+        trace = read_trace_of(Path(source), columns or Columns())
+    elif values is None:
+        raise BadInput("line: found frequencies alone, wanted values beside them, or a file")
+    else:
+        trace = trace_of(source, values, unit)
+    return line_of(trace.within(*within_hz), wiring)
+
+
+def columns_of(**told: Any) -> Columns:
+    """What is told of a file's columns, without what is not.
+
+    Args:
+        **told: fields of `Columns`; None counts as not told.
+    """
+    known = {field.name for field in fields(Columns)}
+    return Columns(**{k: v for k, v in told.items() if k in known and v is not None})
+
+
+def write_line(found: Line, out: str | Path) -> tuple[Path, ...]:
+    """Write line.json, line.csv and a figure of data, fit and residual.
+
+    Args:
+        found: What `line` returned.
+        out: Folder, made where there is none.
+
+    Returns:
+        The files.
+
+    Raises:
+        BadInput: the folder cannot be written, or holds files of these names that are not ours.
+    """
+    # matplotlib takes a second to import: only where something is drawn
+    report = importlib.import_module("fitting.report.line")
+    with results_folder(Path(out), "line", LINE_FILES):
+        files: tuple[Path, ...] = report.write_line(found, Path(out))
+    return files

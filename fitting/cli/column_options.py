@@ -1,0 +1,66 @@
+"""What a file of measurements does not tell, as options: its columns, their units, which part."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from fitting.cli.options import whole_number
+from fitting.text.errors import BadInput
+
+if TYPE_CHECKING:
+    from fitting.api.line import Columns
+
+#: Options with what they name; the fields of `fitting.api.line.Columns` are called alike.
+COLUMNS: Mapping[str, str] = {
+    "frequency": "column of frequencies",
+    "amplitude": "column of amplitudes, or of complex values",
+    "phase": "column of phases",
+    "real": "column of real parts (X)",
+    "imaginary": "column of imaginary parts (Y)",
+}
+UNITS: Mapping[str, str] = {
+    "unit-frequency": "unit of the frequencies, as Hz or MHz",
+    "unit-amplitude": "unit of amplitudes or parts, as mV or dB",
+    "unit-phase": "unit of the phases, deg or rad",
+}
+
+
+def add_columns(parser: argparse.ArgumentParser) -> None:
+    """Declare the options about a file's columns.
+
+    Args:
+        parser: of the command.
+    """
+    group = parser.add_argument_group("what the file does not tell")
+    for name, words in COLUMNS.items():
+        group.add_argument(f"--{name}", metavar="COLUMN", help=words)
+    for name, words in UNITS.items():
+        group.add_argument(f"--{name}", metavar="UNIT", help=words)
+    group.add_argument(
+        "--trace", type=whole_number(1), help="which of the file's traces, from 1 (the first)"
+    )
+    group.add_argument(
+        "--chunk", type=whole_number(0), help="which of the file's sweeps, as LabOne numbers them"
+    )
+
+
+def columns_of(args: argparse.Namespace) -> Columns:
+    """What the options tell of a file's columns.
+
+    Args:
+        args: of the command, see `add_columns`.
+
+    Raises:
+        BadInput: an option that is empty.
+    """
+    from fitting.api.line import columns_of as told  # takes numpy along, help does not
+
+    names = [*COLUMNS, *UNITS, "trace", "chunk"]
+    values = {name.replace("-", "_"): getattr(args, name.replace("-", "_")) for name in names}
+    for name, value in values.items():
+        if isinstance(value, str) and not value.strip():
+            option = name.replace("_", "-")
+            raise BadInput(f"--{option}: is empty, wanted {COLUMNS.get(name) or UNITS[option]}")
+    return told(**values)

@@ -1,0 +1,88 @@
+"""``fmu-fit init``: a commented campaign that runs as it is, from files of measurements and an FMU.
+
+What no file tells is asked on a terminal; options tell it beforehand, and --yes takes the defaults.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import fitting as ff
+from fitting.cli.column_options import add_columns, columns_of
+from fitting.cli.results import writes
+
+if TYPE_CHECKING:
+    from fitting.api.init import Question
+
+NAME = "init"
+EXAMPLE = "fmu-fit init afm_sensor/afm_sensor_sweep.dat --out afm --yes"
+CAMPAIGN = "campaign.toml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "files",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep",
+    )
+    parser.add_argument(
+        "--fmu", help="the FMU, or a model of this project (one mode: CoupledModes1)"
+    )
+    parser.add_argument("--out", type=Path, default=Path(), help="folder for campaign.toml (here)")
+    parser.add_argument("--yes", action="store_true", help="ask nothing, take the defaults")
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--peak", action="store_true", help="amplitudes are peak values")
+    kind.add_argument("--rms", action="store_true", help="amplitudes are rms values")
+    parser.add_argument("--output", metavar="NAME", help="output of the FMU that is seen")
+    parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
+    parser.add_argument("--input", metavar="NAME", help="input of the FMU that is driven")
+    parser.add_argument(
+        "--fit", nargs="+", metavar="NAME", action="extend", help="parameters that are fitted"
+    )
+    add_columns(parser)
+
+
+@writes(NAME, CAMPAIGN)
+def run(args: argparse.Namespace) -> int:
+    """Write the campaign and tell what was guessed; returns 0.
+
+    Raises:
+        BadInput: files or an FMU that cannot be used, or do not suit each other.
+        FmuFailure: the FMU failed with its own start values.
+    """
+    from fitting.api.init import init
+    from fitting.report.table import terminal_text
+
+    told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit")}
+    told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
+    path, said = init(
+        args.files,
+        args.fmu,
+        out=args.out,
+        columns=columns_of(args),
+        told={name: value for name, value in told.items() if value is not None},
+        ask=None if args.yes or not sys.stdin.isatty() else _ask,
+    )
+    for line in said:
+        print(terminal_text(line))
+    print(path)
+    print(f"next: fmu-fit reconstruct {shlex.quote(str(path))}")
+    return 0
+
+
+def _ask(question: Question) -> Sequence[str] | None:
+    """Ask at the terminal; nothing typed is the default."""
+    print(f"{question.words} ({', '.join(question.options[:12])})")
+    try:
+        typed = input(f"{question.key} [{' '.join(question.default)}]: ")
+    except EOFError:
+        raise ff.BadInput(f"--{question.key}: no answer was given, wanted one, or --yes") from None
+    return typed.replace(",", " ").split() or None

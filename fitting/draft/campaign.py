@@ -1,0 +1,313 @@
+"""The draft as the text of campaign.toml: every key with a remark that says where it comes from."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fitting.draft.files import Files, SweepFile, TableFile
+from fitting.draft.model import Offer
+from fitting.draft.values import Box
+from fitting.resonance.form import FANO, SLOPED
+from fitting.text.arrays import Scalar
+from fitting.text.notation import hertz
+from fitting.text.toml import Tables, put, rewritten, toml_text
+from fitting.text.units import same_kind
+
+#: Held steps per period of an input: the drive is scaled so that its fundamental is right.
+STEPS_PER_PERIOD = 28
+BACKGROUNDS = {FANO: "constant", SLOPED: "slope"}
+#: The fit of a line by itself: the prior only helps at the start.
+CONTINUATION: Mapping[str, Any] = {
+    "nu_start": 1e-6,
+    "beta": 0.001,
+    "iterations": 2,
+    "misfit": "squares",
+    "starts": 1,
+    "seed": 1,
+}
+
+Remarks = dict[tuple[str | int, ...], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """What was chosen.
+
+    Attributes:
+        title: of the campaign.
+        fmu: a model of this project, or the path of an FMU.
+        is_model: which of the two.
+        output: observed output.
+        tones: parameters of frequency and amplitude, one pair for each tone of the data; empty: an
+            input is driven.
+        driven: the input.
+        names: of the tones' columns, where an input is driven.
+        start: start values.
+        amplitude: what amplitudes mean, "V peak".
+        boxes: what is fitted.
+        derived: outputs that are reported.
+        width_hz: full width of the line in the sweep, Hz; 0: unknown.
+        residual: what the line leaves of the sweep, relative; 0: unknown.
+        start_words: why each start value is what it is.
+    """
+
+    title: str
+    fmu: str
+    is_model: bool
+    output: str
+    tones: tuple[tuple[str, str], ...]
+    driven: str
+    names: tuple[str, ...]
+    start: Mapping[str, Scalar]
+    amplitude: str
+    boxes: tuple[Box, ...]
+    derived: tuple[str, ...]
+    width_hz: float = 0.0
+    residual: float = 0.0
+    start_words: Mapping[str, str] = field(default_factory=dict)
+
+
+def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | None) -> str:
+    """The text of a campaign.
+
+    Args:
+        choices: what was chosen.
+        files: of the measurements.
+        offer: what the FMU offers.
+        folder: where the campaign stands, to which paths are relative; None: they are absolute.
+    """
+    remarks: Remarks = {}
+    tables: dict[str, Any] = {"title": choices.title}
+    tables["fmu"] = _fmu(choices, folder, remarks)
+    tables["observe"] = _observe(choices, offer, remarks)
+    tables["drive"] = _drive(choices, files, offer, remarks)
+    if files.table is not None:
+        tables["experiments"] = _experiments(choices, files, folder, remarks)
+    _add_sweeps(tables, choices, files, folder, remarks)
+    tables["parameters"] = [_parameter(box, k, remarks) for k, box in enumerate(choices.boxes)]
+    if choices.derived:
+        tables["derived"] = {"outputs": list(choices.derived)}
+        remarks["derived", "outputs"] = "outputs of the FMU that are reported, too"
+    tables["continuation"] = dict(CONTINUATION)
+    remarks["continuation", "nu_start"] = "the prior only helps at the start"
+    remarks["continuation", "starts"] = "3: also the lowest minima that a search finds"
+    tables["accuracy"] = {"amplitude": _accuracy(choices.residual)}
+    remarks["accuracy", "amplitude"] = "of the simulation, relative: well below the scatter"
+    head = (
+        "A first campaign, written by fmu-fit init from these files: it runs as it is.",
+        "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
+    )
+    return rewritten(toml_text(tables, head), lambda made: _remark(made, remarks))
+
+
+def _accuracy(residual: float) -> float:
+    """A hundredth of the scatter, as a power of ten from 1e-6 to 1e-4."""
+    if not residual > 0.0:
+        return 1e-6
+    power = math.floor(math.log10(residual / 100.0))
+    return float(f"1e{min(max(power, -6), -4)}")
+
+
+def _remark(tables: Tables, remarks: Remarks) -> None:
+    for path, words in remarks.items():
+        table: Any = tables
+        for key in path[:-1]:
+            table = table[key]
+        value = table[path[-1]]
+        put(table, str(path[-1]), value.unwrap() if hasattr(value, "unwrap") else value, words)
+
+
+def _relative(path: Path, folder: Path | None) -> str:
+    """A path as seen from the campaign, with slashes on every system."""
+    absolute = Path(os.path.abspath(path))
+    if folder is None:
+        return absolute.as_posix()
+    try:
+        return Path(os.path.relpath(absolute, os.path.abspath(folder))).as_posix()
+    except ValueError:  # on another drive
+        return absolute.as_posix()
+
+
+def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
+    if choices.is_model:
+        made: dict[str, Any] = {"model": choices.fmu}
+        remarks["fmu", "model"] = "one mode; shipped with fmu-fit and built on demand"
+    else:
+        made = {"file": _relative(Path(choices.fmu), folder)}
+    if choices.start:
+        made["start"] = dict(choices.start)
+    for name in choices.start:
+        remarks["fmu", "start", name] = choices.start_words.get(name, "")
+    return made
+
+
+def _observe(choices: Choices, offer: Offer, remarks: Remarks) -> dict[str, Any]:
+    made: dict[str, Any] = {"output": choices.output}
+    others = [name for name in offer.outputs if name != choices.output]
+    remarks["observe", "output"] = f"or {', '.join(others[:4])}" if others else "the only one"
+    if offer.steady and choices.start.get(offer.steady):
+        made["steady_start"] = True
+        remarks["observe", "steady_start"] = "nothing to settle"
+    elif choices.width_hz > 0.0:
+        made["line_width"] = hertz(choices.width_hz, digits=3)
+        remarks["observe", "line_width"] = "of the line in the sweep: sets the time to settle"
+    return made
+
+
+def _drive(choices: Choices, files: Files, offer: Offer, remarks: Remarks) -> dict[str, Any]:
+    level = "amplitude of every tone, in the FMU's unit"
+    if choices.tones:
+        remarks["drive", "frequencies"] = "parameters of the FMU that hold the tones"
+        unit = offer.unit(choices.tones[0][1])
+        remarks["drive", "level"] = f"amplitude of every tone, {unit}"
+        return {
+            "kind": "tones",
+            "frequencies": [frequency for frequency, _ in choices.tones],
+            "amplitudes": [amplitude for _, amplitude in choices.tones],
+            "level": 1.0,
+        }
+    remarks["drive", "input"] = "the signal is made here and held over each step"
+    remarks["drive", "level"] = f"{level}, {offer.unit(choices.driven)}"
+    return {
+        "kind": "input",
+        "frequencies": list(choices.names),
+        "input": choices.driven,
+        "level": 1.0,
+        "samples_per_period": STEPS_PER_PERIOD,
+    }
+
+
+def _experiments(
+    choices: Choices, files: Files, folder: Path | None, remarks: Remarks
+) -> dict[str, Any]:
+    table: TableFile = files.table  # type: ignore[assignment]
+    made: dict[str, Any] = {"file": _relative(table.path, folder)}
+    if files.pattern:
+        made["spectra"] = _relative(Path(files.pattern), folder)
+        remarks["experiments", "spectra"] = "a spectrum for each row"
+        made |= _columns(files.spectra[0], remarks, ("experiments",))
+    else:
+        made["peaks"] = [column.name for column in table.peaks]
+        if table.sigmas:
+            made["peak_sigmas"] = [column.name for column in table.sigmas]
+        if table.phases:
+            made["phases"] = [column.name for column in table.phases]
+    made["amplitude"] = choices.amplitude
+    remarks["experiments", "amplitude"] = "what the files mean: peak or rms"
+    return made
+
+
+def _add_sweeps(
+    tables: dict[str, Any],
+    choices: Choices,
+    files: Files,
+    folder: Path | None,
+    remarks: Remarks,
+) -> None:
+    """The sweeps: complex ones each a table of its own, of amplitudes one."""
+    phased = [sweep for sweep in files.sweeps if sweep.is_complex and files.table is None]
+    if phased:
+        tables["complex_sweep"] = [
+            _complex(sweep, k, len(phased), folder, remarks) for k, sweep in enumerate(phased)
+        ]
+    plain = [sweep for sweep in files.sweeps if sweep not in phased]
+    for sweep in plain[:1]:
+        fitted = files.table is None
+        tables["sweep"] = {
+            "file": _relative(sweep.path, folder),
+            "layout": sweep.roles.recognised.layout,
+            **_columns(sweep, remarks, ("sweep",)),
+            "amplitude": choices.amplitude,
+            "use": "fit",
+            "scale": "fit",
+        }
+        remarks["sweep", "amplitude"] = (
+            "peak or rms plays no part here: the scale is fitted"
+            if fitted
+            else "what the file means: peak or rms"
+        )
+        remarks["sweep", "use"] = "every point is fitted, too"
+        remarks["sweep", "scale"] = "of measured over simulated amplitudes: by least squares"
+
+
+def _complex(
+    sweep: SweepFile, k: int, count: int, folder: Path | None, remarks: Remarks
+) -> dict[str, Any]:
+    at = ("complex_sweep", k)
+    made: dict[str, Any] = {
+        "file": _relative(sweep.path, folder),
+        "layout": sweep.roles.recognised.layout,
+        **_columns(sweep, remarks, at),
+    }
+    if count > 1:
+        made["label"] = sweep.path.stem
+    if sweep.line is None:
+        return made
+    if sweep.line.turned:
+        made["conjugate"] = True
+        remarks[(*at, "conjugate")] = "the phase rises over the resonance"
+    background = BACKGROUNDS.get(sweep.line.forms[0].name)
+    if background:
+        made["background"] = background
+        remarks[(*at, "background")] = "complex, beside the line: found by comparing"
+    if sweep.line.forms[0].delayed:
+        made["delay"] = "fit"
+        remarks[(*at, "delay")] = "of the cable: found by comparing"
+    return made
+
+
+def _columns(sweep: SweepFile, remarks: Remarks, at: tuple[str | int, ...]) -> dict[str, Any]:
+    """Names of the columns, with units where the file tells none."""
+    roles = sweep.roles
+    parts = roles.real is not None
+    named = {"frequency": roles.frequency}
+    if parts:
+        named |= {"x": roles.real, "y": roles.imaginary}  # type: ignore[dict-item]
+    else:
+        named |= {"amplitude": roles.sizes}  # type: ignore[dict-item]
+        if roles.phase is not None:
+            named |= {"phase": roles.phase}
+    remarks[(*at, "columns")] = "as they were recognised"
+    return {"columns": {key: _told(channel, roles) for key, channel in named.items()}}
+
+
+def _told(channel: Any, roles: Any) -> str:
+    """A column's name, with its unit where only the user knows it."""
+    own = roles.recording.column(channel.name).unit
+    if own == channel.unit:
+        return str(channel.name)
+    return f"{channel.name} ({channel.unit})"
+
+
+def _parameter(box: Box, k: int, remarks: Remarks) -> dict[str, Any]:
+    remarks["parameters", k, "start"] = box.why
+    made: dict[str, Any] = {"name": box.name}
+    if box.unit != "1":
+        made["unit"] = box.unit
+    return made | {
+        "lower": box.lower,
+        "upper": box.upper,
+        "start": box.start,
+        "scale": box.scale,
+    }
+
+
+def meaning(sweep_units: Sequence[str], kind: str) -> str:
+    """What amplitudes mean, as a campaign declares it: "V peak", "m rms", "dBm" or "dB".
+
+    Args:
+        sweep_units: units of the amplitudes, the first one counts.
+        kind: "peak" or "rms".
+    """
+    unit = next((u for u in sweep_units if u), "V")
+    if unit in ("dBm", "dB"):
+        return unit
+    for base in ("V", "m", "A", "rad", "m/s", "Pa", "K"):
+        if same_kind(unit, base):
+            return f"{base} {kind}"
+    return f"{unit} {kind}"

@@ -1,0 +1,288 @@
+"""A first campaign: files and an FMU are looked at, what they do not tell is asked or guessed."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting.campaign.binding import bind
+from fitting.draft.campaign import Choices, campaign_text, meaning
+from fitting.draft.files import Files, files_of
+from fitting.draft.model import Offer, Tone, offer_of
+from fitting.draft.questions import Answers, Question
+from fitting.draft.values import Box, boxes_of
+from fitting.fmu import FmuWorkers
+from fitting.measurements.kinds import read_campaign
+from fitting.resonance.reading import Columns
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+from fitting.text.files import write_whole
+from fitting.text.notation import listed, quantity
+from fitting.text.scratch import Scratch
+from fitting.text.units import same_kind
+
+#: The model of this project that is one resonance.
+ONE_MODE = "CoupledModes1"
+#: Parameters that a line determines: where it is and how wide.
+PER_LINE = 2
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A campaign as text, and what was found, taken and guessed, in sentences."""
+
+    text: str
+    said: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Source:
+    """The FMU of a draft: a model of this project by its name, or a file; and who runs it."""
+
+    name: str
+    is_model: bool
+    workers: FmuWorkers
+
+
+def draft_of(
+    paths: Sequence[Path], source: Source, columns: Columns, answers: Answers, folder: Path
+) -> Draft:
+    """A campaign from files and an FMU.
+
+    Args:
+        paths: of the files.
+        source: the FMU.
+        columns: what is told of the files' columns.
+        answers: of flags, of a person, or by default.
+        folder: where the campaign will stand.
+
+    Raises:
+        BadInput: files that are not read, an FMU without what a measurement needs, an answer that
+            is none; or files and FMU do not suit each other, as the campaign's own reader says.
+        FmuFailure: the FMU failed with its own start values.
+    """
+    files = files_of(paths, columns)
+    said = _seen(files)
+    offer = offer_of(source.workers.description)
+    choices = _chosen(files, source, offer, answers)
+    _check(campaign_text(choices, files, offer, None), source)
+    text = campaign_text(choices, files, offer, folder)
+    boxes = [
+        f"{box.name}: from {box.start:.9g} {'' if box.unit == '1' else box.unit}".rstrip()
+        + f", {box.why}."
+        for box in choices.boxes
+    ]
+    return Draft(text=text, said=(*said, *answers.said, *boxes))
+
+
+def _seen(files: Files) -> list[str]:
+    """What every file was found to be."""
+    said: list[str] = []
+    for sweep in files.sweeps:
+        said += sweep.said
+        kind = "amplitude and phase" if sweep.is_complex else "amplitudes"
+        if sweep.line is not None:
+            f = quantity(sweep.line.frequency_hz, sweep.line.frequency_std_hz, "Hz")
+            width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
+            said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
+        else:
+            said.append(f"A sweep of {kind}: {sweep.trouble}.")
+    if files.table is not None:
+        table = files.table
+        held = (
+            f"peaks {listed(c.name for c in table.peaks)}"
+            if table.peaks
+            else f"a spectrum for each, {files.pattern}"
+        )
+        said.append(
+            f"{table.path.name}: a table of {len(table.labels)} experiments; tones "
+            f"{listed(c.name for c in table.tones)}; {held}."
+        )
+    return said
+
+
+def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Choices:
+    """Everything that is not told by the files, asked or guessed."""
+    if not any(sweep.line for sweep in files.sweeps) and source.is_model:
+        trouble = next((sweep.trouble for sweep in files.sweeps), "")
+        raise BadInput(trouble or "wanted a sweep as well, which tells frequency and width")
+    [output] = answers.of(_output(files, offer))
+    tones, driven = _driven(files, offer, answers)
+    start, words = _start_values(files, source, offer, tones)
+    fitted = answers.of(_fitted(files, offer))
+    line = files.line
+    boxes = boxes_of(source.workers, offer, fitted, line, start)
+    boxes = [_in_box(box) for box in boxes]
+    return Choices(
+        title=", ".join(sweep.path.stem for sweep in files.sweeps) or str(files.table),
+        fmu=source.name,
+        is_model=source.is_model,
+        output=output,
+        tones=tuple((tone.frequency, tone.amplitude) for tone in tones),
+        driven=driven,
+        names=tuple(c.name for c in files.table.tones) if files.table else ("f",),
+        start=start,
+        start_words=words,
+        amplitude=_amplitude(files, answers),
+        boxes=tuple(boxes),
+        derived=tuple(name for name in offer.derived if name not in fitted),
+        width_hz=0.0 if line is None else line.width_hz,
+        residual=0.0 if line is None else line.residual,
+    )
+
+
+def _in_box(box: Box) -> Box:
+    if not box.lower < box.start < box.upper:
+        raise BadInput(
+            f"{box.name}: its start {box.start:g} {box.unit}, {box.why}, is not inside the range "
+            f"that the FMU declares, {box.lower:g} to {box.upper:g}; wanted another --fit"
+        )
+    return box
+
+
+def _output(files: Files, offer: Offer) -> Question:
+    if not offer.outputs:
+        raise BadInput(
+            f"{offer.description.path}: has no continuous Real output that is no frequency, wanted "
+            "one that a detector can see"
+        )
+    sizes = [r.sizes or r.real for r in (sweep.roles for sweep in files.sweeps)]
+    units = [c.unit for c in sizes if c is not None and c.unit]
+    alike = [n for n in offer.outputs if units and same_kind(offer.unit(n), units[0])]
+    default = (alike or offer.outputs)[0]
+    why = "the only one" if len(offer.outputs) == 1 else "the first one with continuous values"
+    if alike and len(offer.outputs) > 1:
+        why = f"in {offer.unit(default)} like the file"
+    return Question(
+        key="output",
+        words="Which output of the FMU does the detector see?",
+        options=offer.outputs,
+        default=(default,),
+        why=why,
+    )
+
+
+def _driven(files: Files, offer: Offer, answers: Answers) -> tuple[list[Tone], str]:
+    """The tones that drive, or else the input."""
+    pairs = {tone.frequency: tone for tone in offer.tones}
+    wants_input = "input" in answers.told
+    if pairs and not wants_input:
+        if files.table is not None:
+            return _tones_of_table(files, offer), ""
+        question = Question(
+            key="tone",
+            words="Which parameter of the FMU holds the frequency of the drive?",
+            options=tuple(pairs),
+            default=tuple(pairs)[:1],
+            why=f"its amplitude is {pairs[next(iter(pairs))].amplitude}",
+        )
+        return [pairs[name] for name in answers.of(question)], ""
+    if not offer.inputs:
+        raise BadInput(
+            f"{offer.description.path}: has neither a pair of parameters that seem frequency and "
+            "amplitude of a tone, nor a Real input, wanted something to drive"
+        )
+    named = [n for n in offer.inputs if n.lower() in ("force", "f", "b", "u", "drive", "v")]
+    why = "the only input" if len(offer.inputs) == 1 else "the likeliest input by its name"
+    [driven] = answers.of(
+        Question(
+            key="input",
+            words="Which input of the FMU is driven?",
+            options=offer.inputs,
+            default=tuple(named or offer.inputs)[:1],
+            why=why,
+        )
+    )
+    return [], driven
+
+
+def _tones_of_table(files: Files, offer: Offer) -> list[Tone]:
+    """The FMU's tones that the table's columns name."""
+    assert files.table is not None  # noqa: S101 - asked for by the caller
+    pairs = {tone.frequency: tone for tone in offer.tones}
+    names = [c.name for c in files.table.tones]
+    unknown = [name for name in names if name not in pairs]
+    if unknown:
+        raise BadInput(
+            f"{files.table.path}: its tones are called {listed(names)}, the FMU's "
+            f"{listed(pairs)}; wanted the FMU's names in the header, or --input"
+        )
+    return [pairs[name] for name in names]
+
+
+def _start_values(
+    files: Files, source: Source, offer: Offer, tones: Sequence[Tone]
+) -> tuple[dict[str, Scalar], dict[str, str]]:
+    """Start values: the periodic orbit, and other tones of the FMU that do not drive."""
+    start: dict[str, Scalar] = {}
+    words: dict[str, str] = {}
+    if offer.steady:
+        start[offer.steady] = True
+        words[offer.steady] = "the FMU begins on its periodic orbit"
+    for tone in offer.tones:
+        if tones and tone not in tones:
+            start[tone.amplitude] = 0.0
+            words[tone.amplitude] = f"no drive at {tone.frequency}, which nobody measured with"
+    return start, words
+
+
+def _fitted(files: Files, offer: Offer) -> Question:
+    """Which parameters: one that sets the place of the line and one that sets its width."""
+    line = files.line
+    places, widths = list(offer.places), list(offer.widths)
+    if line is not None:
+
+        def far(name: str) -> float:
+            start = offer.description.variables[name].start
+            known = same_kind(offer.unit(name), "Hz") and start
+            return abs(float(start or 0.0) / line.frequency_hz - 1.0) if known else 1e300
+
+        places.sort(key=far)
+    place = places[:1]
+    mark = place[0][-1:] if place else ""
+    widths.sort(key=lambda name: name[-1:] != mark)
+    default = (*place, *widths[:1])
+    why = "they set where the line is and how wide" if len(default) == PER_LINE else "a guess"
+    return Question(
+        key="fit",
+        words="Which parameters of the FMU are fitted?",
+        options=offer.parameters,
+        default=default,
+        why=f"{why}, by their units, names and descriptions",
+        several=True,
+    )
+
+
+def _amplitude(files: Files, answers: Answers) -> str:
+    """What amplitudes mean, as the campaign declares it."""
+    sizes = [r.sizes for r in (s.roles for s in (*files.sweeps, *files.spectra))]
+    units = [c.unit or "" for c in sizes if c is not None]
+    if files.table is not None:
+        units = [c.unit or "" for c in files.table.peaks] + units
+    if files.table is None or meaning(units, "peak") in ("dB", "dBm"):
+        return meaning(units, "peak")
+    [kind] = answers.of(
+        Question(
+            key="amplitudes",
+            words="Are the amplitudes in the files peak values or rms?",
+            options=("peak", "rms"),
+            default=("peak",),
+            why="no file tells which they are, and a scale takes it out where all mean the same",
+        )
+    )
+    return meaning(units, kind)
+
+
+def _check(text: str, source: Source) -> None:
+    """The draft read and bound as `reconstruct` will do it, before it is written anywhere."""
+    tomllib.loads(text)
+    with Scratch() as folder:
+        path = folder / "campaign.toml"
+        write_whole(path, text)
+        try:
+            bind(read_campaign(path), source.workers.description.variables)
+        except BadInput as error:
+            said = (str(t).replace(f"{path}: ", "").replace(str(path), "draft") for t in error.args)
+            raise BadInput(*(f"the draft does not suit: {text}" for text in said)) from error

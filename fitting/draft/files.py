@@ -1,0 +1,184 @@
+"""Files of measurements as a draft looks at them: which kind each is, and what it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from fitting.resonance.line import Line, line_of
+from fitting.resonance.reading import Columns, Roles, read_trace_of, roles_of
+from fitting.text.errors import BadInput, gathered
+from fitting.text.tables import Column, read_table
+from fitting.text.units import same_kind
+
+#: The column that makes a table one of experiments.
+LABEL = "experiment"
+PHASE_UNITS = ("deg", "rad", "°")
+SIGMA_PREFIXES = ("s_", "sigma", "std", "err")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepFile:
+    """A response over frequency: amplitudes or complex values.
+
+    ``line`` is the resonance that it shows, None where it shows no single one, as ``trouble`` says.
+    """
+
+    path: Path
+    roles: Roles
+    said: tuple[str, ...]
+    line: Line | None
+    trouble: str = ""
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether it has phases."""
+        return self.roles.is_complex
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableFile:
+    """A table of experiments: a row each, with the frequencies of its tones.
+
+    ``tones`` are the columns of frequencies, ``peaks`` those of amplitudes, one per tone (none:
+    there are spectra), ``sigmas`` and ``phases`` beside them; ``rest`` all other columns.
+    """
+
+    path: Path
+    labels: tuple[str, ...]
+    tones: tuple[Column, ...]
+    peaks: tuple[Column, ...]
+    sigmas: tuple[Column, ...]
+    phases: tuple[Column, ...]
+    rest: tuple[Column, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Files:
+    """All files: sweeps, and perhaps a table of experiments with a spectrum for each."""
+
+    sweeps: tuple[SweepFile, ...]
+    table: TableFile | None = None
+    spectra: tuple[SweepFile, ...] = ()
+    pattern: str = ""
+
+    @property
+    def line(self) -> Line | None:
+        """The resonance of the first sweep that shows one."""
+        return next((sweep.line for sweep in self.sweeps if sweep.line is not None), None)
+
+
+def files_of(paths: Sequence[Path], columns: Columns) -> Files:
+    """Look at files.
+
+    Args:
+        paths: of the files.
+        columns: what is told of the sweeps' columns.
+
+    Raises:
+        BadInput: a file that cannot be read; two tables; a table with too many spectra, or none.
+    """
+    if not paths:
+        raise BadInput("no file of measurements, wanted one at least")
+    tables = [table for table in map(_table, paths) if table is not None]
+    if len(tables) > 1:
+        names = ", ".join(str(table.path) for table in tables)
+        raise BadInput(f"{names}: are tables of experiments, wanted one in a campaign")
+    table = tables[0] if tables else None
+    others = [path for path in paths if table is None or path != table.path]
+    found = gathered([partial(_sweep, path, columns) for path in others])
+    if table is None:
+        return Files(sweeps=tuple(found))
+    spectra = tuple(f for f in found if _label_in(f.path, table.labels))
+    sweeps = tuple(f for f in found if f not in spectra)
+    if table.peaks and spectra:
+        raise BadInput(
+            f"{table.path}: has peaks, {', '.join(c.name for c in table.peaks)}, and there are "
+            "spectra, too; wanted one or the other"
+        )
+    if not table.peaks and not spectra:
+        raise BadInput(
+            f"{table.path}: has no peaks; wanted a column of amplitudes for each of "
+            f"{', '.join(c.name for c in table.tones)}, or a spectrum for each experiment, its "
+            "file named after it"
+        )
+    return Files(
+        sweeps=sweeps,
+        table=table,
+        spectra=spectra,
+        pattern=_pattern(table, spectra) if spectra else "",
+    )
+
+
+def _sweep(path: Path, columns: Columns) -> SweepFile:
+    roles, trace = roles_of(path, columns), read_trace_of(path, columns)
+    try:
+        line, trouble = line_of(trace), ""
+    except BadInput as error:
+        line, trouble = None, str(error)
+    return SweepFile(path=path, roles=roles, said=trace.said, line=line, trouble=trouble)
+
+
+def _table(path: Path) -> TableFile | None:
+    """A table of experiments; None for a file of another kind."""
+    try:
+        table = read_table(path)
+    except BadInput:
+        return None  # its reader complains, if it is none either
+    label = table.find(LABEL)
+    if label is None:
+        return None
+    others = [c for c in table.columns if c is not label]
+    tones = tuple(c for c in others if c.unit is not None and same_kind(c.unit, "Hz"))
+    phases = tuple(c for c in others if c.unit in PHASE_UNITS)
+    sized = [c for c in others if c.unit and c not in tones and c not in phases]
+    sigmas = tuple(c for c in sized if c.name.lower().startswith(SIGMA_PREFIXES))
+    peaks = _peaks([c for c in sized if c not in sigmas], len(tones))
+    if not tones:
+        raise BadInput(
+            f"{path}: is a table of experiments without a column of frequencies, as 'u1 (MHz)'; "
+            "wanted one for each tone of the drive"
+        )
+    taken = (*tones, *peaks)
+    if len(sigmas) == len(peaks):
+        taken += sigmas
+    if len(phases) == len(peaks):
+        taken += phases
+    return TableFile(
+        path=path,
+        labels=table.texts(label),
+        tones=tones,
+        peaks=peaks,
+        sigmas=sigmas if len(sigmas) == len(peaks) else (),
+        phases=phases if len(phases) == len(peaks) else (),
+        rest=tuple(c for c in others if c not in taken),
+    )
+
+
+def _peaks(sized: Sequence[Column], count: int) -> tuple[Column, ...]:
+    """Columns of peaks: the largest group of one unit, if it has one for each tone."""
+    units = dict.fromkeys(c.unit for c in sized)
+    groups = [tuple(c for c in sized if c.unit == unit) for unit in units]
+    return next((group for group in groups if len(group) == count), ())
+
+
+def _label_in(path: Path, labels: Sequence[str]) -> bool:
+    return any(label and label in path.stem for label in labels)
+
+
+def _pattern(table: TableFile, spectra: Sequence[SweepFile]) -> str:
+    """Names of the spectra with the label left out, as "spectra/{experiment}.csv"."""
+    names = {f.path for f in spectra}
+    for label in table.labels:
+        for path in sorted(names):
+            pattern = path.as_posix().replace(label, "{experiment}")
+            wanted = {Path(pattern.replace("{experiment}", each)) for each in table.labels}
+            if path.stem.count(label) and wanted <= names:
+                return pattern
+    missing = [label for label in table.labels if not any(label in p.stem for p in names)]
+    raise BadInput(
+        f"{table.path}: there is no spectrum for {', '.join(missing) or 'some experiments'}; "
+        "wanted a file for each, named alike but for the experiment's name"
+    )

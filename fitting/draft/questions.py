@@ -1,0 +1,86 @@
+"""What no file tells, as questions: each has a default, and is answered by a flag or a person."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.notation import listed
+
+#: Options that are listed in a question, at most.
+MOST_SHOWN = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """Something to choose.
+
+    Attributes:
+        key: short name of it, that of its flag.
+        words: the question.
+        options: what may be chosen; ``several`` of them where it says so.
+        default: what is taken without an answer.
+        why: the reason for it, in words.
+    """
+
+    key: str
+    words: str
+    options: tuple[str, ...]
+    default: tuple[str, ...]
+    why: str
+    several: bool = False
+
+
+#: Answers a question with words; None: the default.
+Ask = Callable[[Question], Sequence[str] | None]
+
+
+@dataclass
+class Answers:
+    """Answers by flags, then by a person, else by default; and what was taken, in sentences.
+
+    Attributes:
+        told: answers by flags, by the question's key.
+        ask: asks a person; None: nobody is there.
+        said: what was taken and why, in sentences.
+    """
+
+    told: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    ask: Ask | None = None
+    said: list[str] = field(default_factory=list)
+
+    def of(self, question: Question) -> tuple[str, ...]:
+        """The answer to a question.
+
+        Args:
+            question: with its options.
+
+        Raises:
+            BadInput: a flag that names none of the options, or nothing to choose from.
+        """
+        told = self.told.get(question.key, ())
+        if told:
+            return self._checked(question, told, f"--{question.key}")
+        if self.ask is not None and len(question.options) > 1:
+            answer = self.ask(question)
+            if answer:
+                return self._checked(question, answer, question.key)
+        if not question.default:
+            raise BadInput(
+                f"--{question.key}: nothing suits by itself, wanted one of "
+                f"{', '.join(question.options[:MOST_SHOWN])}"
+            )
+        others = [name for name in question.options if name not in question.default]
+        hint = f"; --{question.key} takes another" if others else ""
+        self.said.append(f"{question.key}: {listed(question.default)}, {question.why}{hint}.")
+        return question.default
+
+    def _checked(self, question: Question, answer: Sequence[str], where: str) -> tuple[str, ...]:
+        for name in answer:
+            if name not in question.options:
+                raise BadInput(f"{where}: found '{name}'{did_you_mean(name, question.options)}")
+        if len(answer) > 1 and not question.several:
+            raise BadInput(f"{where}: found {len(answer)} names, wanted one")
+        self.said.append(f"{question.key}: {listed(answer)}, as asked for.")
+        return tuple(answer)

@@ -1,0 +1,226 @@
+"""Start values and boxes of what is fitted, from the line that a sweep shows.
+
+A parameter in hertz is the line's frequency or width itself. Any other one is set by Newton's step
+in logarithms, so that an output of the FMU in hertz, read after initialisation, tells the line:
+
+    ln p' = ln p + (ln f - ln o(p))/s        s = d ln o/d ln p, by a small step
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from fitting.draft.model import Offer
+from fitting.fmu import FmuWorkers, Run
+from fitting.resonance.line import Line
+from fitting.text.arrays import Scalar
+from fitting.text.units import convert, same_kind
+
+#: Widths of the line on both sides to which its place is bounded, and factor on its width.
+REACH, FACTOR = 20.0, 20.0
+#: Step of a logarithm for slopes, and Newton's steps.
+STEP, ROUNDS = 1e-3, 4
+#: Factor to either side where nothing tells the value.
+UNKNOWN = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A parameter to be fitted: bounds, start and scale in its ``unit``, and what they rest on."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    start: float
+    scale: float
+    why: str
+
+
+def boxes_of(
+    workers: FmuWorkers,
+    offer: Offer,
+    names: Sequence[str],
+    line: Line | None,
+    fixed: Mapping[str, Scalar],
+) -> list[Box]:
+    """Bounds and start values.
+
+    Args:
+        workers: processes that run the FMU.
+        offer: what it offers.
+        names: of the parameters.
+        line: that the sweep shows; None: nothing is known of it.
+        fixed: start values of other variables.
+
+    Raises:
+        FmuFailure: the FMU failed with its own start values.
+    """
+    made: dict[str, Box] = {}
+    values = dict(fixed)
+    # the widths follow from the places in a model of masses and springs, and not the other way
+    for name in sorted(names, key=lambda each: each in offer.widths):
+        box = _box(workers, offer, name, line, values)
+        values[name] = box.start
+        made[name] = box
+    return [made[name] for name in names]
+
+
+def _box(
+    workers: FmuWorkers, offer: Offer, name: str, line: Line | None, values: Mapping[str, Scalar]
+) -> Box:
+    unit = offer.unit(name)
+    wide = name in offer.widths
+    if line is None or not (wide or name in offer.places):
+        return _unknown(offer, name, "nothing in the files tells it: the FMU's own start value")
+    target = line.width_hz if wide else line.frequency_hz
+    share = line.width_hz / line.frequency_hz
+    what = "width" if wide else "frequency"
+    in_unit = _of_hertz(target, unit)
+    if in_unit is not None:
+        why = f"{what} of the line in the sweep"
+        return _about(offer, name, in_unit, 1.0, share, why)
+    output = _output(workers, offer, name, wide, values)
+    if output is None:
+        return _unknown(offer, name, f"no output tells the {what}: the FMU's own start value")
+    start, slope = _solved(workers, name, output, target, values, _start(offer, name))
+    if not (math.isfinite(start) and start > 0.0):
+        return _unknown(offer, name, f"{output} does not follow it: the FMU's own start value")
+    why = f"with it {output} is the {what} of the line in the sweep"
+    return _about(offer, name, start, slope, share, why)
+
+
+def _of_hertz(value_hz: float, unit: str) -> float | None:
+    """A frequency in a unit of frequencies or angular ones; None for another unit."""
+    if same_kind("Hz", unit):
+        return convert(value_hz, "Hz", unit, where="line")
+    if same_kind("rad/s", unit):
+        return convert(2.0 * math.pi * value_hz, "rad/s", unit, where="line")
+    return None
+
+
+def _about(offer: Offer, name: str, start: float, slope: float, share: float, why: str) -> Box:
+    """A box about a value: a place within widths of the line, a width within a factor."""
+    if name in offer.widths:
+        lower, upper, scale = start / FACTOR, start * FACTOR, start
+    else:
+        part = min(REACH * share / abs(slope), 0.5)
+        lower, upper = start * (1.0 - part), start * (1.0 + part)
+        scale = start * share / abs(slope)
+    return _bounded(
+        offer,
+        name,
+        Box(
+            name=name,
+            unit=offer.unit(name),
+            lower=lower,
+            upper=upper,
+            start=start,
+            scale=scale,
+            why=why,
+        ),
+    )
+
+
+def _unknown(offer: Offer, name: str, why: str) -> Box:
+    start = _start(offer, name)
+    low, high = sorted((start / UNKNOWN, start * UNKNOWN)) if start else (-1.0, 1.0)
+    scale = 0.25 * (high - low)
+    return _bounded(
+        offer,
+        name,
+        Box(
+            name=name,
+            unit=offer.unit(name),
+            lower=low,
+            upper=high,
+            start=start,
+            scale=scale,
+            why=why,
+        ),
+    )
+
+
+def _bounded(offer: Offer, name: str, box: Box) -> Box:
+    """The box within the range that the FMU declares, numbers as short as they need to be."""
+    variable = offer.description.variables[name]
+    lower = box.lower if variable.min is None else max(box.lower, variable.min)
+    upper = box.upper if variable.max is None else min(box.upper, variable.max)
+    start = min(max(box.start, lower), upper)
+    digits = 2 - math.floor(math.log10(box.scale)) if box.scale > 0.0 else 12
+    return replace(
+        box,
+        lower=lower if lower == variable.min else round(lower, digits),
+        upper=upper if upper == variable.max else round(upper, digits),
+        start=round(start, digits + 1),
+        scale=float(f"{box.scale:.2g}"),
+    )
+
+
+def _start(offer: Offer, name: str) -> float:
+    start = offer.description.variables[name].start
+    return 0.0 if start is None else float(start)
+
+
+def _output(
+    workers: FmuWorkers, offer: Offer, name: str, wide: bool, values: Mapping[str, Scalar]
+) -> str | None:
+    """The output in hertz that tells the frequency, or the width, and follows a parameter."""
+    named = [
+        n for n in offer.derived if bool(re.search(r"width|damp|fwhm|gamma", n.lower())) == wide
+    ]
+    start = _start(offer, name)
+    if not named or start == 0.0:
+        return None
+    here, there = _read(
+        workers, named, [{**values, name: start}, {**values, name: start * math.exp(STEP)}]
+    )
+    slopes = [
+        abs(math.log(b / a)) if a > 0.0 and b > 0.0 else 0.0
+        for a, b in zip(here, there, strict=True)
+    ]
+    best = max(range(len(named)), key=lambda k: slopes[k])
+    return named[best] if slopes[best] > 1e-3 * STEP else None
+
+
+def _solved(
+    workers: FmuWorkers,
+    name: str,
+    output: str,
+    target: float,
+    values: Mapping[str, Scalar],
+    start: float,
+) -> tuple[float, float]:
+    """The value with which an output has its target, and the slope of the logarithms there."""
+    value, slope = start, math.nan
+    for _ in range(ROUNDS):
+        tried = [{**values, name: value * math.exp(step)} for step in (0.0, STEP)]
+        [here], [there] = _read(workers, [output], tried)
+        if not (here > 0.0 and there > 0.0 and here != there):
+            return math.nan, math.nan
+        slope = math.log(there / here) / STEP
+        value *= math.exp(math.log(target / here) / slope)
+        if not 0.0 < value < math.inf:
+            return math.nan, math.nan
+    return value, slope
+
+
+def _read(
+    workers: FmuWorkers, outputs: Sequence[str], starts: Sequence[Mapping[str, Scalar]]
+) -> list[list[float]]:
+    """Outputs after initialisation with start values, a row each."""
+    runs = [
+        Run(
+            start_values=start,
+            settle_s=0.0,
+            sample_step_s=1.0,
+            samples=1,
+            outputs=tuple(outputs),
+            allow_nan=True,
+        )
+        for start in starts
+    ]
+    return [[float(value) for value in found[0]] for found in workers.run(runs)]

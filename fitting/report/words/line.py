@@ -1,0 +1,160 @@
+"""One resonance in words: its numbers first, then what they rest on."""
+
+from __future__ import annotations
+
+import math
+
+from fitting.inference.mistakes import fault_sentence
+from fitting.report.table import Column, Table, tabulate
+from fitting.resonance.form import FANO, SLOPED, TRANSMISSION
+from fitting.resonance.line import NOTCH, REFLECTION, DipReading, Line, LineForm
+from fitting.text.notation import listed, number, percent, prefixed, quantity, with_error
+
+#: What each form is, in words.
+FORMS = {
+    TRANSMISSION: "the line alone",
+    FANO: "the line and a complex constant beside it",
+    SLOPED: "the line and a complex background beside it that changes linearly with frequency",
+}
+#: What each wiring is, in words.
+WIRINGS = {
+    **FORMS,
+    NOTCH: "a resonator beside a feed line",
+    REFLECTION: "a resonator at the end of a line",
+}
+#: Akaike's criterion from which a form is plainly worse, and below which it is as good.
+WORSE, AS_GOOD = 10.0, 2.0
+#: Standard errors by which another form that is nearly as good moves the line, and widening of the
+#: errors, from which it is told.
+MOVES, WIDER = 2.0, 1.05
+
+
+def answer(line: Line) -> list[str]:
+    """Frequency, width, quality and amplitude, a line each.
+
+    Args:
+        line: as it was fitted.
+    """
+    factor, unit = prefixed(line.amplitude, "" if line.unit == "1" else line.unit)
+    amplitude = with_error(line.amplitude / factor, line.amplitude_std / factor, unit)
+    return [
+        f"f      {quantity(line.frequency_hz, line.frequency_std_hz, 'Hz')}",
+        f"width  {quantity(line.width_hz, line.width_std_hz, 'Hz')}  (full, at half of the power)",
+        f"Q      {with_error(line.q, line.q_std)}",
+        f"A      {amplitude}  (of the line alone, at f)",
+    ]
+
+
+def sentences(line: Line) -> list[str]:
+    """What the numbers rest on, and what speaks against them.
+
+    Args:
+        line: as it was fitted.
+    """
+    return [
+        *line.said,
+        _taken(line),
+        *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_time(line.delay_s)}."]),
+        *(_reading(line, reading) for reading in line.readings),
+        *_dependence(line),
+        *_widening(line),
+        *(fault_sentence(fault) for fault in line.faults),
+        *_instrument(line),
+    ]
+
+
+def _taken(line: Line) -> str:
+    left = f"it leaves {number(100.0 * line.residual, 2)} % of the line (rms)"
+    if line.asked:
+        return f"Wiring as asked: {line.wiring}, {WIRINGS[line.wiring]}; {left}."
+    fitted = [form for form in line.forms if not math.isnan(form.criterion)]
+    if len(fitted) < 2:
+        return f"Taken: {line.wiring}, {FORMS[line.wiring]}; {left}."
+    return (
+        f"Taken: {line.wiring}, {FORMS[line.wiring]}, by Akaike's criterion the best of "
+        f"{len(fitted)} forms; {left}."
+    )
+
+
+def _time(seconds: float) -> str:
+    return quantity(seconds, math.nan, "s")
+
+
+def _reading(line: Line, reading: DipReading) -> str:
+    kind = WIRINGS[reading.wiring]
+    if math.isnan(reading.q_internal):
+        return (
+            f"As {kind} it would give out more power than it takes: it is no {reading.wiring}, or "
+            "the phases are not those of the line."
+        )
+    own = "" if line.asked else f"If it is {kind} ({reading.wiring}): "
+    return (
+        f"{own}Q internal {number(reading.q_internal, 5)}, Q coupling "
+        f"{number(reading.q_coupling, 5)}."
+    )
+
+
+def _dependence(line: Line) -> list[str]:
+    """Forms that are nearly as good and move the line."""
+    chosen = line.forms[0]
+    said = []
+    for form in line.forms[1:]:
+        near = form.criterion - chosen.criterion < AS_GOOD
+        shift = form.frequency_hz - line.frequency_hz
+        if near and abs(shift) > MOVES * line.frequency_std_hz:
+            said.append(
+                f"{form.name} describes the points as well and moves the line by "
+                f"{number(shift, 2)} Hz: the data do not tell which it is."
+            )
+    return said
+
+
+def _widening(line: Line) -> list[str]:
+    if line.widening <= WIDER:
+        return []
+    points = len(line.points.frequency_hz)
+    return [
+        f"What is left is no noise, neighbours follow each other: the {points} points count as "
+        f"{number(line.independent_points, 2)}, and the errors are {number(line.widening, 2)} "
+        "times as wide for it."
+    ]
+
+
+def _instrument(line: Line) -> list[str]:
+    own = []
+    if "frequency_hz" in line.instrument:
+        there = line.instrument["frequency_hz"]
+        apart = there - line.frequency_hz
+        own.append(
+            f"f = {number(there, 9)} Hz ({number(abs(apart), 2)} Hz "
+            f"{'above' if apart > 0.0 else 'below'} this one)"
+        )
+    if "q" in line.instrument:
+        there = line.instrument["q"]
+        own.append(f"Q = {number(there, 6)} ({percent(there / line.q - 1.0)})")
+    return [f"The instrument's own estimate: {listed(own)}."] if own else []
+
+
+def forms_table(line: Line) -> Table:
+    """Every form that was tried, with what it gives, the one that was taken first.
+
+    Args:
+        line: as it was fitted.
+    """
+    columns: tuple[Column[LineForm], ...] = (
+        Column("form", _name, role="name"),
+        Column("f (Hz)", lambda form: _value(form.frequency_hz, form.frequency_std_hz)),
+        Column("width (Hz)", lambda form: _value(form.width_hz, form.width_std_hz)),
+        Column("Q", lambda form: _value(form.q, form.q_std)),
+        Column("left (%)", lambda form: number(100.0 * form.residual, 2)),
+        Column("Akaike", lambda form: number(round(form.criterion, 1), 4)),
+    )
+    return tabulate("Forms that were compared", columns, line.forms)
+
+
+def _name(form: LineForm) -> str:
+    return f"{form.name}, delay" if form.delayed else form.name
+
+
+def _value(value: float, error: float) -> str:
+    return with_error(value, error) if math.isfinite(value) else "–"

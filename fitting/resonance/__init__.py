@@ -1,0 +1,1 @@
+"""One resonance in one measured response, without any FMU: frequency, width, quality."""

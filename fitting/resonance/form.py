@@ -1,0 +1,340 @@
+"""A line in one form, fitted to a trace: what stands beside the resonance, and what that leaves.
+
+    S(f) = e (a g(f) + b + b' x)        x = (f - f0)/half the span,  f0 the middle of the sweep
+    e    = exp(-i 2 pi (f - f0) tau)    g of `fitting.signal.peaks.mode_response`
+
+``transmission`` is the line alone (b = b' = 0), ``fano`` has the constant b beside it, ``sloped``
+the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for. A notch and a
+reflection are curves of the form ``fano``: only what a and b mean is different there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.measurements.complex_gain import SharedGain, Solved
+from fitting.measurements.wiring import Wiring
+from fitting.signal.complex_line import ComplexLine, complex_line
+from fitting.signal.least_squares import minimise_squares
+from fitting.signal.peaks import MIN_SWEEP_POINTS, Resonance, fit_resonance, mode_response
+from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+
+TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
+#: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
+STEP = 1e-5
+#: Widths about a top or a bottom of which a line is guessed.
+NEAR = 4.0
+_BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedForm:
+    """A form of the line as fitted; standard deviations are widened by ``structure``.
+
+    Attributes:
+        name: "transmission", "fano" or "sloped".
+        frequency_hz: eigenfrequency of the mode, Hz, and its standard deviation.
+        width_hz: full width at half of the power, Hz, and its standard deviation.
+        q: their ratio, and its standard deviation.
+        amplitude: of the line alone at its eigenfrequency, in the trace's unit.
+        delay_s: of the cable, s; NaN where it was not looked for.
+        unknowns: real numbers that were fitted.
+        squares: sum of the squared residuals over the largest value.
+        residual: their root mean square over ``amplitude``.
+        structure: what the order of the residuals tells.
+        curve: S (n,), or |S|, as fitted, in the trace's unit.
+        coefficients: a, b and b' over the largest value, as many as there are; of amplitudes none.
+    """
+
+    name: str
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    amplitude: float
+    amplitude_std: float
+    delay_s: float
+    unknowns: int
+    squares: float
+    residual: float
+    structure: Structure
+    curve: FloatArray | ComplexArray
+    coefficients: ComplexArray
+
+
+def fit_amplitudes(
+    frequency_hz: FloatArray, amplitude: FloatArray, name: str, source: str
+) -> FittedForm:
+    """A form fitted to amplitudes.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude: shape (n,), any unit.
+        name: of the form, "transmission" or "fano".
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: too few points, no resonance among them, or one that they do not determine.
+    """
+    if name == TRANSMISSION:
+        found = fit_resonance(frequency_hz, amplitude, source=source)
+    else:
+        found = _peak_or_dip(frequency_hz, amplitude, source)
+    left = (found.curve - amplitude) / float(np.max(amplitude))
+    return FittedForm(
+        name=name,
+        frequency_hz=found.eta_hz,
+        frequency_std_hz=found.eta_std_hz,
+        width_hz=found.width_hz,
+        width_std_hz=found.width_std_hz,
+        q=found.q,
+        q_std=found.q_std,
+        amplitude=found.amplitude,
+        amplitude_std=found.amplitude_std,
+        delay_s=math.nan,
+        unknowns=3 if name == TRANSMISSION else 5,
+        squares=float(left @ left),
+        residual=found.residual_rms,
+        structure=found.structure,
+        curve=found.curve,
+        coefficients=np.empty(0, dtype=complex),
+    )
+
+
+def _peak_or_dip(frequency_hz: FloatArray, amplitude: FloatArray, source: str) -> Resonance:
+    """The line on a complex constant that leaves least, begun at the top and at the bottom."""
+    found: list[Resonance] = []
+    complaints = []
+    for dip in (False, True):
+        try:
+            found.append(
+                fit_resonance(frequency_hz, amplitude, background="complex", dip=dip, source=source)
+            )
+        except BadInput as error:
+            complaints.append(error)
+    if not found:
+        raise complaints[0]
+    return min(found, key=lambda each: float(np.sum((each.curve - amplitude) ** 2)))
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where a fit may begin: frequency and width of the line, Hz, and delay, s."""
+
+    frequency_hz: float
+    width_hz: float
+    delay_s: float
+
+
+def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
+    """Where fits to complex values may begin: tops, bottoms, and linear least squares.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: shape (n,), any unit.
+    """
+    f, size = frequency_hz, np.abs(values)
+    span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
+    whole = complex_line(f, values, None)
+    delays = dict.fromkeys((0.0, whole.delay_s))
+    top, bottom = int(np.argmax(size)), int(np.argmin(size))
+    half = 0.5 * (float(np.median(size)) + size[bottom])
+    widths = {
+        float(f[top]): _extent(f, size >= math.sqrt(0.5) * size[top], top),
+        float(f[bottom]): _extent(f, size <= half, bottom),
+    }
+    places = [(eta, part * width) for eta, width in widths.items() for part in (0.5, 1.0, 2.0)]
+    for delay in delays:
+        places += [(line.eta_hz, abs(line.width_hz)) for line in _lines(f, values, widths, delay)]
+    return [
+        Guess(float(np.clip(eta, f[0], f[-1])), float(np.clip(width, spacing, span)), delay)
+        for eta, width in places
+        if math.isfinite(eta) and math.isfinite(width)
+        for delay in delays
+    ]
+
+
+def _extent(f: FloatArray, chosen: BoolArray, middle: int) -> float:
+    """Width of the region about a point where all points are chosen, Hz."""
+    others = np.flatnonzero(~chosen)
+    low = int(np.max(others[others < middle], initial=0))
+    high = int(np.min(others[others > middle], initial=f.size - 1))
+    return float(f[high] - f[low])
+
+
+def _lines(
+    f: FloatArray, values: ComplexArray, widths: Mapping[float, float], delay_s: float
+) -> list[ComplexLine]:
+    """Lines by linear least squares: of all points, and of those about a top and a bottom."""
+    found = [complex_line(f, values, delay_s)]
+    for eta, width in widths.items():
+        near = np.abs(f - eta) <= NEAR * width
+        if MIN_SWEEP_POINTS <= int(np.sum(near)) < f.size:
+            found.append(complex_line(f[near], values[near], delay_s))
+    return found
+
+
+def begin_of(
+    frequency_hz: FloatArray, values: ComplexArray, name: str, begin: Sequence[Guess]
+) -> tuple[Guess, float]:
+    """The guess with which a form leaves least, and the squares that it leaves.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: shape (n,), any unit.
+        name: of the form.
+        begin: guesses to choose from, one at least.
+    """
+    wiring = Wiring(background=_BACKGROUNDS[name])
+    middle = 0.5 * float(frequency_hz[0] + frequency_hz[-1])
+    y = values / float(np.max(np.abs(values)))
+    tried = []
+    for guess in begin:
+        response = mode_response(frequency_hz, guess.frequency_hz, guess.width_hz)
+        design = wiring.design(frequency_hz, response, guess.delay_s, middle)
+        left = SharedGain((0,)).solve([design], [y], [1.0])[0].values - y
+        tried.append((float(np.sum(np.abs(left) ** 2)), guess))
+    squares, best = min(tried, key=lambda each: each[0])
+    return best, squares
+
+
+def fit_complex(
+    frequency_hz: FloatArray,
+    values: ComplexArray,
+    name: str,
+    begin: Sequence[Guess],
+    *,
+    delayed: bool,
+    source: str,
+) -> FittedForm:
+    """A form fitted to complex values; what enters linearly is solved inside.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: shape (n,), any unit, phases as Re[values exp(i 2 pi f t)].
+        name: of the form.
+        begin: where the fit may begin, see `guesses`.
+        delayed: whether the delay of a cable is fitted, too.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: no resonance among the points, or one that they do not determine.
+    """
+    usable = [guess for guess in begin if delayed or guess.delay_s == 0.0]
+    guess, _ = begin_of(frequency_hz, values, name, usable)
+    wiring = Wiring(background=_BACKGROUNDS[name])
+    return _ComplexFit(frequency_hz, values, wiring, guess, delayed=delayed).minimised(name, source)
+
+
+class _ComplexFit:
+    """Shift of the line and logarithm of its width, over guesses, and the delay over 1/span."""
+
+    def __init__(
+        self,
+        frequency_hz: FloatArray,
+        values: ComplexArray,
+        wiring: Wiring,
+        guess: Guess,
+        *,
+        delayed: bool,
+    ) -> None:
+        self.f, self.wiring, self.delayed = frequency_hz, wiring, delayed
+        self.top = float(np.max(np.abs(values)))
+        self.y = values / self.top
+        self.span, self.middle = float(np.ptp(self.f)), 0.5 * float(self.f[0] + self.f[-1])
+        self.eta0, self.width0, self.delay0 = guess.frequency_hz, guess.width_hz, guess.delay_s
+
+    def line(self, x: FloatArray) -> tuple[float, float, float]:
+        """Eigenfrequency and width, Hz, and delay, s."""
+        width = self.width0 * math.exp(min(float(x[1]), 50.0))
+        delay = self.delay0 + float(x[2]) / self.span if self.delayed else self.delay0
+        return self.eta0 + self.width0 * float(x[0]), width, delay
+
+    def design(self, x: FloatArray) -> ComplexArray:
+        """Columns e g, e and x e, as many as the form has: (n, columns)."""
+        eta, width, delay = self.line(x)
+        response = mode_response(self.f, eta, width)
+        return self.wiring.design(self.f, response, delay, self.middle)
+
+    def solved(self, x: FloatArray) -> Solved:
+        """The best coefficients at x."""
+        return SharedGain((0,)).solve([self.design(x)], [self.y], [1.0])[0]
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Real, then imaginary parts over the largest modulus, (2 n,)."""
+        return _parts(self.solved(x).values - self.y)
+
+    def minimised(self, name: str, source: str) -> FittedForm:
+        """The form at its least sum of squares."""
+        fit = minimise_squares(self.residuals, np.zeros(3 if self.delayed else 2))
+        eta, width, delay = self.line(fit.values)
+        inside = self.f[0] <= eta <= self.f[-1] and width < 3.0 * self.span
+        slopes = self.slopes(fit.values)
+        covariance = _inverse(slopes)
+        if not (fit.converged and inside and np.all(np.isfinite(covariance))):
+            raise BadInput(
+                f"{source}: no resonance between {self.f[0]:.10g} and {self.f[-1]:.10g} Hz "
+                f"(the fit ended at {eta:.10g} Hz, width {width:.4g} Hz)"
+            )
+        structure = residual_structure(fit.residuals, slopes)
+        squares = float(fit.residuals @ fit.residuals)
+        freedom = max(1, fit.residuals.size - slopes.shape[1])
+        spread = structure.widening**2 * squares / freedom * covariance
+        solved = self.solved(fit.values)
+        gain = complex(solved.coefficients[0])
+        along = np.zeros(slopes.shape[1])
+        along[fit.values.size : fit.values.size + 2] = gain.real / abs(gain), gain.imag / abs(gain)
+        quality = np.zeros(slopes.shape[1])
+        quality[:2] = self.width0 / eta, -1.0
+        return FittedForm(
+            name=name,
+            frequency_hz=eta,
+            frequency_std_hz=self.width0 * math.sqrt(spread[0, 0]),
+            width_hz=width,
+            width_std_hz=width * math.sqrt(spread[1, 1]),
+            q=eta / width,
+            q_std=eta / width * math.sqrt(max(0.0, float(quality @ spread @ quality))),
+            amplitude=self.top * abs(gain),
+            amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
+            delay_s=delay if self.delayed else math.nan,
+            unknowns=slopes.shape[1],
+            squares=squares,
+            residual=math.sqrt(squares / self.y.size) / abs(gain),
+            structure=structure,
+            curve=self.top * solved.values,
+            coefficients=solved.coefficients,
+        )
+
+    def slopes(self, x: FloatArray) -> FloatArray:
+        """Derivatives of the residuals by x and by both parts of all coefficients."""
+        solved = self.solved(x)
+        columns = []
+        for step in STEP * np.eye(x.size):
+            ends = [self.design(x + h) @ solved.coefficients for h in (step, -step)]
+            columns.append(_parts(ends[0] - ends[1]) / (2.0 * STEP))
+        gain = SharedGain((0,)).columns({0: solved})
+        return np.stack([*columns, *(_parts(column[0]) for column in gain)], axis=1)
+
+
+def _parts(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])
+
+
+def _inverse(slopes: FloatArray) -> FloatArray:
+    """(J^T J)^-1 (n, n) of slopes J (m, n); infinite where they do not see a direction."""
+    sizes = np.linalg.norm(slopes, axis=0)
+    _, singular, rows = np.linalg.svd(
+        slopes / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
+    )
+    if singular[-1] <= singular[0] * np.finfo(float).eps * max(slopes.shape):
+        return np.full((sizes.size, sizes.size), np.inf)
+    weighted = rows / singular[:, None]
+    return np.asarray(weighted.T @ weighted / np.outer(sizes, sizes))

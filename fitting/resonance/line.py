@@ -1,0 +1,414 @@
+"""One resonance of a trace: every form that may stand beside it, compared, and the best one.
+
+Forms are compared by Akaike's criterion for small samples, with points that hang together counted
+as the independent ones that they are worth,
+
+    c = N/v ln(sum r^2/N) + 2 k + 2 k (k + 1)/(N/v - k - 1)
+
+N residuals, k unknowns, v the square of the widening (`residual_structure`) under the form of most
+unknowns. Source: H. Akaike, IEEE Trans. Autom. Control 19 (1974) 716; K. Burnham and D. Anderson,
+Model Selection and Multimodel Inference, section 2.5, for the inflation of counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+from scipy.special import fdtrc
+
+from fitting.campaign.instruments import own_estimates
+from fitting.measurements.complex_curve import WIDTHS_FOR_DELAY
+from fitting.measurements.dip import Dip
+from fitting.resonance.form import (
+    FANO,
+    FORMS,
+    SLOPED,
+    TRANSMISSION,
+    FittedForm,
+    begin_of,
+    fit_amplitudes,
+    fit_complex,
+    guesses,
+)
+from fitting.resonance.trace import Trace
+from fitting.resonance.two_lines import two_lines
+from fitting.signal.peaks import MIN_SWEEP_POINTS
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL
+from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz
+
+NOTCH, REFLECTION = "notch", "reflection"
+#: What may be asked for: forms, and those of their readings that are no form of their own.
+WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED)
+#: A resonance is there if noise alone were to look like one less often than this.
+SEEN_P = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineForm:
+    """A form of the line and what it gives; NaN where it could not be fitted (``message``).
+
+    Attributes:
+        name: "transmission", "fano" or "sloped".
+        delayed: whether the delay of a cable is fitted, too.
+        criterion: Akaike's, over that of the best form: 0 for that one; 10 is plainly worse.
+        residual: root mean square of what is left, over the line's amplitude.
+        message: why it could not be fitted.
+    """
+
+    name: str
+    delayed: bool
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    residual: float
+    criterion: float
+    message: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DipReading:
+    """What a line means that is a dip: beside a feed line (notch) or at its end (reflection)."""
+
+    wiring: str
+    q_coupling: float
+    q_internal: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinePoints:
+    """What was measured and what was fitted, (n,) each; imaginary parts are empty without phases.
+
+    Phases are counted as Re[value exp(i 2 pi f t)]: they fall over a resonance.
+    """
+
+    frequency_hz: tuple[float, ...]
+    measured: tuple[float, ...]
+    fitted: tuple[float, ...]
+    measured_imaginary: tuple[float, ...] = ()
+    fitted_imaginary: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One resonance of a measured response; errors (``_std``) are standard deviations.
+
+    Attributes:
+        source: the file, or "arrays".
+        frequency_hz: eigenfrequency, Hz.
+        width_hz: full width at half of the power, Hz.
+        q: their ratio.
+        amplitude: of the line alone at its eigenfrequency, in ``unit``.
+        wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
+        asked: whether it was asked for, and not found.
+        delay_s: of the cable, s; NaN where none was looked for.
+        residual: root mean square of what is left, over ``amplitude``.
+        independent_points: how many of the points, that may follow each other, are news.
+        widening: factor on the errors because points follow each other; 1 where they do not.
+        forms: every form that was tried, the one that was taken first.
+        readings: where the line is a dip, what it means in each wiring.
+        faults: what makes the points no damped line.
+        instrument: the instrument's own estimates, "frequency_hz" and "q", as far as it says.
+        turned: whether the file counts phases the other way, as Re[value exp(-i 2 pi f t)].
+        said: how the file was read, in sentences.
+        points: what was measured and fitted.
+    """
+
+    source: str
+    frequency_hz: float
+    frequency_std_hz: float
+    width_hz: float
+    width_std_hz: float
+    q: float
+    q_std: float
+    amplitude: float
+    amplitude_std: float
+    unit: str
+    wiring: str
+    asked: bool
+    delay_s: float
+    residual: float
+    independent_points: float
+    widening: float
+    forms: tuple[LineForm, ...]
+    readings: tuple[DipReading, ...]
+    faults: tuple[SweepFault, ...]
+    instrument: Mapping[str, float]
+    turned: bool
+    said: tuple[str, ...]
+    points: LinePoints = field(repr=False)
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether phases were measured."""
+        return bool(self.points.measured_imaginary)
+
+
+def line_of(trace: Trace, wiring: str = "") -> Line:
+    """The resonance of a trace.
+
+    Args:
+        trace: what was measured.
+        wiring: one of `WIRINGS`; empty: the forms are compared.
+
+    Raises:
+        BadInput: no resonance, one that the ends of the sweep cut off, two of them, too few points,
+            or a wiring that amplitudes do not tell.
+    """
+    if wiring and wiring not in WIRINGS:
+        raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
+    if wiring == SLOPED and not trace.is_complex:
+        raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
+    try:
+        return _line_of(_turned(trace), wiring)
+    except BadInput as error:
+        if not trace.read:
+            raise
+        raise BadInput(*(f"{text} (read: {trace.read})" for text in error.args)) from error
+
+
+def _line_of(trace: Trace, wiring: str) -> Line:
+    found, failed = _fitted(trace)
+    criteria = _criteria(found, _rows(trace))
+    asked = FANO if wiring in (NOTCH, REFLECTION) else wiring
+    order = [int(k) for k in np.argsort(criteria, kind="stable")]
+    order.sort(key=lambda k: bool(asked) and found[k].name != asked)
+    best = found[order[0]]
+    if asked and best.name != asked:
+        raise BadInput(next(form.message for form in failed if form.name == asked))
+    _check_one(trace, best)
+    return Line(
+        source=trace.source,
+        frequency_hz=best.frequency_hz,
+        frequency_std_hz=best.frequency_std_hz,
+        width_hz=best.width_hz,
+        width_std_hz=best.width_std_hz,
+        q=best.q,
+        q_std=best.q_std,
+        amplitude=best.amplitude,
+        amplitude_std=best.amplitude_std,
+        unit=trace.unit,
+        wiring=wiring or best.name,
+        asked=bool(wiring),
+        delay_s=best.delay_s,
+        residual=best.residual,
+        independent_points=best.structure.points / (2.0 if trace.is_complex else 1.0),
+        widening=best.structure.widening,
+        forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
+        readings=_readings(trace, best, wiring),
+        faults=_faults(trace, best),
+        instrument=own_estimates(trace.notes),
+        turned=trace.turned,
+        said=trace.said,
+        points=_points(trace, best),
+    )
+
+
+def _points(trace: Trace, best: FittedForm) -> LinePoints:
+    f, y, curve = trace.frequency_hz, trace.values, best.curve
+    points = LinePoints(
+        frequency_hz=tuple(f.tolist()),
+        measured=tuple(y.real.tolist()),
+        fitted=tuple(curve.real.tolist()),
+    )
+    if not trace.is_complex:
+        return points
+    return replace(
+        points,
+        measured_imaginary=tuple(y.imag.tolist()),
+        fitted_imaginary=tuple(curve.imag.tolist()),
+    )
+
+
+def _rows(trace: Trace) -> int:
+    return (2 if trace.is_complex else 1) * int(trace.values.size)
+
+
+def _turned(trace: Trace) -> Trace:
+    """The trace with phases that fall over the resonance, as they are counted here."""
+    if not trace.is_complex or trace.values.size < MIN_SWEEP_POINTS:
+        return trace
+    f, y = trace.frequency_hz, np.asarray(trace.values, dtype=complex)
+    here, there = (begin_of(f, each, FANO, guesses(f, each))[1] for each in (y, np.conj(y)))
+    if here <= there:
+        return trace
+    words = "The file counts phases the other way, rising over the resonance: they were turned."
+    return replace(trace, values=np.conj(y), turned=True, said=(*trace.said, words))
+
+
+def _fitted(trace: Trace) -> tuple[list[FittedForm], list[LineForm]]:
+    """Every form, as it was fitted; those that could not be."""
+    found: list[FittedForm] = []
+    failed: list[LineForm] = []
+    for (name, delayed), fit in _tries(trace):
+        if delayed and not _resolves_delay(trace, found):
+            continue
+        try:
+            found.append(fit())
+        except BadInput as error:
+            failed.append(_failure(name, delayed, str(error)))
+    if not found:
+        raise BadInput(failed[0].message)
+    return found, failed
+
+
+def _tries(trace: Trace) -> list[tuple[tuple[str, bool], Callable[[], FittedForm]]]:
+    f, source = trace.frequency_hz, trace.source
+    if not trace.is_complex:
+        a = trace.amplitude
+        return [
+            ((n, False), partial(fit_amplitudes, f, a, n, source)) for n in (TRANSMISSION, FANO)
+        ]
+    if f.size < MIN_SWEEP_POINTS:
+        raise BadInput(
+            f"{source}: {f.size} points are too few for a resonance fit; wanted at least "
+            f"{MIN_SWEEP_POINTS}"
+        )
+    y = np.asarray(trace.values, dtype=complex)
+    begin = guesses(f, y)
+    return [
+        ((name, delayed), partial(fit_complex, f, y, name, begin, delayed=delayed, source=source))
+        for delayed in (False, True)
+        for name in FORMS
+    ]
+
+
+def _resolves_delay(trace: Trace, found: Sequence[FittedForm]) -> bool:
+    """Whether the sweep is so long that a delay is not just the phase of the line itself."""
+    span = float(np.ptp(trace.frequency_hz))
+    return all(form.width_hz * WIDTHS_FOR_DELAY < span for form in found)
+
+
+def _criteria(found: Sequence[FittedForm], rows: int) -> FloatArray:
+    """Akaike's criterion of every form, see the head of this file."""
+    richest = max(found, key=lambda form: form.unknowns)
+    count = rows / richest.structure.widening**2
+    made = []
+    for form in found:
+        k = form.unknowns
+        squares = max(form.squares, rows * SMALLEST_RESIDUAL**2)
+        small = 2.0 * k * (k + 1) / (count - k - 1) if count > k + 1 else math.inf
+        made.append(count * math.log(squares / rows) + 2.0 * k + small)
+    return np.array(made) if np.any(np.isfinite(made)) else np.arange(len(made), dtype=float)
+
+
+def _numbers(form: FittedForm, criterion: float) -> LineForm:
+    return LineForm(
+        name=form.name,
+        delayed=not math.isnan(form.delay_s),
+        frequency_hz=form.frequency_hz,
+        frequency_std_hz=form.frequency_std_hz,
+        width_hz=form.width_hz,
+        width_std_hz=form.width_std_hz,
+        q=form.q,
+        q_std=form.q_std,
+        residual=form.residual,
+        criterion=float(criterion),
+    )
+
+
+def _failure(name: str, delayed: bool, message: str) -> LineForm:
+    nan = math.nan
+    return LineForm(
+        name=name,
+        delayed=delayed,
+        frequency_hz=nan,
+        frequency_std_hz=nan,
+        width_hz=nan,
+        width_std_hz=nan,
+        q=nan,
+        q_std=nan,
+        residual=nan,
+        criterion=nan,
+        message=message,
+    )
+
+
+def _check_one(trace: Trace, best: FittedForm) -> None:
+    """Complain of no line, two of them, and one that the ends of the sweep cut off."""
+    f = trace.frequency_hz
+    ends = hertz(f[0], f[-1], digits=8, joined=" and ")
+    two = two_lines(trace, best)
+    if two is not None:
+        places = hertz(*two.frequency_hz, digits=5)
+        widths = hertz(*two.width_hz, digits=3)
+        way = (
+            "a campaign whose model has two modes fits both"
+            if two.overlap
+            else "wanted one, as --from and --to choose it"
+        )
+        raise BadInput(f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}")
+    if _chance(trace, best) > SEEN_P:
+        raise BadInput(
+            f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
+            "points as well"
+        )
+    left, right = best.frequency_hz - f[0], f[-1] - best.frequency_hz
+    if min(left, right) < 0.5 * best.width_hz:
+        end, where = ("first", f[0]) if left < right else ("last", f[-1])
+        raise BadInput(
+            f"{trace.source}: its resonance at {hertz(best.frequency_hz, digits=8)}, "
+            f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
+            f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
+        )
+
+
+def _chance(trace: Trace, best: FittedForm) -> float:
+    """Probability that noise gains as much by a line over a straight one, at any of its points.
+
+    Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares), with
+    Bonferroni's bound.
+    """
+    f = trace.frequency_hz
+    y = trace.values / float(np.max(trace.amplitude))
+    if not math.isnan(best.delay_s):
+        y = y * np.exp(2j * np.pi * (f - float(np.mean(f))) * best.delay_s)
+    x = (f - float(np.mean(f))) / float(np.ptp(f))
+    columns = np.column_stack([np.ones_like(x), x])
+    straight = columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+    before = float(np.sum(np.abs(y - straight) ** 2))
+    rows = _rows(trace)
+    if best.squares <= rows * SMALLEST_RESIDUAL**2:
+        return 0.0 if before > best.squares else 1.0
+    more = max(1, best.unknowns - (4 if trace.is_complex else 2))
+    freedom = max(1.0, (rows - best.unknowns) / best.structure.widening**2)
+    gain = max(0.0, (before - best.squares) / more * freedom / best.squares)
+    return min(1.0, f.size * float(fdtrc(more, freedom, gain)))
+
+
+def _readings(trace: Trace, best: FittedForm, wiring: str) -> tuple[DipReading, ...]:
+    """What a dip means beside a feed line and at its end, where one mode can be such a dip."""
+    if not trace.is_complex or best.coefficients.size < 2:
+        return ()
+    a, b = best.coefficients[:2]
+    if best.name == SLOPED:
+        f = trace.frequency_hz
+        x = 2.0 * (best.frequency_hz - 0.5 * float(f[0] + f[-1])) / float(np.ptp(f))
+        b = b + best.coefficients[2] * x
+    depth = complex(1j * a / b)  # g is -i at the eigenfrequency
+    wanted = (wiring,) if wiring in (NOTCH, REFLECTION) else (NOTCH, REFLECTION)
+    if wiring in (TRANSMISSION, FANO, SLOPED) or (not wiring and abs(1.0 - depth) >= 1.0):
+        return ()
+    dips = [Dip(kind=kind, loaded_q=best.q, depth=depth) for kind in wanted]
+    return tuple(
+        DipReading(wiring=d.kind, q_coupling=d.coupling_q, q_internal=d.internal_q)
+        for d in dips
+        if wiring or not math.isnan(d.internal_q)
+    )
+
+
+def _faults(trace: Trace, best: FittedForm) -> tuple[SweepFault, ...]:
+    """What makes amplitudes no damped line, where the best form leaves something of them."""
+    if trace.is_complex or (best.name != TRANSMISSION and best.structure.order == 0):
+        return ()
+    found = sweep_faults(trace.frequency_hz, trace.amplitude)
+    return tuple(f for f in found if f.fault is not Fault.BACKGROUND)

@@ -1,0 +1,280 @@
+"""A file of any instrument as a trace: what its columns are is recognised, or told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fitting.campaign.instruments import Channel, Recording, Selection, read_recording
+from fitting.campaign.recognised import Recognised, recognised
+from fitting.resonance.trace import Trace, trace_of
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import listed
+from fitting.text.units import convert, same_kind
+
+#: Units of squares of amplitudes, with and without the density over frequency.
+POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Where a file has what, as far as the file does not tell: empty means that it is found out.
+
+    Attributes:
+        frequency: name of the column of frequencies.
+        amplitude: of amplitudes, or of complex values; a phase is then taken if it is named.
+        phase: of phases.
+        real: of real parts, X.
+        imaginary: of imaginary parts, Y.
+        unit_frequency: unit of the frequencies, where the file tells none or a wrong one.
+        unit_amplitude: unit of amplitudes, or of real and imaginary parts.
+        unit_phase: unit of phases.
+        trace: which of the file's traces, from 1.
+        chunk: which of the file's sweeps, as LabOne counts them.
+    """
+
+    frequency: str = ""
+    amplitude: str = ""
+    phase: str = ""
+    real: str = ""
+    imaginary: str = ""
+    unit_frequency: str = ""
+    unit_amplitude: str = ""
+    unit_phase: str = ""
+    trace: int = 1
+    chunk: int | None = None
+
+    @property
+    def selection(self) -> Selection:
+        """Which part of the file."""
+        return Selection(trace=self.trace, chunk=self.chunk)
+
+    def checked(self) -> Columns:
+        """The same columns, if their names do not contradict each other.
+
+        Raises:
+            BadInput: names that contradict each other.
+        """
+        if bool(self.real) != bool(self.imaginary):
+            given, wanted = ("real", "imaginary") if self.real else ("imaginary", "real")
+            raise BadInput(f"{given}: names a column alone, wanted {wanted}, too")
+        if self.real and (self.amplitude or self.phase):
+            other = "amplitude" if self.amplitude else "phase"
+            raise BadInput(f"{other}: is named beside real and imaginary, wanted one or the other")
+        return self
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Roles:
+    """The columns of a file by what they are; None where there is none.
+
+    ``sizes`` holds amplitudes, or complex values; ``recognised`` what the file was found to be.
+    """
+
+    recognised: Recognised
+    recording: Recording
+    frequency: Channel
+    sizes: Channel | None = None
+    phase: Channel | None = None
+    real: Channel | None = None
+    imaginary: Channel | None = None
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether there are phases."""
+        whole = self.sizes is not None and self.sizes.is_complex
+        return whole or self.real is not None or self.phase is not None
+
+    @property
+    def all(self) -> tuple[Channel, ...]:
+        """Every column that is taken."""
+        found = (self.frequency, self.sizes, self.phase, self.real, self.imaginary)
+        return tuple(channel for channel in found if channel is not None)
+
+
+def roles_of(path: Path, columns: Columns) -> Roles:
+    """Which columns of a file are taken for what.
+
+    Args:
+        path: of the file.
+        columns: what is told of them.
+
+    Raises:
+        BadInput: the file is not readable, holds no response over frequency, or tells no unit; a
+            line for each column and unit that is wanted.
+    """
+    columns = columns.checked()
+    known = recognised(path, columns.selection)
+    recording = read_recording(path, known.layout, columns.selection)
+    there = ", ".join(f"'{c.name}'" for c in recording.channels)
+
+    def column(told: str, *roles: str) -> Channel | None:
+        if told:
+            return recording.column(told)
+        found = next((f for f in map(known.role, roles) if f is not None), None)
+        return None if found is None else recording.column(found.name)
+
+    frequency = column(columns.frequency, "frequency")
+    if frequency is None:
+        over_time = known.role("time") is not None
+        what = "is a recording over time" if over_time else "has no column that seems the frequency"
+        raise BadInput(
+            f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency"
+        )
+    frequency = _with_unit(frequency, columns.unit_frequency)
+    sizes = column(columns.amplitude) if columns.amplitude else None
+    if columns.amplitude or columns.phase:
+        sizes = sizes or column("", "amplitude")
+        phase = column(columns.phase) if columns.phase else None
+        found = Roles(
+            recognised=known, recording=recording, frequency=frequency, sizes=sizes, phase=phase
+        )
+    else:
+        real = column(columns.real, "re")
+        whole = column("", "complex")
+        if columns.real or (real is not None and whole is None):
+            found = Roles(
+                recognised=known,
+                recording=recording,
+                frequency=frequency,
+                real=real,
+                imaginary=column(columns.imaginary, "im"),
+            )
+        else:
+            found = Roles(
+                recognised=known,
+                recording=recording,
+                frequency=frequency,
+                sizes=whole or column("", "amplitude"),
+                phase=None if whole is not None else column("", "phase"),
+            )
+    if found.sizes is None and (found.real is None or found.imaginary is None):
+        raise BadInput(
+            f"{path}: has no column that seems an amplitude; there is: {there}; wanted its name by "
+            "--amplitude, or --real and --imaginary"
+        )
+    return _united(found, columns)
+
+
+def _with_unit(channel: Channel, unit: str) -> Channel:
+    return replace(channel, unit=unit) if unit else channel
+
+
+def _with_unit_or_none(channel: Channel | None, unit: str) -> Channel | None:
+    return None if channel is None else _with_unit(channel, unit)
+
+
+def _united(found: Roles, columns: Columns) -> Roles:
+    """The columns with the units that are told; complaints of those that are wanted."""
+    path, complaints = found.recording.path, []
+    phase = _with_unit_or_none(found.phase, columns.unit_phase)
+    if found.frequency.unit is None:
+        complaints.append(
+            f"{path}: tells no unit of its frequencies, column '{found.frequency.name}'; wanted it "
+            "by --unit-frequency, as Hz or MHz"
+        )
+    if phase is not None and phase.unit is None:
+        complaints.append(
+            f"{path}: tells no unit of its phases, column '{phase.name}'; wanted it by "
+            "--unit-phase, deg or rad"
+        )
+    if complaints:
+        raise BadInput(*complaints)
+    unit = columns.unit_amplitude
+    return replace(
+        found,
+        phase=phase,
+        sizes=_with_unit_or_none(found.sizes, unit),
+        real=_with_unit_or_none(found.real, unit),
+        imaginary=_with_unit_or_none(found.imaginary, unit),
+    )
+
+
+def read_trace_of(path: Path, columns: Columns) -> Trace:
+    """The trace that a file holds, and how it was read, in sentences.
+
+    Args:
+        path: of the file.
+        columns: what is told of its columns.
+
+    Raises:
+        BadInput: see `roles_of`; a cell that is no number, a unit of another kind.
+    """
+    roles = roles_of(path, columns)
+    recording = roles.recording
+    frequency_hz = _hertz(roles)
+    read = _columns_words(roles)
+    said = [f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *_guesses(roles)]
+    if roles.real is not None and roles.imaginary is not None:
+        unit = roles.real.unit or "1"
+        factor = 1.0
+        if roles.imaginary.unit not in (None, roles.real.unit):
+            where = f"{path}: column '{roles.imaginary.name}'"
+            factor = convert(1.0, str(roles.imaginary.unit), unit, where=where)
+        values = recording.numbers(roles.real) + 1j * factor * recording.numbers(roles.imaginary)
+    elif roles.sizes is not None and roles.sizes.is_complex:
+        unit, values = roles.sizes.unit or "1", recording.values(roles.sizes)
+    else:
+        assert roles.sizes is not None  # noqa: S101 - roles_of has complained otherwise
+        sizes, unit, words = _amplitudes(recording, roles.sizes)
+        said += words
+        values = sizes
+        if roles.phase is not None:
+            where = f"{path}: column '{roles.phase.name}'"
+            radians = convert(1.0, str(roles.phase.unit), "rad", where=where)
+            values = sizes * np.exp(1j * radians * recording.numbers(roles.phase))
+    if frequency_hz.size > 1 and frequency_hz[0] > frequency_hz[-1]:
+        said.append("The sweep runs downwards in frequency; its points were turned round.")
+    found = trace_of(frequency_hz, values, unit, source=str(path))
+    return replace(found, read=read, said=tuple(said), notes=dict(recording.notes))
+
+
+def _hertz(roles: Roles) -> FloatArray:
+    channel = roles.frequency
+    where = f"{roles.recording.path}: column '{channel.name}'"
+    unit = str(channel.unit)
+    numbers = roles.recording.numbers(channel)
+    return np.array([convert(float(value), unit, "Hz", where=where) for value in numbers])
+
+
+def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str, list[str]]:
+    """Amplitudes of a column, their unit, and what was made of them."""
+    values, unit = recording.numbers(channel), channel.unit or "1"
+    if unit.startswith("dB"):
+        words = f"Decibels were read as those of an amplitude: 20 dB are a factor of ten ({unit})."
+        return np.asarray(10.0 ** (values / 20.0)), "1", [words]
+    if any(same_kind(unit, power) for power in POWERS):
+        for i in np.flatnonzero(values < 0.0)[:1]:
+            raise BadInput(
+                f"{recording.path}: {recording.places[i]}, column '{channel.name}': "
+                f"{values[i]:.6g} {unit}, wanted a power of zero or more"
+            )
+        words = f"'{channel.name}' is a power ({unit}): amplitudes are its square root."
+        return np.sqrt(values), f"({unit})^0.5", [words]
+    return values, unit, []
+
+
+def _columns_words(roles: Roles) -> str:
+    names = {
+        "frequency": roles.frequency,
+        "amplitude": roles.sizes,
+        "phase": roles.phase,
+        "real part": roles.real,
+        "imaginary part": roles.imaginary,
+    }
+    return listed(
+        f"{what} '{c.name}' ({c.unit or 'no unit told'})"
+        for what, c in names.items()
+        if c is not None
+    )
+
+
+def _guesses(roles: Roles) -> list[str]:
+    """Remarks about the columns, where one of those that are taken was guessed."""
+    guessed = {c.name for c in roles.recognised.columns if c.guessed}
+    if not any(c.name in guessed for c in roles.all):
+        return []
+    return [f"{remark[0].upper()}{remark[1:]}." for remark in roles.recognised.remarks]

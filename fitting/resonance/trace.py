@@ -1,0 +1,125 @@
+"""A measured response over frequency: amplitudes, or complex values, of one sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.signal.peaks import MIN_SWEEP_POINTS
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import hertz
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """A response over frequency.
+
+    Attributes:
+        source: what complaints name it by.
+        frequency_hz: rising, shape (n,), Hz.
+        values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
+        unit: of the values.
+        read: the columns that were taken for what, in words; empty for arrays.
+        turned: whether phases were counted the other way, and are turned.
+        said: how the file was read, in sentences.
+        notes: header entries of the file.
+    """
+
+    source: str
+    frequency_hz: FloatArray
+    values: FloatArray | ComplexArray
+    unit: str
+    read: str = ""
+    turned: bool = False
+    said: tuple[str, ...] = ()
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether there are phases."""
+        return np.iscomplexobj(self.values)
+
+    @property
+    def amplitude(self) -> FloatArray:
+        """Moduli of the values, (n,)."""
+        return np.asarray(np.abs(self.values), dtype=float)
+
+    def within(self, low_hz: float | None, high_hz: float | None) -> Trace:
+        """The part between two frequencies.
+
+        Args:
+            low_hz: Hz, None: from the first.
+            high_hz: Hz, None: to the last.
+
+        Raises:
+            BadInput: too few points are left.
+        """
+        if low_hz is None and high_hz is None:
+            return self
+        low = -np.inf if low_hz is None else low_hz
+        high = np.inf if high_hz is None else high_hz
+        kept = (self.frequency_hz >= low) & (self.frequency_hz <= high)
+        count = int(np.sum(kept))
+        if count < MIN_SWEEP_POINTS:
+            ends = hertz(self.frequency_hz[0], self.frequency_hz[-1], joined=" to ")
+            raise BadInput(
+                f"{self.source}: {count} points lie between --from and --to, wanted at least "
+                f"{MIN_SWEEP_POINTS}; its points run from {ends}"
+            )
+        part = hertz(
+            self.frequency_hz[kept][0], self.frequency_hz[kept][-1], digits=8, joined=" to "
+        )
+        return replace(
+            self,
+            frequency_hz=self.frequency_hz[kept],
+            values=self.values[kept],
+            said=(*self.said, f"Taken: {count} of {self.frequency_hz.size} points, {part}."),
+        )
+
+
+def trace_of(
+    frequency_hz: npt.ArrayLike, values: npt.ArrayLike, unit: str, source: str = "arrays"
+) -> Trace:
+    """A checked trace; points that run downwards are turned round.
+
+    Args:
+        frequency_hz: shape (n,), Hz, in any order but each once.
+        values: amplitudes or complex values, shape (n,).
+        unit: of the values.
+        source: what complaints name it by.
+
+    Raises:
+        BadInput: shapes that differ, values that are no numbers, a frequency twice or not above
+            zero, negative amplitudes, nothing but zeros.
+    """
+    f, y = np.asarray(frequency_hz, dtype=float), np.asarray(values)
+    y = y.astype(complex if np.iscomplexobj(y) else float)
+    if f.ndim != 1 or f.shape != y.shape:
+        raise BadInput(
+            f"{source}: frequencies {f.shape} and values {y.shape}; wanted (n,) for both"
+        )
+    for name, numbers in (("frequency", f), ("value", y)):
+        for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
+            raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
+    order = np.argsort(f, kind="stable")
+    f, y = f[order], y[order]
+    if f.size and f[0] <= 0.0:
+        raise BadInput(f"{source}: found the frequency {f[0]:g} Hz, wanted frequencies above zero")
+    for i in np.flatnonzero(np.diff(f) == 0.0)[:1]:
+        raise BadInput(
+            f"{source}: the frequency {f[i]:.12g} Hz stands there twice, wanted one sweep, each "
+            "frequency once"
+        )
+    if not np.iscomplexobj(y):
+        for i in np.flatnonzero(y < 0.0)[:1]:
+            raise BadInput(
+                f"{source}: the amplitude at {f[i]:.12g} Hz is {y[i]:.6g}, wanted magnitudes (are "
+                "columns exchanged, or is it in dB?)"
+            )
+    if not np.any(np.abs(y) > 0.0):
+        raise BadInput(f"{source}: holds nothing but zeros, wanted a resonance")
+    return Trace(source=source, frequency_hz=f, values=y, unit=unit)

@@ -1,0 +1,142 @@
+"""Whether a trace shows two resonances, where one is looked for.
+
+Complex values by linear least squares of a rational function of degree two (`complex_line` is that
+of degree one); amplitudes by a second line beside the first, begun where most is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.resonance.form import FittedForm
+from fitting.resonance.trace import Trace
+from fitting.signal.complex_line import ROUNDS
+from fitting.signal.least_squares import minimise_squares
+from fitting.signal.peaks import mode_response
+from fitting.text.arrays import ComplexArray, FloatArray
+
+#: A second line counts from this share of the first one's height, if it explains so much.
+LEAST_HEIGHT, EXPLAINED = 0.03, 0.75
+#: Fewer points do not tell two lines from one and noise.
+LEAST_POINTS = 12
+
+
+@dataclass(frozen=True)
+class TwoLines:
+    """Two resonances: frequencies and full widths, Hz, the lower one first."""
+
+    frequency_hz: tuple[float, float]
+    width_hz: tuple[float, float]
+
+    @property
+    def overlap(self) -> bool:
+        """Whether no range holds one of them alone."""
+        return self.frequency_hz[1] - self.frequency_hz[0] < sum(self.width_hz)
+
+
+def two_lines(trace: Trace, best: FittedForm) -> TwoLines | None:
+    """The two resonances of a trace; None where one explains it about as well.
+
+    Args:
+        trace: what was measured.
+        best: the form of one line that describes it best.
+    """
+    f = trace.frequency_hz
+    if f.size < LEAST_POINTS:
+        return None
+    largest = float(np.max(trace.amplitude))
+    if trace.is_complex:
+        y: ComplexArray = np.asarray(trace.values / largest, dtype=complex)
+        found = _of_complex(f, y)
+    else:
+        found = _of_amplitudes(f, trace.amplitude / largest, best)
+    if found is None:
+        return None
+    squares, lines = found
+    spacing, span = float(np.median(np.diff(f))), float(np.ptp(f))
+    seen = [
+        (eta, width, height)
+        for eta, width, height in lines
+        if f[0] < eta < f[-1] and 0.5 * spacing < width < span
+    ]
+    if len(seen) < 2 or squares > (1.0 - EXPLAINED) * best.squares:
+        return None
+    heights = sorted(height for _, _, height in seen)
+    (low, low_width, _), (high, high_width, _) = sorted(seen)
+    apart = high - low > 0.5 * (low_width + high_width)
+    if heights[0] < LEAST_HEIGHT * heights[1] or not apart:
+        return None
+    return TwoLines((low, high), (low_width, high_width))
+
+
+_Lines = Iterable[tuple[float, float, float]]
+
+
+def _of_complex(f: FloatArray, y: ComplexArray) -> tuple[float, _Lines] | None:
+    """Sum of squares and (frequency, width, height) of the poles of (a0 + a1 x + a2 x^2)/(1 + ..).
+
+    Source: C. Sanathanan and J. Koerner, IEEE Trans. Autom. Control 8 (1963) 56.
+    """
+    middle, half = 0.5 * float(f[0] + f[-1]), 0.5 * float(f[-1] - f[0])
+    x = (f - middle) / half
+    columns = np.column_stack([np.ones_like(y), x, x**2, -x * y, -(x**2) * y])
+    weights = np.ones_like(x)
+    for _ in range(ROUNDS):
+        rows = weights[:, None]
+        a0, a1, a2, b1, b2 = np.linalg.lstsq(columns * rows, y * weights, rcond=None)[0]
+        below = 1.0 + b1 * x + b2 * x**2
+        weights = 1.0 / np.maximum(np.abs(below), 1e-12)
+    curve = (a0 + a1 * x + a2 * x**2) / below
+    poles = np.roots([b2, b1, 1.0]) if b2 != 0.0 else np.empty(0)
+    if poles.size < 2 or not np.all(np.isfinite(poles)):
+        return None
+    lines = []
+    for pole, other in zip(poles, poles[::-1], strict=True):
+        residue = (a0 + a1 * pole + a2 * pole**2) / (b2 * (pole - other))
+        width = 2.0 * abs(pole.imag)
+        height = abs(residue) / max(abs(pole.imag), 1e-300)
+        lines.append((middle + half * float(pole.real), half * float(width), float(height)))
+    return float(np.sum(np.abs(curve - y) ** 2)), lines
+
+
+def _of_amplitudes(f: FloatArray, y: FloatArray, best: FittedForm) -> tuple[float, _Lines] | None:
+    """The same of |h1 g1 + (a + i b) g2|, begun at the largest residual, above or below."""
+    left = y - np.abs(best.curve) / float(np.max(np.abs(best.curve)))
+    spacing = float(np.median(np.diff(f)))
+    top = float(f[int(np.argmax(y))])
+    width0 = max(min(best.width_hz, 0.2 * float(np.ptp(f))), 2.0 * spacing)
+    found = None
+    for first, second in {
+        (top, float(f[int(np.argmax(np.where(np.abs(f - top) > width0, y, 0.0)))])),
+        (top, float(f[int(np.argmax(left))])),
+        (best.frequency_hz, float(f[int(np.argmin(left))])),
+    }:
+        fit = _fitted(f, y, (first, second), max(0.5 * width0, spacing))
+        if fit is not None and (found is None or fit[0] < found[0]):
+            found = fit
+    return found
+
+
+def _fitted(
+    f: FloatArray, y: FloatArray, begin: tuple[float, float], width0: float
+) -> tuple[float, _Lines] | None:
+    def lines(x: FloatArray) -> list[tuple[float, float]]:
+        widths = [width0 * math.exp(float(np.clip(v, -30.0, 30.0))) for v in x[2:4]]
+        return [(b + width0 * float(v), w) for b, v, w in zip(begin, x, widths, strict=False)]
+
+    def residuals(x: FloatArray) -> FloatArray:
+        one, two = (mode_response(f, *line) for line in lines(x))
+        return np.asarray(np.abs(x[4] * one + (x[5] + 1j * x[6]) * two) - y)
+
+    heights = [float(np.interp(b, f, y)) for b in begin]
+    try:
+        fit = minimise_squares(residuals, np.array([0, 0, 0, 0, heights[0], heights[1], 0.1]))
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    sizes = abs(float(fit.values[4])), float(np.hypot(fit.values[5], fit.values[6]))
+    found = [(*line, size) for line, size in zip(lines(fit.values), sizes, strict=True)]
+    return float(fit.residuals @ fit.residuals), found

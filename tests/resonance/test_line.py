@@ -1,0 +1,279 @@
+"""One resonance of one file: against closed forms, known noise, and numbers made elsewhere."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.cli.main import main
+from fitting.resonance.line import Line
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.records import read_json
+from tests.support.lines import mode, noise, write_csv
+
+DATA = Path(__file__).parents[2] / "data"
+AFM = DATA / "afm_sensor" / "afm_sensor_sweep.dat"
+ETA, WIDTH = 5000.0, 20.0
+F = ETA + np.linspace(-80.0, 80.0, 161)
+
+Seen = Callable[[FloatArray], ComplexArray]
+
+
+def line_alone(f: FloatArray) -> ComplexArray:
+    return np.asarray(2.0 * np.exp(0.7j) * mode(f, ETA, WIDTH))
+
+
+def on_crosstalk(f: FloatArray) -> ComplexArray:
+    return line_alone(f) + (0.2 - 0.3j)
+
+
+def on_slope(f: FloatArray) -> ComplexArray:
+    return on_crosstalk(f) + (0.1 + 0.15j) * (f - ETA) / 80.0
+
+
+def behind_cable(f: FloatArray) -> ComplexArray:
+    return np.asarray(line_alone(f) * np.exp(-2j * np.pi * (f - ETA) * 3e-3))
+
+
+@pytest.mark.parametrize(
+    ("seen", "wiring"),
+    [
+        (line_alone, "transmission"),
+        (on_crosstalk, "fano"),
+        (on_slope, "sloped"),
+        (behind_cable, "transmission"),
+    ],
+    ids=["line", "constant", "slope", "cable"],
+)
+def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
+    seen: Seen, wiring: str
+) -> None:
+    """Pulls of 12 laboratories with known truth: a standard normal's mean square is 1 +- 0.41."""
+    found = [ff.line(F, seen(F) + noise(F.size, 0.02, seed)) for seed in range(12)]
+    for value, std, truth in (
+        ("frequency_hz", "frequency_std_hz", ETA),
+        ("width_hz", "width_std_hz", WIDTH),
+        ("q", "q_std", ETA / WIDTH),
+    ):
+        pulls = np.array([(getattr(each, value) - truth) / getattr(each, std) for each in found])
+        assert 0.2 < float(np.mean(pulls**2)) < 2.6
+    # too many terms are chosen in a sixth of all cases (P(chi2_2 > 4) = 0.135), too few never
+    chosen = [each.wiring for each in found]
+    assert chosen.count(wiring) >= 7
+    order = ("transmission", "fano", "sloped")
+    assert all(order.index(each) >= order.index(wiring) for each in chosen)
+    delays = [each.delay_s for each in found]
+    if seen is behind_cable:
+        assert np.mean(delays) == pytest.approx(3e-3, abs=1e-4)
+
+
+def test_errors_have_the_size_of_the_closed_form() -> None:
+    """Cramér and Rao's bound of a complex line: the quadratures double the information.
+
+    With S = a/(1 + i x), x = 2 (f - eta)/w, points df apart: sum |dS/d eta|^2 =
+    (4 |a|^2/w^2) (w/(2 df)) int dx/(1 + x^2)^2 = pi |a|^2/(w df), and the phase of the gain is
+    not tied to eta but takes, with int (1 - x^2)/(1 + x^2)^3 = pi/4 of it, a half: var eta =
+    2 sigma^2 w df/(pi |a|^2); the width, with the size of the gain, likewise a factor 4 more.
+    """
+    step, sigma = 0.25, 0.01
+    f = ETA + np.arange(-3000.0, 3001.0) * step
+    found = ff.line(f, 2.0 * mode(f, ETA, WIDTH) + noise(f.size, sigma, 1), wiring="transmission")
+    bound = sigma / 2.0 * math.sqrt(2.0 * WIDTH * step / math.pi)
+    assert found.frequency_std_hz == pytest.approx(bound, rel=0.05)
+    assert found.width_std_hz == pytest.approx(2.0 * bound, rel=0.05)
+
+
+@pytest.mark.parametrize("phases", [True, False], ids=["complex", "amplitudes"])
+def test_errors_are_wider_where_neighbours_follow_each_other(phases: bool) -> None:
+    """Noise of first order, rho = 0.7: the variance of sums is (1 + rho)/(1 - rho) = 5.7 times."""
+    pulls = []
+    for seed in range(8):
+        white, rough = noise(F.size, 0.02, seed), np.zeros(F.size, dtype=complex)
+        for k in range(1, F.size):
+            rough[k] = 0.7 * rough[k - 1] + math.sqrt(1.0 - 0.49) * white[k]
+        values = line_alone(F) + rough
+        found = ff.line(F, values if phases else np.abs(values), wiring="transmission")
+        pulls.append((found.frequency_hz - ETA) / found.frequency_std_hz)
+        assert found.widening > 1.2
+        assert found.independent_points < 0.7 * F.size
+    assert float(np.mean(np.square(pulls))) < 2.5  # 5.7 without
+
+
+def test_the_measured_cantilever_gives_what_another_program_gave() -> None:
+    """30281.26 Hz, 24.84 Hz, Q 1219 with a complex background, 30280.96 and 24.90 Hz without."""
+    found = ff.line(AFM)
+    assert found.frequency_hz == pytest.approx(30281.26, abs=0.03)
+    assert found.width_hz == pytest.approx(24.84, abs=0.05)
+    assert found.q == pytest.approx(1219, abs=3)
+    assert found.instrument["q"] == 1161
+    alone = ff.line(AFM, columns=ff.Columns(amplitude="Amplitude"))
+    assert alone.frequency_hz == pytest.approx(30281.26, abs=0.02)
+    plain = next(form for form in alone.forms if form.name == "transmission")
+    assert plain.frequency_hz == pytest.approx(30280.96, abs=0.01)
+    assert plain.width_hz == pytest.approx(24.90, abs=0.01)
+    assert plain.criterion > 100.0
+
+
+@pytest.mark.parametrize("phases", [True, False], ids=["complex", "amplitudes"])
+def test_a_notch_is_found_and_its_qualities_follow(phases: bool) -> None:
+    """S = 1 - (Q/Qc)/(1 + i x): Q = 250, Qc = 400, so 1/Qi = 1/250 - 1/400."""
+    seen = 1.0 - 250.0 / 400.0 * 1j * mode(F, ETA, WIDTH)
+    values = seen + noise(F.size, 0.005, 3)
+    found = ff.line(F, values if phases else np.abs(values))
+    assert found.frequency_hz == pytest.approx(ETA, abs=4 * found.frequency_std_hz)
+    assert found.width_hz == pytest.approx(WIDTH, abs=4 * found.width_std_hz)
+    if phases:
+        notch, reflection = found.readings
+        assert (notch.wiring, reflection.wiring) == ("notch", "reflection")
+        assert notch.q_coupling == pytest.approx(400.0, rel=0.02)
+        assert notch.q_internal == pytest.approx(1.0 / (1.0 / 250.0 - 1.0 / 400.0), rel=0.02)
+        assert reflection.q_coupling == pytest.approx(800.0, rel=0.02)
+
+
+def test_how_a_file_counts_its_phases_and_which_way_it_was_swept_do_not_matter() -> None:
+    values = on_crosstalk(F) + noise(F.size, 0.02, 5)
+    one, two = ff.line(F, values), ff.line(F[::-1], np.conj(values)[::-1])
+    assert two.frequency_hz == pytest.approx(one.frequency_hz, rel=1e-12)
+    assert two.width_hz == pytest.approx(one.width_hz, rel=1e-9)
+
+
+SECOND = mode(F, ETA + 50.0, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (1.0 + noise(F.size, 0.05, 1), "shows no resonance between 4.92 and 5.08 kHz"),
+        (np.abs(1.0 + noise(F.size, 0.05, 1)), "shows no resonance between 4.92 and 5.08 kHz"),
+        (line_alone(F) + 1.5 * SECOND, "shows two resonances, at 5 and 5.05 kHz"),
+        (np.abs(line_alone(F) + 1.5 * SECOND), "shows two resonances"),
+        (line_alone(F[:8]), "no resonance between"),
+        (np.abs(line_alone(F[:84])), "is cut off by the last point of the sweep at 5.003 kHz"),
+        (line_alone(F[75:]), "is cut off by the first point of the sweep at 4.995 kHz"),
+        (line_alone(F[:7]), "7 points are too few"),
+        (-np.abs(line_alone(F)), "wanted magnitudes"),
+        (0.0 * F, "holds nothing but zeros"),
+        (np.where(F == ETA, np.nan, 1.0), "value number 81 is nan"),
+    ],
+    ids=[
+        *("noise", "noise_a", "two", "two_a", "flank", "cut_right", "cut_left", "few", "negative"),
+        *("zero", "nan"),
+    ],
+)
+def test_what_is_no_single_line_is_refused_in_a_sentence(
+    values: FloatArray | ComplexArray, words: str
+) -> None:
+    f = F[75:] if values.size == F.size - 75 else F[: values.size]
+    if values.size in (84, F.size - 75, 8):
+        values = values + noise(values.size, 1e-3, 2) * (1.0 if np.iscomplexobj(values) else 0.0)
+    with pytest.raises(ff.BadInput) as error:
+        ff.line(f, values)
+    assert words in str(error.value)
+    assert len(error.value.args) == 1
+
+
+def test_the_command_tells_the_number_first_and_writes_what_it_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = line_alone(F) + noise(F.size, 0.01, 7)
+    file = write_csv(
+        tmp_path / "mine.csv", "f (kHz),X (mV),Y (mV)", F / 1e3, values.real, values.imag
+    )
+    out = tmp_path / "out"
+    assert main(["line", str(file), "--out", str(out)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    value, error = re_numbers(told[0])
+    assert told[0].startswith("f ")
+    assert abs(value - ETA) < 4 * error < 1.0
+    assert any("real part 'X' (mV)" in line for line in told)
+    found = read_json(out / "line.json", Line)
+    assert found == ff.line(file)
+    table = (out / "line.csv").read_text("utf-8").splitlines()
+    assert table[0].startswith("frequency (Hz),measured X (mV)")
+    assert len(table) == 1 + F.size
+    assert {p.name for p in out.glob("line.*")} == {"line.json", "line.csv", "line.png", "line.svg"}
+    assert main(["line", str(file), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frequency_hz"] == found.frequency_hz
+
+
+def re_numbers(text: str) -> tuple[float, float]:
+    """Value and error of a line as "f   5000.01 ± 0.02 Hz"."""
+    words = text.split()
+    return float(words[1]), float(words[3])
+
+
+@pytest.mark.parametrize(
+    ("head", "options", "words"),
+    [
+        ("a,b", [], "wanted the frequency's name by --frequency"),
+        ("f,b", [], "tells no unit of its frequencies"),
+        ("f,b (V)", ["--unit-frequency", "kHz"], ""),
+        ("a (kHz),b", ["--frequency", "c"], "no column 'c'"),
+        ("a (kHz),b", ["--real", "b"], "real: names a column alone, wanted imaginary, too"),
+        ("a (kHz),b", ["--unit-frequency", ""], "--unit-frequency: is empty"),
+        ("a (kHz),b", ["--from", "5.1 kHz", "--to", "5 kHz"], "wanted a rising range"),
+        ("a (kHz),b", ["--from", "5.1 kHz"], "0 points lie between --from and --to"),
+        ("a (kHz),b", ["--from", "4.995 kHz"], "is cut off by the first point"),
+        ("t (ms),b (V)", [], "is a recording over time"),
+        ("a (kHz),b", ["--wiring", "sloped"], "sloped wants phases"),
+    ],
+    ids=[
+        *(
+            "no_name",
+            "no_unit",
+            "unit_told",
+            "no_column",
+            "alone",
+            "empty",
+            "range",
+            "outside",
+            "cut",
+            "time",
+        ),
+        "sloped",
+    ],
+)
+def test_what_a_file_does_not_tell_is_asked_for_by_name(
+    head: str, options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    values = np.abs(line_alone(F) + noise(F.size, 0.01, 7))
+    file = write_csv(tmp_path / "mine.csv", head, F / 1e3, values)
+    out = tmp_path / "out"
+    code = main(["line", str(file), "--out", str(out), *options])
+    told = capsys.readouterr()
+    if not words:
+        assert code == 0
+        return
+    assert code == 2
+    assert words in told.err
+    assert told.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_decibels_and_powers_give_the_same_line(tmp_path: Path) -> None:
+    values = np.abs(line_alone(F) + noise(F.size, 0.01, 7))
+    plain = ff.line(F, values)
+    for head, column in (
+        ("f (Hz),level (dBm)", 20.0 * np.log10(values)),
+        ("f (Hz),psd (V^2/Hz)", values**2),
+    ):
+        found = ff.line(write_csv(tmp_path / "mine.csv", head, F, np.asarray(column)))
+        assert found.width_hz == pytest.approx(plain.width_hz, rel=1e-6)
+
+
+def test_a_folder_that_cannot_be_used_is_refused_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "line.json").write_text("mine", "utf-8")
+    assert main(["line", str(tmp_path / "absent.csv"), "--out", str(out)]) == 2
+    told = capsys.readouterr().err
+    assert "line.json: is there already" in told
+    assert (out / "line.json").read_text("utf-8") == "mine"
