@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fitting.api import plot
     from fitting.api.calibration import calibrate
     from fitting.api.check import check
+    from fitting.api.cost import Cost, cost
     from fitting.api.design import Goal, Limits, design, limits
     from fitting.api.examples import example
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "api.calibration": ("calibrate",),
     "api.check": ("check",),
+    "api.cost": ("Cost", "cost"),
     "api.design": ("Goal", "Limits", "design", "limits"),
     "api.examples": ("example",),
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
@@ -74,6 +76,7 @@ __all__ = [
     "ComplexSweep",
     "ControlSpectrum",
     "ControlSweep",
+    "Cost",
     "Drive",
     "Fit",
     "Fmu",
@@ -96,6 +99,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "check",
+    "cost",
     "design",
     "example",
     "fit",

@@ -3,6 +3,7 @@
 fmu.py        an FMU to drive: simulate, sweep            Fmu, Accuracy
 check.py      what a doctor finds of an FMU               check, Check
 problem.py    what is to be found, from what              Problem
+cost.py       what that will cost                         cost, Cost
 fitted.py     fit, and what the data determine            fit, Fit, profile, Inference, Value
 jobs.py       identify, design, report
 examples.py   the shipped campaigns                       example

@@ -308,7 +308,7 @@ class Valued(ABC):
             "",
             *text_lines(self.table),
             "",
-            f"{self.inferred.status.value}: {self.inferred.message}",
+            self.inferred.message,
         ]
         return terminal_text("\n".join(lines))
 

@@ -9,8 +9,11 @@ from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.units import parse_quantity
+from fitting.text.units import base_unit, convert, dimension_of, parse_quantity
 from fitting.text.written import Written, in_unit
+
+#: What names that are no variables of the FMU may be as well: what a law names.
+NAMED_BY_LAWS = ("set", "fitted")
 
 
 class Binder:
@@ -39,10 +42,12 @@ class Binder:
             role: what the variable is for, for complaints.
         """
         if name not in self.variables:
-            hint = did_you_mean(name, sorted(self.variables))
-            raise BadInput(f"{where}: the FMU has no variable '{name}'{hint}")
+            free = sorted(self.free_names) if role in NAMED_BY_LAWS else []
+            named = ", and no law names it" if free else ""
+            hint = did_you_mean(name, [*free, *sorted(self.variables)])
+            raise BadInput(f"{where}: the FMU has no variable '{name}'{named}{hint}")
         variable = self.variables[name]
-        exact = getattr(variable, "initial", None) == "exact" and role == "set"
+        exact = getattr(variable, "initial", None) == "exact" and role.startswith("set")
         if variable.causality not in causalities and not exact:
             raise BadInput(
                 f"{where}: '{name}' is a variable of causality {variable.causality}, which cannot "
@@ -62,7 +67,7 @@ class Binder:
         variable = self.variable(name, where, causalities, role)
         if not is_real(variable):
             raise BadInput(
-                f"{where}: '{name}' is a {variable.kind} variable of the FMU, wanted a Real one"
+                f"{where}: '{name}' is {_of_kind(variable)} of the FMU, wanted a Real one"
             )
         return variable
 
@@ -84,7 +89,7 @@ class Binder:
         if variable.kind == "Integer" and whole:
             return raw
         raise BadInput(
-            f"{written.where}: found {raw!r}, but '{variable.name}' is a {variable.kind} variable"
+            f"{written.where}: found {raw!r}, but '{variable.name}' is {_of_kind(variable)}"
         )
 
     def reported(self, name: str, where: str, by_laws: Collection[str]) -> VariableLike:
@@ -156,6 +161,8 @@ class Binder:
                 f"{written.where}: the control quantity '{name}' has no unit, wanted one; "
                 "a plain number has the unit 1"
             )
+        if name not in self.control_units:
+            _check_linear(name, unit, written.where)
         return in_unit(written, self.control_units.setdefault(name, unit))
 
 
@@ -197,6 +204,22 @@ def bind_annotation(campaign: Campaign, binder: Binder) -> AccuracyAnnotation:
         )
     except BadInput as error:
         raise BadInput(f"{where} {error}") from error
+
+
+def _of_kind(variable: VariableLike) -> str:
+    return f"{'an' if variable.kind[0] in 'AEIOU' else 'a'} {variable.kind} variable"
+
+
+def _check_linear(name: str, unit: str, where: str) -> None:
+    """Complain of a control quantity whose unit no law could work in."""
+    dimension_of(unit, where=where)
+    try:
+        convert(1.0, unit, base_unit(unit), where=where)
+    except BadInput as error:
+        raise BadInput(
+            f"{where}: the control quantity '{name}' is in the logarithmic unit '{unit}'; wanted a "
+            "linear one, or 1 for plain numbers"
+        ) from error
 
 
 def is_real(variable: VariableLike) -> bool:

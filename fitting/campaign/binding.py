@@ -327,7 +327,7 @@ def with_laws(bound: BoundCampaign, binder: Binder, places: Places) -> BoundCamp
                     f"{controls[name]}; wanted one unit"
                 )
     targets = {
-        name: binder.real(name, f"{laws.source} {name}", SETTABLE, "set").unit or ""
+        name: binder.real(name, f"{laws.source} {name}", SETTABLE, "set by a law").unit or ""
         for name in laws.formulas
     }
     made = laws.with_units(

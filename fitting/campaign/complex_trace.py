@@ -34,6 +34,7 @@ from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.keys import Keys, Text
+from fitting.text.notation import prefixed
 from fitting.text.units import convert
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
@@ -41,6 +42,9 @@ from fitting.text.units import convert
 PLAIN_LINE = 0.15
 #: How many times better a mode has to describe the data with the other unit of phase.
 MUCH_BETTER = 5.0
+
+#: Turns over a sweep from which a cable can be told from what a line turns by itself.
+LEAST_CABLE = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,15 +127,26 @@ def read_complex(
             radians that are degrees or degrees that are radians.
     """
     columns = columns or WrittenComplexColumns()
-    selection = Selection(chunk=chunk, trace=trace)
+    selection = Selection(
+        frequency=columns.frequency,
+        amplitude=columns.amplitude or columns.x,
+        trace=trace,
+        chunk=chunk,
+    )
     recording = read_recording(path, layout, selection)
     frequency = frequency_of(recording, columns.frequency)
     drive = recording.column(columns.drive) if columns.drive else None
     x, y = asked(recording, columns.x, X), asked(recording, columns.y, Y)
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
     if amplitude is None and x is not None and y is not None:
+        _check_different(recording, frequency, x, y)
         values, unit = parts_of(recording, x, y)
-        return _driven(_measured(recording, frequency, values, unit), recording, drive)
+        found = _measured(recording, frequency, values, unit)
+        for part in (x, y):
+            _check_varies(
+                recording.numbers(part), f"{path}: column '{part.name}'", part.unit or unit
+            )
+        return _driven(found, recording, drive)
     amplitude = amplitude or amplitude_of(recording, "")
     if amplitude is not None and amplitude.is_complex:
         unit = unit_of(recording, amplitude, f"{amplitude.name} (uV)")
@@ -139,11 +154,22 @@ def read_complex(
         return _driven(_measured(recording, frequency, values, unit), recording, drive)
     phase = asked(recording, columns.phase, PHASE)
     if amplitude is not None and phase is not None:
+        _check_different(recording, frequency, amplitude, phase)
         found = _of_polar(recording, frequency, amplitude, phase)
         return _driven(found, recording, drive)
     if (x is None) != (y is None):
         parts_of(recording, x, y)  # names the one that is missing
     raise _missing(recording, "amplitude" if amplitude is None else "phase")
+
+
+def _check_different(recording: Recording, *channels: Channel) -> None:
+    names = [channel.name for channel in channels]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput(
+                f"{recording.path}: column '{name}' is taken for two things; wanted a column for "
+                "each"
+            )
 
 
 def _driven(found: MeasuredComplex, recording: Recording, drive: Channel | None) -> MeasuredComplex:
@@ -185,6 +211,7 @@ def _of_polar(
             f"{unit}; wanted a magnitude (are columns exchanged, or is it in dB?)"
         )
     found = _measured(recording, frequency, sizes * np.exp(1j * radians), unit)
+    _check_varies(recording.numbers(phase), f"{path}: the phase", phase_unit)
     _check_phase(found, radians, phase_unit)
     return found
 
@@ -200,6 +227,15 @@ def _measured(
     return MeasuredComplex(
         frequency_hz=np.array(hertz), values=values, unit=unit, source=recording.path
     )
+
+
+def _check_varies(values: FloatArray, where: str, unit: str) -> None:
+    """Complain of a column that is filled with one number."""
+    if np.all(values == values[0]):
+        raise BadInput(
+            f"{where} is {values[0]:.6g} {unit} at all {values.size} points; wanted values that "
+            "change over a resonance"
+        )
 
 
 def _check_phase(found: MeasuredComplex, phase_rad: FloatArray, unit: str) -> None:
@@ -255,6 +291,41 @@ def check_sense(found: MeasuredComplex, delay_s: float | None, where: str) -> No
             "wanted X and Y in this order, or conjugate = true for an instrument that counts "
             "phases the other way"
         )
+
+
+def check_delay(found: MeasuredComplex, delay_s: float | None, where: str) -> None:
+    """Complain of a cable that turns the phases by more than a turn and that nobody told.
+
+    Args:
+        found: complex values.
+        delay_s: of the cable as it was told, s; None: it is fitted.
+        where: file and table, for complaints.
+
+    Raises:
+        BadInput: one mode describes the data, but behind another delay.
+    """
+    if delay_s is None:
+        return
+    told = complex_line(found.frequency_hz, found.values, delay_s)
+    free = complex_line(found.frequency_hz, found.values, None)
+    turns = (free.delay_s - delay_s) * float(np.ptp(found.frequency_hz))
+    if abs(turns) < 1.0 or free.misfit > PLAIN_LINE or free.misfit * MUCH_BETTER > told.misfit:
+        return
+    told_text = f"{_seconds(delay_s)} were told" if delay_s else "no delay was told"
+    is_cable = abs(free.delay_s) * float(np.ptp(found.frequency_hz)) >= LEAST_CABLE
+    cable_s = free.delay_s
+    if cable_s < 0.0:  # frequencies an equal step apart tell a delay up to one over the step
+        cable_s += 1.0 / float(np.median(np.diff(found.frequency_hz)))
+    seen = f"behind a cable of {_seconds(cable_s)}" if is_cable else "without a cable"
+    wanted = "the one of the cable" if is_cable else '"none"'
+    raise BadInput(
+        f'{where}: the phases turn as {seen}, {told_text}; wanted delay = "fit", or {wanted}'
+    )
+
+
+def _seconds(value: float) -> str:
+    factor, unit = prefixed(abs(value), "s")
+    return f"{value / factor:.3g} {unit}"
 
 
 def conjugated(found: MeasuredComplex) -> MeasuredComplex:

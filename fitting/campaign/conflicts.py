@@ -40,6 +40,7 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
         )
     fitted = [p.target for p in bound.parameters if p.role == "model" and not p.adds_to]
     tried, laws = bound.alternatives[0], bound.setup.laws.formulas
+    driven = (*bound.setup.drive.frequency_names, *bound.setup.drive.amplitude_names)
     said = list(settings_by_place(bound, places))
     roles = dict.fromkeys(laws, "is given by a law")
     roles |= dict.fromkeys(tried, "is an alternative") | dict.fromkeys(fitted, "is fitted")
@@ -51,6 +52,8 @@ def check_conflicts(bound: BoundCampaign, places: Places) -> None:
             also[places.start] = bound.setup.start_values
         if name in fitted:
             also[places.laws.rstrip(":")] = laws
+        if name in laws:
+            also[places.drive] = dict.fromkeys(driven, 0.0)
         for place, settings in (*said, *also.items()):
             if name in settings:
                 raise BadInput(

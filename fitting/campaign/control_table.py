@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,14 +14,19 @@ from fitting.campaign.instruments import RawTrace, read_trace, unit_of
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
+from fitting.text.notation import hertz
 from fitting.text.tables import Table, read_table
 from fitting.text.units import convert
 from fitting.text.written import Written
 
 #: Column that names the file of each spectrum.
 FILE = "file"
+#: Columns that a spectrum's own points, or their file, stand in.
+OWN_COLUMNS = ("frequency", "amplitude", FILE)
 #: Points of a spectrum, at least.
 LEAST_POINTS = 8
+#: Label, controls and rows of a spectrum that is to be read.
+_Asked = tuple[str, Mapping[str, Written], IntArray]
 #: A line is looked for so far from its harmonic, in fundamentals: odd ones are two apart.
 REACH = 0.8
 
@@ -99,8 +104,29 @@ def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]
             f"{path}: one spectrum, at {labels[0]}; wanted several values of "
             f"{', '.join(how.controls)}"
         )
+    if listed is None:
+        _check_counts(table, how, spectra)
     readers = [partial(_spectrum, table, how, *each) for each in spectra]
-    return tuple(gathered(readers))
+    try:
+        return tuple(gathered(readers))
+    except BadInput as error:
+        if listed is not None:
+            raise
+        # one table: what is wrong with its first spectrum is mostly wrong with all
+        further = f" (and {len(error.args) - 1} more such complaints)" * (len(error.args) > 1)
+        raise BadInput(f"{error.args[0]}{further}") from error
+
+
+def _check_counts(table: Table, how: SpectraFormat, spectra: Sequence[_Asked]) -> None:
+    """Complain of a table where no value of the controls is there often enough for a spectrum."""
+    counts = [rows.size for _, _, rows in spectra]
+    if max(counts) < LEAST_POINTS:
+        names = ", ".join(how.controls)
+        raise BadInput(
+            f"{table.path}: {len(counts)} values of {names}, at each "
+            f"{_points(max(counts))} or fewer; wanted at least {LEAST_POINTS} at each "
+            f"(rows of one spectrum have the very same value of {names})"
+        )
 
 
 def _spectrum(
@@ -118,18 +144,26 @@ def _spectrum(
         spectrum = with_harmonics(spectrum, how.fundamental_hz)
     low, high = how.range_hz
     kept = (spectrum.frequency_hz >= low) & (spectrum.frequency_hz <= high)
-    kept &= spectrum.frequency_hz > 0.0
-    if np.count_nonzero(kept) < LEAST_POINTS:
+    kept &= spectrum.frequency_hz > 0.0  # spectra of Fourier transforms begin with a constant
+    where = f"{spectrum.source}: the spectrum at {label}"
+    count = int(np.count_nonzero(kept))
+    if count < LEAST_POINTS:
+        inside = "" if how.range_hz[1] == np.inf else f" from {hertz(low)} to {hertz(high)}"
         raise BadInput(
-            f"{spectrum.source}: the spectrum at {label} has {np.count_nonzero(kept)} points to "
-            f"fit; wanted at least {LEAST_POINTS}"
+            f"{where} has {_points(count)} to fit{inside}; wanted at least {LEAST_POINTS}"
         )
+    if not np.any(spectrum.amplitude[kept] > 0.0):
+        raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
     return replace(
         spectrum,
         frequency_hz=spectrum.frequency_hz[kept],
         amplitude=spectrum.amplitude[kept],
         drive=None if spectrum.drive is None else spectrum.drive[kept],
     )
+
+
+def _points(count: int) -> str:
+    return f"{count} point{'s' * (count != 1)}"
 
 
 def _from_trace(raw: RawTrace, how: SpectraFormat) -> MeasuredSpectrum:
@@ -151,6 +185,11 @@ def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpec
     where = f"{table.path}: column 'frequency'"
     factor = convert(1.0, unit_of(table, frequency, "frequency (Hz)"), "Hz", where=where)
     f = factor * table.numbers(frequency)[rows]
+    for i in np.flatnonzero(f < 0.0)[:1]:
+        raise BadInput(
+            f"{table.path}: row {table.lines[rows[i]]}: frequency {f[i]:.12g} Hz; wanted one from "
+            "zero on"
+        )
     for i in np.flatnonzero(np.diff(f) <= 0.0)[:1]:
         raise BadInput(
             f"{table.path}: row {table.lines[rows[i + 1]]}: frequency {f[i + 1]:.12g} Hz follows "

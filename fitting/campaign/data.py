@@ -210,6 +210,7 @@ def _read_experiments(
                 f"{table.path}: no experiment '{label}', which [experiments] restarted "
                 f"names{did_you_mean(label, labels)}"
             )
+    _check_phases(table, written)
     rows = [
         _Row(
             file=file,
@@ -222,6 +223,28 @@ def _read_experiments(
         for i, label in enumerate(labels)
     ]
     return tuple(gathered(partial(row.experiment, folder) for row in rows))
+
+
+def _check_phases(table: Table, written: WrittenExperiments) -> None:
+    """Complain of columns of phases as a whole: all in another unit, or filled with one number."""
+    columns = [c for c in map(table.find, written.phases) if c is not None]
+    try:
+        phases = np.array([table.numbers(column) for column in columns])
+    except BadInput:
+        return  # every row complains of its own cells
+    for column, values in zip(columns, phases, strict=True):
+        beyond = np.flatnonzero(np.abs(values) > 2.0 * np.pi)
+        if column.unit == "rad" and beyond.size:
+            raise BadInput(
+                f"{table.path}: row {table.lines[beyond[0]]}, column '{column.name}': found "
+                f"{values[beyond[0]]:.6g} rad, in {beyond.size} of {values.size} rows more than a "
+                "turn; wanted phases within one turn, 2 pi, or the unit deg"
+            )
+    if phases.size > 2 and np.ptp(phases) == 0.0:
+        raise BadInput(
+            f"{table.path}: column '{columns[0].name}': the phase is {phases.flat[0]:.6g} "
+            f"{columns[0].unit} of every line; wanted values that change over a resonance"
+        )
 
 
 def _labels(table: Table) -> tuple[str, ...]:
@@ -393,17 +416,11 @@ class _Row:
         return column
 
     def radians(self, name: str) -> float:
-        """A cell as a phase, which is within a turn if it is in radians."""
+        """A cell as a phase."""
         column, where = self.column(name, "phases"), self.place(name)
         unit = unit_of(self.table, column, f"{name} (deg)")
         value = self.number(column, where)
-        radians = convert(value, unit, "rad", where=f"{self.table.path}: column '{name}'")
-        if unit == "rad" and abs(radians) > 2.0 * np.pi:
-            raise BadInput(
-                f"{where}: found {value:.6g} rad; wanted a phase within one turn, 2 pi, or the "
-                "unit deg"
-            )
-        return radians
+        return convert(value, unit, "rad", where=f"{self.table.path}: column '{name}'")
 
     def amplitude(self, name: str, *, part: bool = False) -> float:
         """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""

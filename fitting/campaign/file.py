@@ -193,7 +193,7 @@ class WrittenTrace(Keys):
     """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
     where the file tells none."""
     trace: Annotated[Count | None, Usually(1)] = None
-    """(rohde-schwarz only) which trace, from 1."""
+    """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
 
@@ -290,6 +290,10 @@ class WrittenExperiments(WrittenTrace):
             )
 
     def _check_phases(self) -> None:
+        for name in self.data_columns:
+            if self.data_columns.count(name) > 1:
+                key = "phases" if self.phases else "y" if self.x else "peak_sigmas"
+                raise Refused(f"'{name}' is named twice, wanted a column for each", key)
         if self.phases and not self.peaks:
             raise Refused("wanted only beside 'peaks'", "phases")
         if self.phases and len(self.phases) != len(self.peaks):

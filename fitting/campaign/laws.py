@@ -20,7 +20,7 @@ import numpy as np
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean
 from fitting.text.formula import Formula, alike
-from fitting.text.units import convert, dimension_of, dimension_words, parse_quantity
+from fitting.text.units import convert, dimension_of, parse_quantity
 from fitting.text.written import Written, as_written
 
 #: Answers of laws that are kept.
@@ -72,7 +72,7 @@ class Law:
     """A formula that a variable of the FMU, ``target``, follows.
 
     ``units`` are those of all its names, ``constants`` the values of those that are constant;
-    ``unit`` is that of the target, empty where the FMU declares none.
+    ``unit`` is that of the target, empty where the FMU declares none: then no dimension is wrong.
 
     Raises:
         BadInput: it names nothing, or its dimension is not that of the target.
@@ -92,8 +92,8 @@ class Law:
         found = self.formula.dimension(self.units)
         if self.unit and not alike(found, dimension_of(self.unit, where=where)):
             raise BadInput(
-                f"{where}: '{self.formula.text}' is {_in(dimension_words(found))}, wanted "
-                f"{self.unit}, the unit of '{self.target}'"
+                f"{where}: '{self.formula.text}' is {_in(self.formula.unit_words(self.units))}, "
+                f"wanted {self.unit}, the unit of '{self.target}'"
             )
         scales = {name: in_base(unit, where) for name, unit in self.units.items()}
         object.__setattr__(self, "scales", scales)
@@ -116,13 +116,20 @@ class Law:
 
     @property
     def words(self) -> str:
-        """The law as a sentence."""
+        """The law as a sentence, and a second one where its dimension could not be checked."""
         constants = ", ".join(
             f"{name} = {value:g} {'' if self.units[name] == '1' else self.units[name]}".rstrip()
             for name, value in self.constants.items()
         )
         said = f"'{self.target}' follows the law {self.formula.text}"
-        return f"{said} with {constants}." if constants else f"{said}."
+        said = f"{said} with {constants}." if constants else f"{said}."
+        if self.unit or not self.formula.dimension(self.units):
+            return said
+        return (
+            f"{said} The FMU declares no unit for '{self.target}', so that nobody can check "
+            f"whether {self.formula.unit_words(self.units)} is right; its value is taken in SI "
+            "base units."
+        )
 
 
 @dataclass(frozen=True)
@@ -196,6 +203,13 @@ class Laws:
             BadInput: a name that stands for nothing, a dimension that is not the target's.
         """
         units = {**known.variables, **known.controls, **known.parameters}
+        for name in self.numbers:
+            if name in units:
+                what = next(w for w, held in known.by_kind.items() if name in held)
+                raise BadInput(
+                    f"{self.source} the constant '{name}' is also {what}; wanted another name for "
+                    "one of them"
+                )
         units |= {name: unit for name, (_, unit) in self.numbers.items()}
         for formula in self.parsed.values():
             for name in formula.names:
@@ -281,6 +295,15 @@ class Known:
     parameters: Mapping[str, str]
     variables: Mapping[str, str]
     controls: Mapping[str, str]
+
+    @property
+    def by_kind(self) -> Mapping[str, Mapping[str, str]]:
+        """The names by what they are, in words."""
+        return {
+            "a parameter": self.parameters,
+            "a control quantity": self.controls,
+            "a variable of the FMU": self.variables,
+        }
 
 
 def _number(name: str, value: float | str | Written, source: str) -> tuple[float, str]:

@@ -18,6 +18,7 @@ class Places:
     parameters: str
     parameter: str
     start: str
+    drive: str
     sweep: str
     measurement: str
     alternatives: str
@@ -44,6 +45,7 @@ def places_of_file(path: Path) -> Places:
         parameters="[[parameters]]",
         parameter="[parameters '{}']",
         start="[fmu.start]",
+        drive="[drive]",
         sweep="[sweep.set]",
         measurement="[{}]",
         alternatives="[alternatives]",
@@ -63,6 +65,7 @@ def places_of_series(name: str) -> Places:
         parameters="parameters",
         parameter="parameter '{}'",
         start="the setup's start_values",
+        drive="the setup's drive",
         sweep="the sweep's settings",
         measurement="the measurement {}",
         alternatives="alternatives",

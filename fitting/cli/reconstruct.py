@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -21,16 +21,19 @@ from fitting.api.fitted import (
     search_options,
 )
 from fitting.api.jobs import RESULT_FILES, draw_report
+from fitting.api.problem import Campaign
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.interrupts import to_the_end
 from fitting.cli.options import folder_name, relative_accuracy, seed, whole_number, worker_count
 from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
 from fitting.cli.results import writes
+from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import NoScale
+from fitting.text.scratch import Scratch
 
 NAME = "reconstruct"
 #: Of a result that is written before the profiles are done, and stands where they never are.
@@ -99,6 +102,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="refit N synthetic data sets drawn at the solution (none)",
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only tell what it will cost: runs, seconds, memory; nothing is written",
+    )
+
+
+def _written_to(args: argparse.Namespace) -> Path | None:
+    return None if args.dry_run else _out(args)
 
 
 def _out(args: argparse.Namespace) -> Path:
@@ -106,7 +118,7 @@ def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / "+".join(dict.fromkeys(folders))
 
 
-@writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_out)
+@writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_written_to)
 def run(args: argparse.Namespace) -> int:
     """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
 
@@ -116,6 +128,8 @@ def run(args: argparse.Namespace) -> int:
     """
     check_external(args.external)
     campaigns = [ff.read_campaign(path) for path in args.campaign]
+    if args.dry_run:
+        return _tell_cost(args, campaigns)
     out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
@@ -149,6 +163,30 @@ def run(args: argparse.Namespace) -> int:
         print(f"report: {draw_report(ended.found, result, out)}")
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
+
+
+def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
+    """What the job will cost; a model of this project is built where it does not stay."""
+    with (
+        Scratch() as folder,
+        fmu_for(campaigns, folder, args.workers) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
+    ):
+        tell("planning")
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy)
+        found = ff.cost(
+            problem,
+            _method(args, problem),
+            starts=_starts(args),
+            profiles=not args.no_profiles,
+            bootstrap=args.bootstrap or 0,
+        )
+    hand_over(args, found)
+    print(*cost_lines(found.seconds, found.runs, found.expected), sep="\n")
+    planning = (found.planning_runs, found.planning_s)
+    each = (found.runs_each, found.seconds_each)
+    print(*measured_lines(planning, each, found.workers, found.memory_bytes), sep="\n")
+    return 0
 
 
 def _units(problem: ff.Problem) -> dict[str, str]:

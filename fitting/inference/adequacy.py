@@ -110,19 +110,16 @@ def adequacy_sentences(
         widening: by how much the noise of a sweep was taken wider.
     """
     inflation = optimum.likelihood.inflation
-    said = (
-        f"chi^2 = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
-    )
+    said = f"χ² = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
     if not adequacy.describes:
         return (misfit_sentence(adequacy),)
     if widening > 1.0:
         return (
-            "The residuals of the sweep hang together: its noise is taken "
-            f"{widening:.3g} times as wide, so that its points weigh as the independent ones "
-            "they are worth.",
+            f"The residuals of the sweep hang together: errors are {widening:.3g} times as wide, "
+            "so that its points weigh as the independent ones they are worth.",
         )
     if inflation > 1.0:
-        return (f"{said}: all standard deviations are taken {inflation:.3g} times as wide.",)
+        return (f"{said}: all errors are {inflation:.3g} times as wide.",)
     if np.isnan(adequacy.chi_square):
         return (f"{said}: the noise is taken from the scatter of the residuals themselves.",)
     return (f"{said}: the stated noise explains the residuals.",)
@@ -135,8 +132,19 @@ def misfit_sentence(adequacy: Adequacy) -> str:
         adequacy: of the rows of known noise.
     """
     return (
-        f"The model does not describe the data: chi^2 = {adequacy.chi_square:.3g} on "
-        f"{adequacy.freedom:.3g} degrees of freedom at the best parameters that were found, "
+        f"The model does not describe the data: χ² = {adequacy.chi_square:.3g} on "
+        f"{adequacy.freedom:.3g} degrees of freedom. {misfit_advice(adequacy)}"
+    )
+
+
+def misfit_advice(adequacy: Adequacy) -> str:
+    """How far the best parameters are from describing the data, and what may help.
+
+    Args:
+        adequacy: of the rows of known noise.
+    """
+    return (
+        "At the best parameters that were found χ² is "
         f"{adequacy.chi_square / adequacy.freedom:.3g} times what the noise explains. No value is "
         "called determined; wanted narrower boxes or a nearer start, if better parameters were "
         "missed, else another model, another drift, or the noise that the data have."

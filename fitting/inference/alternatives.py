@@ -10,10 +10,10 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.outputs import output_means
-from fitting.inference.equivalent_fits import settings_words
 from fitting.inference.likelihood.knowledge import Equivalent
 from fitting.inference.likelihood.profiles import ROOT_95
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.notation import settings_words
 
 
 def equal_fit(

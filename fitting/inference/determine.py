@@ -118,7 +118,7 @@ def determine(
     evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     _log.info(
-        "profiles: most likely point at chi^2 = %.6g on %.6g degrees of freedom",
+        "profiles: most likely point at χ² = %.6g on %.6g degrees of freedom",
         optimum.chi_square,
         optimum.degrees_of_freedom,
     )

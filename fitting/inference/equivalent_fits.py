@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fitting.text.arrays import Scalar
 from fitting.text.notation import number
 
 #: How reasons begin, by which they are found again.
@@ -42,15 +41,6 @@ def exchange_words(here: float, there: float, where: str, unit: str) -> str:
     """
     size = f"{number(here, 5)} here, {number(there, 5)} {unit}".rstrip()
     return f"{EXCHANGE}: {size} at {where}, which fits as well"
-
-
-def settings_words(settings: Mapping[str, Scalar]) -> str:
-    """Settings of an alternative, as in a campaign file.
-
-    Args:
-        settings: by name, in the FMU's units.
-    """
-    return ", ".join(f"{name} = {value}" for name, value in settings.items())
 
 
 def is_reason(sentence: str) -> bool:

@@ -18,10 +18,11 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
-from fitting.inference.adequacy import adequacy_of, misfit_sentence
+from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import BUDGET, InferenceOptions, determine
+from fitting.inference.ending import MISFIT, Ending, ending_of
 from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
@@ -35,6 +36,7 @@ from fitting.inference.estimates import (
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.nu_choice import choose_nu
+from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
 from fitting.inference.quadratures import Quadratures, quadratures_of
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
@@ -65,7 +67,8 @@ class Inference:
     `parameters` and `derived` hold every value with its interval and verdict, `offsets` what
     belongs to single experiments; `knowledge` the profiles, None where they were not walked;
     `joint` whether campaigns that were fitted together agree; `status` and `message` how it ended,
-    the fit's own unless the model does not describe the data; `warnings` what a reader must know;
+    the fit's own unless the model does not describe the data; `ending` the same in words;
+    `warnings` what a reader must know;
     `reported` (n,) are all parameters as they are reported; `sweeps` what the sweeps show;
     `quadratures` what complex values tell. `fit` is the one that all of it is about: not the one
     that was given, where a lower J was found on the way.
@@ -79,6 +82,7 @@ class Inference:
     joint: JointResult | None
     status: Status
     message: str
+    ending: Ending
     warnings: tuple[Warned, ...]
     reported: FloatArray
     sweeps: SweepFindings
@@ -142,10 +146,12 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         derived = {n: replace(d, stds=(math.nan,) * len(d.stds)) for n, d in derived.items()}
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
     sweeps = request.sweeps or sweep_findings(problem, solution)
+    sweeps = _with_names(sweeps, fit, {**parameters, **derived})
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
     reasons = {n: p.reason for n, p in profiles.items() if is_reason(p.reason)}
-    status, message = _status(fit, adequacy)
+    status = _status(fit, adequacy)
+    ending = _ending(fit, status, adequacy, inflation)
     return Inference(
         fit=fit,
         parameters=parameters,
@@ -154,7 +160,8 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         knowledge=knowledge,
         joint=joint,
         status=status,
-        message=message,
+        message=_message(fit, ending, adequacy),
+        ending=ending,
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.ESTIMATOR, estimator_sentences(fit.options, named)),
@@ -169,6 +176,17 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         sweeps=sweeps,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
     )
+
+
+def _with_names(
+    sweeps: SweepFindings, fit: Fit, values: Mapping[str, ParameterResult | DerivedResult]
+) -> SweepFindings:
+    """The sweeps; a line that nothing speaks against says which of the values are its own."""
+    if sweeps.faults or any(found.contradicts for found in sweeps.agreement):
+        return sweeps
+    names = values_of_line(fit.problem, fit.solution, values)
+    lines = {series: replace(line, values=names) for series, line in sweeps.lines.items()}
+    return replace(sweeps, lines=lines)
 
 
 def _quadratures(
@@ -277,11 +295,24 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     return p, adequacy_of(optimum), optimum.likelihood.inflation
 
 
-def _status(fit: Fit, adequacy: Adequacy | None) -> tuple[Status, str]:
+def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
     """How it ended: a fit that converged may still not describe the data."""
     if adequacy is None or adequacy.describes or fit.status is not Status.CONVERGED:
-        return fit.status, fit.message
-    return Status.MISFIT, f"{misfit_sentence(adequacy)} {fit.message}"
+        return fit.status
+    return Status.MISFIT
+
+
+def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: float) -> Ending:
+    structure = fit.solution.structure
+    wide = 1.0 if structure is None else structure.widening
+    return ending_of(status, adequacy, inflation=inflation, structure=wide)
+
+
+def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
+    """The ending in sentences, that of the optimiser last."""
+    if ending.words == MISFIT and adequacy is not None:
+        return ending.told(f"{misfit_advice(adequacy)} {fit.message}")
+    return ending.told(fit.message)
 
 
 def noise_at(solution: Solution) -> RowNoise:

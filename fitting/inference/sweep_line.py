@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import fdtrc
@@ -15,7 +15,7 @@ from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import probability, with_error
+from fitting.text.notation import probability, quantity, with_error
 
 #: A background counts as seen where noise alone gains as much less often than this.
 BACKGROUND_P = 1e-3
@@ -58,7 +58,8 @@ class SweepLine:
     ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
     the head of its file says. ``fits`` are the fits without and with a complex background, whatever
     the campaign chose; ``background_p`` is the probability that noise alone lets the background
-    gain as much (F-test), NaN where one of them failed or nothing is left to gain.
+    gain as much (F-test), NaN where one of them failed or nothing is left to gain. ``values`` names
+    values of the fit that are this line's "frequency", "width" or "q" (`line_values`).
     """
 
     frequency_hz: float
@@ -77,6 +78,7 @@ class SweepLine:
     notes: Mapping[str, str]
     fits: tuple[LineFit, ...] = ()
     background_p: float = float("nan")
+    values: Mapping[str, str] = field(default_factory=dict)
 
 
 def line_of_sweep(sweep: SweepData) -> SweepLine:
@@ -218,7 +220,7 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
     chosen = fits.get(line.background)
     if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
         said.append(f"Sweep by itself: {_structure_words(chosen)}.")
-    if len(fits) == len(BACKGROUNDS) and _disagree(line):
+    if depends_on_background(line):
         plain, full = fits["none"], fits["complex"]
         shift = full.frequency_hz - plain.frequency_hz
         text = (
@@ -241,10 +243,10 @@ def line_sentences(line: SweepLine) -> list[str]:
     if math.isnan(line.frequency_hz):
         return [f"Sweep by itself: {line.message}."]
     said = [
-        f"Sweep by itself: f = {line.frequency_hz:.9g} +- {line.frequency_std_hz:.2g} Hz, "
-        f"width {line.width_hz:.6g} +- {line.width_std_hz:.2g} Hz, "
-        f"Q = {line.q:.5g} +- {line.q_std:.2g}, "
-        f"A = {line.amplitude:.5g} +- {line.amplitude_std:.2g} {line.unit}, "
+        f"Sweep by itself: f = {with_error(line.frequency_hz, line.frequency_std_hz, 'Hz')}, "
+        f"width {with_error(line.width_hz, line.width_std_hz, 'Hz')}, "
+        f"Q = {with_error(line.q, line.q_std)}, "
+        f"A = {quantity(line.amplitude, line.amplitude_std, line.unit)}, "
         f"residual {100.0 * line.residual:.2g} % of the peak."
     ]
     own = []
@@ -283,9 +285,13 @@ def _fit_words(fit: LineFit) -> str:
     )
 
 
-def _disagree(line: SweepLine) -> bool:
-    """Whether the two fits differ clearly, in what they find or in what they leave."""
-    if math.isnan(line.background_p):
+def depends_on_background(line: SweepLine) -> bool:
+    """Whether the two fits differ clearly, in what they find or in what they leave.
+
+    Args:
+        line: that the sweep shows by itself.
+    """
+    if len(line.fits) < len(BACKGROUNDS) or math.isnan(line.background_p):
         return False
     plain, full = line.fits
     apart = abs(full.width_hz - plain.width_hz) / math.hypot(plain.width_std_hz, full.width_std_hz)

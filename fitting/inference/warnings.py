@@ -37,7 +37,7 @@ from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, probability, span
+from fitting.text.notation import hertz, listed, number, probability, settings_words, span
 from fitting.text.units import convert
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
@@ -236,7 +236,8 @@ def _inflation(inflation: float) -> list[str]:
     if inflation > 1.5:
         said.append(
             f"The residuals are {inflation:.3g} times what the noise explains: it was stated too "
-            "small, or the model, or the drift, is not quite right; errors are widened."
+            f"small, or the model, or the drift, is not quite right; errors are {inflation:.3g} "
+            "times as wide for it."
         )
     return said
 
@@ -521,7 +522,6 @@ def _ties(alternatives: tuple[AlternativeResult, ...]) -> list[str]:
     equal = [a for a in alternatives if a.equal_to_best and not a.reported]
     return [
         "The data do not tell the alternatives apart: "
-        + ", ".join(f"{name} = {value}" for name, value in a.settings.items())
-        + " reaches the same J."
+        + f"{settings_words(a.settings)} reaches the same J."
         for a in equal
     ]

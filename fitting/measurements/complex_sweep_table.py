@@ -11,6 +11,7 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.complex_trace import (
     WrittenComplexColumns,
+    check_delay,
     check_sense,
     conjugated,
     read_complex,
@@ -105,6 +106,7 @@ class ComplexSweepTable(MeasurementTable):
         measured = conjugated(measured) if self.conjugate else measured
         delay_s = _delay_of(self.delay, "")
         check_sense(measured, delay_s, str(self.file))
+        check_delay(measured, delay_s, str(self.file))
         sigma = 0.0
         if self.sigma is not None:
             sigma = in_unit(self.sigma, measured.unit)

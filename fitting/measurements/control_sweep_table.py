@@ -11,6 +11,7 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.control_table import (
+    OWN_COLUMNS,
     MeasuredSpectrum,
     SpectraFormat,
     read_spectra,
@@ -40,6 +41,7 @@ from fitting.text.keys import (
     Value,
     refusing,
 )
+from fitting.text.notation import hertz
 from fitting.text.written import in_unit
 
 
@@ -91,11 +93,29 @@ class ControlSweepTable(MeasurementTable):
             declared_amplitude(self.amplitude, self.impedance, "")
         if not self.controls:
             raise Refused("is empty, wanted at least one column", "controls")
-        if self.range is not None and len(self.range) != 2:
-            raise Refused(f"{len(self.range)} values, wanted the first and last one", "range")
+        for name in self.controls:
+            if name.lower() in OWN_COLUMNS:
+                raise Refused(
+                    f"'{name}' is what a spectrum is measured over or tells; wanted columns of "
+                    "what was changed from spectrum to spectrum",
+                    "controls",
+                )
+        self._check_range()
         if self.scale == "none" and self.amplitude == "dB":
             raise Refused(
                 'wanted "each" or "shared": dB have a reference that nobody knows', "scale"
+            )
+
+    def _check_range(self) -> None:
+        if self.range is None:
+            return
+        if len(self.range) != 2:
+            raise Refused(f"{len(self.range)} values, wanted the first and last one", "range")
+        with refusing("range"):
+            low, high = (in_unit(w, "Hz") for w in self.range)
+        if not low < high:
+            raise Refused(
+                f"from {hertz(low)} to {hertz(high)}, wanted the smaller frequency first", "range"
             )
 
     def read(self) -> ReadControlSweep:
@@ -138,6 +158,8 @@ class ReadControlSweep:
             binder.real(table.output, f"{where} output", READABLE, "observed")
         unit = self.format.trace.amplitude.unit
         sigma = 0.0 if table.sigma is None else in_unit(table.sigma, unit)
+        if table.sigma is not None and not sigma > 0.0:
+            raise BadInput(f"{where} sigma: found {sigma:g} {unit}, wanted more than zero")
         return ControlSweep(
             setup=setup,
             spectra=tuple(

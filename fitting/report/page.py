@@ -30,11 +30,20 @@ class Section:
 
 @dataclass(frozen=True)
 class Status:
-    """How something ended: in a word or two, in a sentence, and whether that is `good`."""
+    """How something ended: in a word or two, in a sentence, and whether that is `good`.
+
+    `doubtful`: good, but for something that the sentence says.
+    """
 
     words: str
     message: str
     good: bool
+    doubtful: bool = False
+
+    @property
+    def mark(self) -> str:
+        """Style class of the box."""
+        return "doubt" if self.good and self.doubtful else "" if self.good else "bad"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,17 +31,16 @@ from fitting.report.tables.values import (
 from fitting.report.words.agreement import agreement_sentences
 from fitting.report.words.inference import knowledge_heading, knowledge_words
 from fitting.report.words.plan import remarks
+from fitting.report.words.result import ending_words
 from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
     deviation_sentence,
     equal_alternatives_sentence,
-    scalar_words,
-    settings_words,
     tied_sentences,
     value_sentence,
 )
 from fitting.result.result import STATUSES, Result
-from fitting.text.notation import number
+from fitting.text.notation import number, scalar_words, settings_words
 
 Figures = tuple[FigureFile, ...]
 #: Names of figures by the section that they belong to; what is in none gets one of its own.
@@ -77,11 +76,22 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
     return Page(
         title=result.title,
         kind="reconstruction",
-        status=Status(result.status, result.message, result.status == STATUSES[0]),
+        status=status_of(result),
         sections=sections_of(result, data, figures),
         synthetic=result.synthetic,
         warnings=result.warnings,
     )
+
+
+def status_of(result: Result) -> Status:
+    """How it ended: good only where the model describes the data, and doubtful unless wholly so.
+
+    Args:
+        result: of a reconstruction.
+    """
+    words, message = ending_words(result)
+    good = result.status == STATUSES[0]
+    return Status(words, message, good, doubtful=not result.ending.whole)
 
 
 def sections_of(

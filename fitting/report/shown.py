@@ -13,11 +13,10 @@ from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
 from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
 from fitting.measurements.figure import Figure
-from fitting.report.words.values import settings_words
 from fitting.result.result import DeviationSet, Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import listed, number
+from fitting.text.notation import listed, number, settings_words
 from fitting.text.units import convert
 
 

@@ -75,6 +75,7 @@ def result_of(
         knowledge=inference.knowledge,
         plan=plan,
         quadratures=inference.quadratures,
+        ending=inference.ending,
     )
 
 

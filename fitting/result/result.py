@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fitting.fit.path import AlternativeResult, HistoryRow
+from fitting.inference.ending import Ending
 from fitting.inference.joint_result import ExternalTest, JointResult
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.quadratures import Quadratures
@@ -175,6 +176,8 @@ class Result:
     """How accurately the FMU was simulated, decision by decision."""
     quadratures: Quadratures = field(default_factory=Quadratures)
     """What was solved inside complex sweeps, and quality factors behind a wiring."""
+    ending: Ending = field(default_factory=Ending)
+    """`status` in words, and what they rest on, as terminal and page tell them."""
 
     @property
     def fitted_values(self) -> dict[str, float]:

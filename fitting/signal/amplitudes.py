@@ -93,13 +93,13 @@ def to_peak(
     if amplitude.kind == "dB":
         with np.errstate(over="ignore"):
             return _in_range(np.asarray(10.0 ** (values / 20.0)), where)
+    # multiplied, not converted one by one: one rounding, the same for every point
+    factor = convert(1.0, unit, amplitude.unit, where=where)
     for i in np.flatnonzero(values < 0.0)[:1]:
         raise BadInput(
             f"{source}: {places[i]}, column '{column}': negative amplitude {values[i]:.6g} {unit}; "
             "wanted a magnitude"
         )
-    # multiplied, not converted one by one: one rounding, the same for every point
-    factor = convert(1.0, unit, amplitude.unit, where=where)
     with np.errstate(over="ignore"):
         peaks = values * (factor * (math.sqrt(2.0) if amplitude.kind == "rms" else 1.0))
     return _in_range(peaks, where)

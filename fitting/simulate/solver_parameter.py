@@ -41,7 +41,8 @@ class SolverParameter:
     def error_at(self, settings: Mapping[str, Scalar], settle_s: float, value: float) -> float:
         """Change of the amplitudes by a finer value; infinite where the coarse one fails.
 
-        Below zero: it is not this parameter that sets the accuracy.
+        Below zero: it is not this parameter that sets the accuracy. Where none is finer, the change
+        from a coarser one, which is more than what is left.
 
         Args:
             settings: start values of all that is decided already.
@@ -52,8 +53,9 @@ class SolverParameter:
             NoAnswer: a worker does not answer.
         """
         finer = max(value * self.part, self.low)
+        coarser = value if finer < value else min(value / self.part, self.high)
         try:
-            here = self.probe.read({**settings, self.name: value}, settle_s)
+            here = self.probe.read({**settings, self.name: coarser}, settle_s)
             better = self.probe.read({**settings, self.name: finer}, settle_s)
         except NoAnswer:
             raise

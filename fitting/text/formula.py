@@ -19,7 +19,7 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, shown
-from fitting.text.units import Dimension, dimension_of, dimension_words
+from fitting.text.units import Dimension, dimension_of, product_words
 
 #: Characters of a formula.
 LONGEST = 1000
@@ -131,62 +131,68 @@ class Formula:
         Raises:
             BadInput: a sum of unlike things, a function or a power of what has a unit.
         """
-        known = {name: dimension_of(units[name], where=self.where) for name in self.names}
-        return self._dimension(self._tree, known)
+        return self._dimension(self._tree, units)
 
-    def _dimension(self, node: ast.expr, known: Mapping[str, Dimension]) -> Dimension:
+    def unit_words(self, units: Mapping[str, str]) -> str:
+        """The unit that its value has, told in those of its names: "Hz²/V".
+
+        Args:
+            units: of all its names.
+        """
+        return _unit_words(self._tree, units)
+
+    def _dimension(self, node: ast.expr, units: Mapping[str, str]) -> Dimension:
         match node:
             case ast.Constant():
                 return {}
             case ast.Name() | ast.Attribute():
-                return known.get(ast.unparse(node), {})
+                name = ast.unparse(node)
+                return dimension_of(units[name], where=self.where) if name in units else {}
             case ast.UnaryOp(operand=inner):
-                return self._dimension(inner, known)
+                return self._dimension(inner, units)
             case ast.Call(func=ast.Name(id=name), args=[inner]):
-                found = self._dimension(inner, known)
+                found = self._dimension(inner, units)
                 if name == "sqrt":
                     return {key: 0.5 * power for key, power in found.items()}
-                self._plain(found, inner, f"in {name}(...)")
+                self._plain(found, inner, units, f"in {name}(...)")
                 return {}
-            case ast.BinOp(left=left, op=op, right=right):
-                one, two = self._dimension(left, known), self._dimension(right, known)
-                return self._combined(node, one, two, op)
+            case ast.BinOp():
+                return self._combined(node, units)
         raise TypeError(ast.unparse(node))  # the check lets nothing else pass
 
-    def _combined(
-        self, node: ast.BinOp, one: Dimension, two: Dimension, op: ast.operator
-    ) -> Dimension:
-        if isinstance(op, ast.Mult | ast.Div):
-            sign = 1.0 if isinstance(op, ast.Mult) else -1.0
+    def _combined(self, node: ast.BinOp, units: Mapping[str, str]) -> Dimension:
+        one, two = self._dimension(node.left, units), self._dimension(node.right, units)
+        if isinstance(node.op, ast.Mult | ast.Div):
+            sign = 1.0 if isinstance(node.op, ast.Mult) else -1.0
             powers = {k: one.get(k, 0.0) + sign * two.get(k, 0.0) for k in (*one, *two)}
             return {key: power for key, power in powers.items() if abs(power) > 1e-9}
-        if isinstance(op, ast.Pow):
-            return self._power(node, one, two)
+        if isinstance(node.op, ast.Pow):
+            self._plain(two, node.right, units, "as a power")
+            return self._power(node, one, units)
         if not alike(one, two):
             raise BadInput(
-                f"{self.where}: '{ast.unparse(node)}' adds {dimension_words(one)} and "
-                f"{dimension_words(two)}; wanted one dimension"
+                f"{self.where}: '{ast.unparse(node)}' adds {_unit_words(node.left, units)} and "
+                f"{_unit_words(node.right, units)}; wanted one dimension"
             )
         return one
 
-    def _power(self, node: ast.BinOp, one: Dimension, two: Dimension) -> Dimension:
-        self._plain(two, node.right, "as a power")
+    def _power(self, node: ast.BinOp, one: Dimension, units: Mapping[str, str]) -> Dimension:
         if not one:
             return {}
-        names: list[str] = []
-        _collect(node.right, names)
-        exponent = float(_worked(node.right)({})) if not names else float("nan")
-        if not np.isfinite(exponent):
+        exponent = _exponent(node.right)
+        if exponent is None:
             raise BadInput(
-                f"{self.where}: '{ast.unparse(node)}' is a power of {dimension_words(one)}; wanted "
-                "a number as its exponent"
+                f"{self.where}: '{ast.unparse(node)}' is a power of "
+                f"{_unit_words(node.left, units)}; wanted a number as its exponent"
             )
         return {key: exponent * power for key, power in one.items() if exponent != 0.0}
 
-    def _plain(self, found: Dimension, node: ast.expr, place: str) -> None:
+    def _plain(
+        self, found: Dimension, node: ast.expr, units: Mapping[str, str], place: str
+    ) -> None:
         if found:
             raise BadInput(
-                f"{self.where}: '{ast.unparse(node)}' {place} is in {dimension_words(found)}; "
+                f"{self.where}: '{ast.unparse(node)}' {place} is in {_unit_words(node, units)}; "
                 "wanted a plain number there"
             )
 
@@ -199,6 +205,41 @@ def alike(one: Dimension, two: Dimension) -> bool:
         two: likewise.
     """
     return all(abs(one.get(k, 0.0) - two.get(k, 0.0)) < 1e-9 for k in (*one, *two))
+
+
+def _exponent(node: ast.expr) -> float | None:
+    """The finite number that an exponent without names is."""
+    names: list[str] = []
+    _collect(node, names)
+    with np.errstate(all="ignore"):
+        found = float("nan") if names else float(_worked(node)({}))
+    return found if np.isfinite(found) else None
+
+
+def _unit_words(node: ast.expr, units: Mapping[str, str]) -> str:
+    return product_words(_unit_powers(node, units))
+
+
+def _unit_powers(node: ast.expr, units: Mapping[str, str]) -> dict[str, float]:
+    """Powers of the units of names whose product a part's value has, whose dimensions fit."""
+    match node:
+        case ast.Name() | ast.Attribute():
+            name = ast.unparse(node)
+            return {units[name]: 1.0} if name in units else {}
+        case ast.UnaryOp(operand=inner):
+            return _unit_powers(inner, units)
+        case ast.Call(func=ast.Name(id="sqrt"), args=[inner]):
+            return {unit: 0.5 * power for unit, power in _unit_powers(inner, units).items()}
+        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
+            sign = 1.0 if isinstance(op, ast.Mult) else -1.0
+            one, two = _unit_powers(left, units), _unit_powers(right, units)
+            return {k: one.get(k, 0.0) + sign * two.get(k, 0.0) for k in (*one, *two)}
+        case ast.BinOp(left=left, op=ast.Pow(), right=right):
+            exponent = _exponent(right) or 0.0
+            return {unit: exponent * power for unit, power in _unit_powers(left, units).items()}
+        case ast.BinOp(left=left):  # a sum: both have the unit of the first
+            return _unit_powers(left, units)
+    return {}
 
 
 def _collect(node: ast.expr, found: list[str]) -> None:

@@ -188,7 +188,7 @@ class OneOf:
 
 def _different(values: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(values)) < len(values):
-        raise Refused(f"{shown(list(values))} names something twice")
+        raise Refused(f"{shown(list(values))} names something twice, wanted each once")
     return values
 
 

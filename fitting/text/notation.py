@@ -9,8 +9,10 @@ import html
 import math
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+
+from fitting.text.arrays import Scalar
 
 #: Units that take a prefix; all others are left as they are.
 _TAKES_PREFIX = ("Hz", "V", "A", "m", "N", "s", "W", "J", "Pa", "F", "C", "rad")
@@ -347,3 +349,23 @@ def listed(items: Iterable[str]) -> str:
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def settings_words(settings: Mapping[str, Scalar]) -> str:
+    """Settings as "name = value, ...".
+
+    Args:
+        settings: values of FMU variables, by name.
+    """
+    return ", ".join(f"{name} = {scalar_words(value)}" for name, value in settings.items())
+
+
+def scalar_words(value: Scalar) -> str:
+    """A setting as a campaign file writes it.
+
+    Args:
+        value: the value.
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return number(value, 12) if isinstance(value, float) else str(value)

@@ -5,6 +5,7 @@ Conversion is decimal and rounds once, so "6.94016 MHz" is 6940160.0 Hz and not 
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Mapping
@@ -21,15 +22,6 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*
 
 #: Powers of base dimensions by their names, as "[time]".
 Dimension = Mapping[str, float]
-_BASE_UNITS = {
-    "[length]": "m",
-    "[mass]": "kg",
-    "[time]": "s",
-    "[current]": "A",
-    "[temperature]": "K",
-    "[substance]": "mol",
-    "[luminosity]": "cd",
-}
 
 #: Characters of a quantity; the patterns take their time over longer ones.
 LONGEST = 400
@@ -156,15 +148,20 @@ def dimension_of(unit: str, *, where: str) -> Dimension:
     return {str(name): float(str(power)) for name, power in found.dimensionality.items()}
 
 
-def dimension_words(dimension: Dimension) -> str:
-    """A dimension in SI base units, for complaints: {"[time]": -1.0} -> "s^-1".
+def product_words(powers: Mapping[str, float]) -> str:
+    """A product of units as one unit, in the units of its factors: {"Hz": 2, "V": -1} -> "Hz²/V".
 
     Args:
-        dimension: powers of base dimensions.
+        powers: of units that exist, by how they were written.
     """
-    powers = {_BASE_UNITS.get(name, name): power for name, power in dimension.items()}
-    words = [unit if power == 1.0 else f"{unit}^{power:g}" for unit, power in powers.items()]
-    return "·".join(words) or "a plain number"
+    made: Any = _registry().Unit("")
+    for name, power in powers.items():
+        factor: Any = _unit(name)
+        made = made * factor ** (int(power) if power == int(power) else Decimal(repr(power)))
+    # degrees Celsius and decibels have no products with others: told as they are
+    with contextlib.suppress(Exception):
+        made = _registry().Quantity(Decimal(1), made).to_reduced_units().units
+    return f"{made:~P}" or "a plain number"
 
 
 def same_kind(unit: str, other: str) -> bool:

@@ -1,14 +1,17 @@
 """Would the tests notice? A sample of single-line faults, and how many of them a test kills.
 
     python -m tests.bench.bench_mutants [--count 300] [--seed 1] [--workers 2]
-        [--journal mutants.jsonl] [--only PATH]
+        [--longest 150] [--most 0] [--journal mutants.jsonl] [--only PATH]
 
 Faults are put into `fmu_src`, `fitting/signal`, `fitting/simulate` and `fitting/fit`: an operator,
 a comparison, a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
 tests run a line is measured once (coverage, a context per test); of these the quickest run first,
-until one fails or their time is up. The equations in `fmu_src` run inside an FMU: they are asked of
-all tests of `tests/models`.
-Every fault lives in a copy of the checkout. Prints a Markdown table, and what survived.
+until one fails, their time is up (`--longest` seconds) or there are as many as `--most`. The
+equations in `fmu_src` also run inside an FMU, which no coverage sees: tests that run a line of
+them outside of one come first, then all others of `tests/models`.
+Everything is done with copies of the checkout as it is at the beginning: it may change meanwhile.
+Prints a Markdown table, and what survived: apart from these what is argued to change nothing that
+a test could see, `tests/bench/argued_mutants.toml`.
 A journal lets an interrupted sample go on; faults of lines that no test runs count as survived.
 """
 
@@ -31,21 +34,30 @@ from pathlib import Path
 
 import coverage
 
-from tests.support.mutation import Mutant, mutants_of, mutated
+from tests.support.mutation import Argued, Mutant, argued_in, mutants_of, mutated
 
 ROOT = Path(__file__).resolve().parents[2]
+ARGUED = Path(__file__).with_name("argued_mutants.toml")
 ROOMS = ("fmu_src", "fitting/signal", "fitting/simulate", "fitting/fit")
 #: What the lines of a room are asked of when their tests are measured.
 TESTS = {
     "fmu_src": ("tests/models",),
-    "fitting/signal": ("tests/signal", "tests/measurements"),
+    "fitting/signal": ("tests/signal", "tests/measurements", "tests/campaign"),
     "fitting/simulate": ("tests/simulate", "tests/measurements"),
     "fitting/fit": ("tests/fit", "tests/inference"),
 }
 #: Seconds after which a fault counts as noticed: it hangs.
 HANGS_S = 900.0
-#: Seconds of tests that one fault is asked of, at most, by what they take without a fault.
-MOST_S = 150.0
+#: Verdicts of the journal, and what stands for a fault that was never tried.
+KILLED, SURVIVED, NO_TEST, NOT_TRIED = "killed", "survived", "no test", "not tried"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one fault is asked of: tests that take so long without a fault, and so many; 0: all."""
+
+    longest_s: float = 150.0
+    most: int = 0
 
 
 @dataclass(frozen=True)
@@ -55,20 +67,27 @@ class Covered:
     tests: Mapping[tuple[str, int], tuple[str, ...]]
     seconds: Mapping[str, float]
 
-    def of(self, mutant: Mutant) -> list[str]:
+    def of(self, mutant: Mutant, limits: Limits) -> list[str]:
         """Tests of a mutant, the quickest first; a line that runs on import belongs to its file."""
         found = set(self.tests.get((mutant.path, mutant.line), ()))
         if not found:
             mine = [names for (path, _), names in self.tests.items() if path == mutant.path]
             found = {name for names in mine for name in names}
+        inside = set()
+        if mutant.path.startswith("fmu_src/"):
+            folder = TESTS["fmu_src"][0]
+            inside = {name for name in self.seconds if name.startswith(folder)} - found
         asked: list[str] = []
         total = 0.0
-        for name in sorted(found, key=lambda name: (self.seconds.get(name, 1e9), name)):
+        for name in [*self._quickest(found), *self._quickest(inside)]:
             total += self.seconds.get(name, 1e9)
-            if asked and total > MOST_S:
+            if asked and (total > limits.longest_s or len(asked) == limits.most):
                 break
             asked.append(name)
         return asked
+
+    def _quickest(self, names: Iterable[str]) -> list[str]:
+        return sorted(names, key=lambda name: (self.seconds.get(name, 1e9), name))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -79,24 +98,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--journal", type=Path, default=Path("mutants.jsonl"))
     parser.add_argument("--only", default="", help="faults of files whose path begins so")
+    parser.add_argument("--longest", type=float, default=Limits.longest_s, help="s of tests each")
+    parser.add_argument("--most", type=int, default=Limits.most, help="tests each; 0: all")
     options = parser.parse_args(arguments)
-    sample = [m for m in _sample(options.count, options.seed) if m.path.startswith(options.only)]
-    done = _journal(options.journal)
-    rooms = {room for room in ROOMS for m in sample if m.path.startswith(room + "/")}
-    todo = [m for m in sample if m.name not in done]
-    if todo:
-        covered = _covered(rooms - {"fmu_src"})
-        _run(todo, covered, options.workers, options.journal)
+    with tempfile.TemporaryDirectory() as folder:
+        base = _copy(ROOT, Path(folder) / "base")
+        sample = _sample(base, options.count, options.seed)
+        sample = [mutant for mutant in sample if mutant.path.startswith(options.only)]
         done = _journal(options.journal)
-    _report(sample, done)
+        rooms = {room for room in ROOMS for m in sample if m.path.startswith(room + "/")}
+        todo = [mutant for mutant in sample if mutant.name not in done]
+        if todo:
+            covered = _covered(base, rooms)
+            copies = [_copy(base, Path(folder) / f"copy{k}") for k in range(options.workers)]
+            limits = Limits(options.longest, options.most)
+            _run(todo, covered, limits, copies, options.journal)
+        print(report(base, sample, _journal(options.journal), argued_in(ARGUED)))
 
 
-def _sample(count: int, seed: int) -> list[Mutant]:
+def _sample(base: Path, count: int, seed: int) -> list[Mutant]:
     """A sample in which every file has a share by its number of possible faults."""
     paths = sorted(
-        str(path.relative_to(ROOT)) for room in ROOMS for path in (ROOT / room).rglob("*.py")
+        str(path.relative_to(base)) for room in ROOMS for path in (base / room).rglob("*.py")
     )
-    everything = [mutant for path in paths for mutant in mutants_of(ROOT, path)]
+    everything = [mutant for path in paths for mutant in mutants_of(base, path)]
     return random.Random(seed).sample(everything, min(count, len(everything)))
 
 
@@ -108,7 +133,7 @@ def _journal(path: Path) -> dict[str, str]:
     return {row["mutant"]: row["verdict"] for row in rows}
 
 
-def _covered(rooms: Iterable[str]) -> Covered:
+def _covered(base: Path, rooms: Iterable[str]) -> Covered:
     """Run the tests of some rooms once, line by line."""
     folders = sorted({folder for room in rooms for folder in TESTS[room]})
     if not folders:
@@ -122,35 +147,39 @@ def _covered(rooms: Iterable[str]) -> Covered:
             *(f"--rcfile={_rcfile(Path(folder))}", "-m", "pytest", "-q", "--durations=0"),
             *("--durations-min=0", "-p", "no:cacheprovider", *folders),
         ]
-        run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            command, cwd=base, env=_environment(base), capture_output=True, text=True, check=False
+        )
         if run.returncode:
             raise SystemExit(f"the tests fail without any fault:\n{run.stdout[-3000:]}")
-        return Covered(_contexts(data), _durations(run.stdout))
+        return Covered(_contexts(base, data), _durations(run.stdout))
 
 
 def _rcfile(folder: Path) -> Path:
     path = folder / "coveragerc"
-    path.write_text("[run]\ndynamic_context = test_function\nsource = fitting\ncore = ctrace\n")
+    path.write_text(
+        "[run]\ndynamic_context = test_function\nsource = fitting,fmu_src\ncore = ctrace\n"
+    )
     return path
 
 
-def _contexts(data: Path) -> dict[tuple[str, int], tuple[str, ...]]:
+def _contexts(base: Path, data: Path) -> dict[tuple[str, int], tuple[str, ...]]:
     """Test functions by line: "tests/fit/test_x.py::test_y" from "tests.fit.test_x.test_y"."""
     stored = coverage.CoverageData(str(data))
     stored.read()
     found: dict[tuple[str, int], tuple[str, ...]] = {}
     for file in stored.measured_files():
-        path = str(Path(file).relative_to(ROOT))
+        path = str(Path(file).relative_to(base.resolve()))
         for line, contexts in stored.contexts_by_lineno(file).items():
-            found[path, line] = tuple(filter(None, map(_node, contexts)))
+            found[path, line] = tuple(filter(None, (_node(base, each) for each in contexts)))
     return found
 
 
-def _node(context: str) -> str:
+def _node(base: Path, context: str) -> str:
     parts = context.split(".")
     for k in range(len(parts), 0, -1):
         path = "/".join(parts[:k]) + ".py"
-        if (ROOT / path).is_file():
+        if (base / path).is_file():
             return "::".join([path, *parts[k:]]) if k < len(parts) else ""
     return ""
 
@@ -165,36 +194,50 @@ def _durations(report: str) -> dict[str, float]:
     return seconds
 
 
-def _run(todo: Sequence[Mutant], covered: Covered, workers: int, journal: Path) -> None:
-    copies: queue.Queue[Path] = queue.Queue()
-    with tempfile.TemporaryDirectory() as folder:
-        for k in range(workers):
-            copies.put(_copy(Path(folder) / f"copy{k}"))
+def _run(
+    todo: Sequence[Mutant],
+    covered: Covered,
+    limits: Limits,
+    copies: Sequence[Path],
+    journal: Path,
+) -> None:
+    free: queue.Queue[Path] = queue.Queue()
+    for copy in copies:
+        free.put(copy)
 
-        def one(mutant: Mutant) -> tuple[Mutant, str]:
-            copy = copies.get()
-            try:
-                return mutant, _verdict(mutant, copy, covered)
-            finally:
-                copies.put(copy)
+    def one(mutant: Mutant) -> tuple[Mutant, str]:
+        copy = free.get()
+        try:
+            return mutant, _verdict(mutant, copy, covered.of(mutant, limits))
+        finally:
+            free.put(copy)
 
-        with ThreadPoolExecutor(workers) as executor, journal.open("a") as lines:
-            for k, (mutant, verdict) in enumerate(executor.map(one, todo)):
-                lines.write(json.dumps({"mutant": mutant.name, "verdict": verdict}) + "\n")
-                lines.flush()
-                print(f"{k + 1}/{len(todo)} {verdict}: {mutant.name}", file=sys.stderr)
+    with ThreadPoolExecutor(len(copies)) as executor, journal.open("a") as lines:
+        for k, (mutant, verdict) in enumerate(executor.map(one, todo)):
+            lines.write(json.dumps({"mutant": mutant.name, "verdict": verdict}) + "\n")
+            lines.flush()
+            print(f"{k + 1}/{len(todo)} {verdict}: {mutant.name}", file=sys.stderr)
 
 
-def _copy(folder: Path) -> Path:
+def _copy(source: Path, folder: Path) -> Path:
+    """What is under version control or is about to be; files that vanish meanwhile are left out."""
     leave = shutil.ignore_patterns(".git", ".venv*", "__pycache__", ".*_cache", "out", "build")
-    return Path(shutil.copytree(ROOT, folder, ignore=leave))
+    try:
+        shutil.copytree(source, folder, ignore=leave)
+    except shutil.Error as error:
+        print(f"not copied: {error}", file=sys.stderr)
+    return folder
 
 
-def _verdict(mutant: Mutant, copy: Path, covered: Covered) -> str:
+def _environment(folder: Path) -> dict[str, str]:
+    own = {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1", "CI": "true"}
+    return {**os.environ, **own}
+
+
+def _verdict(mutant: Mutant, copy: Path, tests: Sequence[str]) -> str:
     """Killed, survived, or not run by any test."""
-    tests = ["tests/models"] if mutant.path.startswith("fmu_src") else covered.of(mutant)
     if not tests:
-        return "no test"
+        return NO_TEST
     file = copy / mutant.path
     sound = file.read_text()
     file.write_text(mutated(sound, mutant))
@@ -203,34 +246,66 @@ def _verdict(mutant: Mutant, copy: Path, covered: Covered) -> str:
         ended = subprocess.run(
             [sys.executable, "-m", "pytest", *quiet, *tests],
             cwd=copy,
-            env={**os.environ, "PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1", "CI": "true"},
+            env=_environment(copy),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             timeout=HANGS_S,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return "killed"
+        return KILLED
     finally:
         file.write_text(sound)
-    return "survived" if ended.returncode == 0 else "killed"
+    return SURVIVED if ended.returncode == 0 else KILLED
 
 
-def _report(sample: Sequence[Mutant], verdicts: Mapping[str, str]) -> None:
-    print("| part | faults | killed | survived | run by no test |")
-    print("|---|---|---|---|---|")
+def report(
+    base: Path, sample: Sequence[Mutant], verdicts: Mapping[str, str], argued: Sequence[Argued]
+) -> str:
+    """Markdown: a table by room, what survived, and what is argued of the rest.
+
+    Args:
+        base: folder of the sources that the faults were put into.
+        sample: all faults.
+        verdicts: by the name of a fault; one that is missing was not tried.
+        argued: what changes nothing that a test could see.
+    """
+    found = {m.name: verdicts.get(m.name, NOT_TRIED) for m in sample}
+    reasons = {
+        m.name: next((each.reason for each in argued if each.says(base, m)), "")
+        for m in sample
+        if found[m.name] in (SURVIVED, NO_TEST)
+    }
+    lines = [
+        "| part | faults | killed | survived | run by no test | argued | not tried |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for room in ROOMS:
-        mine = [verdicts[m.name] for m in sample if m.path.startswith(room + "/")]
-        print(_row(room, mine))
-    print(_row("all", [verdicts[m.name] for m in sample]))
-    left = [m.name for m in sample if verdicts[m.name] != "killed"]
-    print("\n".join(["", *left]))
+        lines.append(
+            _row(room, [m for m in sample if m.path.startswith(room + "/")], found, reasons)
+        )
+    lines.append(_row("all", sample, found, reasons))
+    lines += ["", *(m.name for m in sample if m.name in reasons and not reasons[m.name])]
+    if any(reasons.values()):
+        lines += ["", "argued:", *(f"{name}: {why}" for name, why in reasons.items() if why)]
+    stale = [each for each in argued if not each.stands(base)]
+    lines += [f"no such line any more: {each.path}: {each.line}" for each in stale]
+    return "\n".join(lines)
 
 
-def _row(name: str, verdicts: Sequence[str]) -> str:
-    counts = [verdicts.count(word) for word in ("killed", "survived", "no test")]
-    share = f" ({100.0 * counts[0] / len(verdicts):.0f} %)" if verdicts else ""
-    return f"| {name} | {len(verdicts)} | {counts[0]}{share} | {counts[1]} | {counts[2]} |"
+def _row(
+    name: str, faults: Sequence[Mutant], found: Mapping[str, str], reasons: Mapping[str, str]
+) -> str:
+    """Counts of a room; the share killed is of those that were tried."""
+    argued = [m for m in faults if reasons.get(m.name)]
+    rest = [found[m.name] for m in faults if not reasons.get(m.name)]
+    killed, survived, no_test, left = (
+        rest.count(word) for word in (KILLED, SURVIVED, NO_TEST, NOT_TRIED)
+    )
+    tried = len(faults) - left
+    share = f" ({100.0 * killed / tried:.0f} %)" if tried else ""
+    counts = f"{killed}{share} | {survived} | {no_test} | {len(argued)} | {left}"
+    return f"| {name} | {len(faults)} | {counts} |"
 
 
 if __name__ == "__main__":

@@ -308,7 +308,7 @@ READING = [
         TOML,
         'layout = "csv"',
         'layout = "csv"\ntrace = 2',
-        '[experiments] trace: has no meaning with layout = "csv", only with layout = "rohde-',
+        '[experiments] trace: has no meaning with layout = "csv", only with layout = "keysight" or',
     ),
     (
         TOML,
@@ -382,7 +382,7 @@ BINDING = [
     (
         'name = "d1"',
         'name = "solver"',
-        "'solver' is a Integer variable of the FMU, wanted a Real one",
+        "'solver' is an Integer variable of the FMU, wanted a Real one",
     ),
     ('name = "d1"', 'name = "d2"', "names one twice"),
     ('name = "d1"', 'name = "u1"', "'u1' is fitted and also set by experiment 'pair1'"),

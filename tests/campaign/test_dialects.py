@@ -7,34 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
 from fitting.campaign.instruments import Selection, read_trace
 from fitting.campaign.recognised import Recognised, recognised
 from fitting.text.errors import BadInput
-
-#: The resonance of all files here: Hz, full width Hz.
-F_HZ, WIDTH_HZ = 6940.25, 31.0
-AXIS_HZ = np.linspace(6800.0, 7080.0, 57)
-VALUES = 2e-3 * WIDTH_HZ * np.exp(0.4j) / (2 * (AXIS_HZ - F_HZ) - 1j * WIDTH_HZ)
-
-
-def found_line(f: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Frequency and full width of one pole, by least squares of its complex gain and both."""
-
-    def gain(x: np.ndarray) -> tuple[complex, np.ndarray]:
-        shape = 1.0 / (2 * (f - x[0]) - 1j * x[1])
-        return np.vdot(shape, values) / np.vdot(shape, shape), shape
-
-    def rest(x: np.ndarray) -> np.ndarray:
-        a, shape = gain(x)
-        return np.concatenate([(a * shape - values).real, (a * shape - values).imag])
-
-    values = values / np.max(np.abs(values))
-    start = [f[np.argmax(np.abs(values))], np.ptp(f) / 5]
-    x = least_squares(rest, start, x_scale=[1.0, 1.0], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
-    return float(x[0]), abs(float(x[1]))
+from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
 
 
 def selection_of(columns: dict[str, str]) -> Selection:
@@ -194,7 +172,10 @@ def test_a_recording_over_time_is_said(tmp_path: Path) -> None:
 def test_columns_without_names_or_units_are_asked_for(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text(text("", "fr", " "))
-    with pytest.raises(BadInput, match=r"names no columns; .*frequency = \"column 1 \(Hz\)\""):
+    with pytest.raises(
+        BadInput,
+        match=r"which column is the frequency; .* = \"column 1 \(Hz\)",
+    ):
         read_trace(path, None)
     with pytest.raises(BadInput, match=r"no column 'column 9 \(Hz\)'; did you mean"):
         read_trace(path, None, Selection(frequency="column 9 (Hz)"))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.campaign.laws import Known, Laws
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -164,10 +165,22 @@ def test_a_program_says_the_same(oscillator_fmu: Path) -> None:
     assert wrong == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_variable_without_unit_takes_the_value_in_base_units_and_says_so() -> None:
+    known = Known(parameters={"k": "kN/m"}, variables={"mass": "g"}, controls={})
+    [law] = Laws({"w2": "k/mass"}).with_units({"w2": ""}, known).bound
+    assert law.value({"k": 2.0, "mass": 500.0}) == pytest.approx(2000.0 / 0.5)
+    assert law.words == (
+        "'w2' follows the law k/mass. The FMU declares no unit for 'w2', so that nobody can check "
+        "whether kN/g/m is right; its value is taken in SI base units."
+    )
+    [plain] = Laws({"n": "k/k"}).with_units({"n": ""}, known).bound
+    assert plain.words == "'n' follows the law k/k."
+
+
 FAULTS = [
     ("e0 + e1*bias + e2*bias**2/V0", "980 + 3", "names nothing; wanted a parameter"),
     ("e1*bias", "e1*baas", "'baas' is neither a parameter nor a constant.*did you mean 'bias'"),
-    ("e1*bias", "e1*bias**2", "adds s.-1 and .*; wanted one dimension"),
+    ("e1*bias", "e1*bias**2", "adds kHz and kHz·mV; wanted one dimension"),
     ("e0 + e1*bias", "e0/bias**1*V0 + e1*bias", "no finite value .*bias .mV. = 0.0, .*'0V-6'"),
     ("eta_plus = ", "eta_plas = ", "no variable 'eta_plas'; did you mean 'eta_plus'"),
     ("eta_plus = ", "Q_plus = ", "'Q_plus' is a variable of causality output, which cannot be set"),

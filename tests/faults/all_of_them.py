@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from tests.faults import archives, campaign_keys, options, surroundings, tables
+from tests.faults import archives, campaign_keys, curves, options, surroundings, tables
 from tests.faults.case import Case
 
 
@@ -37,6 +37,7 @@ KINDS = (
     Kind(campaign_keys.TEXT, campaign_keys.text_cases, 70, 24),
     Kind(tables.DATA, tables.cases, 260, 40),
     Kind(tables.INSTRUMENTS, tables.instrument_cases, 120, 24),
+    Kind(curves.CURVES, curves.cases, 300, 30),
     Kind(archives.ARCHIVE, archives.archive_cases, 100, 40),
     Kind(archives.DESCRIPTION, archives.description_cases, 140, 22),
     Kind(options.OPTIONS, options.cases, 260, 50),

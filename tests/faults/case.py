@@ -37,8 +37,9 @@ class Case:
     """A fault: ``words`` of the command, after ``change`` of the files in its folder.
 
     ``about`` are words of which every complaint has to hold one: file, key or option (none: nobody
-    hears it). ``codes`` are the exit codes that are right. ``shell``: the word is a line for a
-    shell, in which {run} is the command.
+    hears it). ``codes`` are the exit codes that are right. ``says``: words that the only complaint
+    has to hold, all of them, beside what is wanted. ``shell``: the word is a line for a shell, in
+    which {run} is the command.
     """
 
     kind: str
@@ -47,6 +48,7 @@ class Case:
     change: Callable[[Path], None] = lambda folder: None
     about: tuple[str, ...]
     codes: tuple[int, ...] = DOCUMENTED
+    says: tuple[str, ...] = ()
     shell: bool = False
 
 
@@ -112,7 +114,15 @@ def judged(case: Case, ending: Ending) -> list[str]:
         ]
     elif lines and ending.code in case.codes:
         found.append(f"exit code {ending.code}, but stderr: {ending.complained[:300]}")
-    return found
+    return found + (_unsaid(case.says, lines) if case.says else [])
+
+
+def _unsaid(says: Sequence[str], lines: Sequence[str]) -> list[str]:
+    """What the one sentence that there has to be does not name."""
+    if len(lines) != 1:
+        return [f"{len(lines)} lines, wanted one: {' | '.join(lines)[:600]}"]
+    missing = [word for word in says if word not in lines[0]]
+    return [f"does not say {missing}: {lines[0][:600]}"] if missing else []
 
 
 def _left(out: Path, *, refused: bool) -> list[str]:

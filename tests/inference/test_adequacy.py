@@ -129,7 +129,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
     assert fit.status is Status.CONVERGED
     found: Inference = infer(fit, InferenceRequest(profiles=profiles))
     assert found.status is Status.MISFIT
-    assert found.message.startswith("The model does not describe the data: chi^2 =")
+    assert found.message.startswith("Converged but does not describe the data: χ² =")
     values: dict[str, ParameterResult | DerivedResult] = {**found.parameters, **found.derived}
     assert set(values) == {"p", "q", "r", "sum", "fixed"}
     for value in values.values():

@@ -87,8 +87,8 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
         derived={name: float(np.mean(v)) for name, v in outputs.items()},
         delta=0.0,
         origin="alternative",
-        sentence="reflection = True fits as well",
-        where="reflection = True",
+        sentence="reflection = true fits as well",
+        where="reflection = true",
     )
     sigma = measured.sigma
     x = to_search(objective.parameters, TRUTH)
@@ -100,6 +100,6 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
         profile = knowledge.parameters[name]
         assert profile.verdict == "one of several values", name
         assert "up to an exchange" in profile.reason
-    assert "120 Hz at reflection = True" in knowledge.parameters["d2"].reason
+    assert "120 Hz at reflection = true" in knowledge.parameters["d2"].reason
     for name in ("lambda", "D11"):  # the same at both
         assert knowledge.derived[name].verdict == "determined", name

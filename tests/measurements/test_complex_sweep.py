@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.campaign.complex_trace import read_complex
+from fitting.campaign.complex_trace import MeasuredComplex, check_delay, read_complex
 from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex_curve import ComplexCurve
 from fitting.measurements.complex_sweep import ComplexSweeps
@@ -258,6 +259,28 @@ def test_exchanged_quadratures_are_told(oscillator_fmu: Path, tmp_path: Path) ->
     read = ff.Problem.of(ff.read_campaign(path))
     plain = ff.Problem.of(ff.read_campaign(_campaign(tmp_path, oscillator_fmu, y, "scale = 'own'")))
     assert read.residuals(read.start) == pytest.approx(plain.residuals(plain.start), abs=1e-12)
+
+
+@pytest.mark.parametrize("told_s", [0.0, 0.02])
+@pytest.mark.parametrize("cable_s", [0.0, 0.005, 0.02, 0.3])
+def test_a_cable_of_more_than_a_turn_has_to_be_told(cable_s: float, told_s: float) -> None:
+    """The sweep spans 80 Hz: 5 ms more or less turn its phase by less than half a turn."""
+    y = with_noise(1e6 * mode(SEEN, ETA, WIDTH), 0.002, seed=3)
+    y = y * np.exp(-2j * np.pi * SEEN * cable_s)
+    found = MeasuredComplex(frequency_hz=SEEN, values=y)
+    if abs(cable_s - told_s) < 0.0125:
+        return check_delay(found, told_s, "here")
+    with pytest.raises(BadInput, match="here: the phases turn as ") as caught:
+        check_delay(found, told_s, "here")
+    [said] = re.findall(r"behind a cable of ([\d.]+) ms", str(caught.value)) or ["0"]
+    assert float(said) == pytest.approx(1e3 * cable_s, abs=1.0)
+    return None
+
+
+def test_two_modes_are_no_cable() -> None:
+    u = np.linspace(900.0, 1100.0, 401)
+    y = mode(u, 960.0, 5.0) + mode(u, 1030.0, 4.0) * np.exp(1.0j)
+    check_delay(MeasuredComplex(frequency_hz=u, values=y), 0.0, "here")
 
 
 def test_a_delay_that_the_sweep_does_not_resolve_is_refused() -> None:

@@ -235,7 +235,7 @@ LINES = "V (mV),frequency (kHz),amplitude (mV)"
         (lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz"]'), "1 values"),
         (
             lambda t: t.replace("[control_sweep]", '[control_sweep]\nrange = ["1 Hz", "2 Hz"]'),
-            "0 points to fit; wanted at least 8",
+            "0 points to fit from 1 Hz to 2 Hz; wanted at least 8",
         ),
         (lambda t: t.replace("[control_sweep]", '[control_sweep]\nscale = "all"'), 'one of "each"'),
         (lambda t: t.replace("[control_sweep]", '[control_sweep]\noutput = "q9"'), "variable 'q9'"),

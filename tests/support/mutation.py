@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,65 @@ class Mutant:
     def name(self) -> str:
         """Where it is and what it does."""
         return f"{self.path}:{self.line}:{self.column} {self.before} -> {self.after}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Argued:
+    """Faults of one line that change nothing which a test could see, and why.
+
+    `line` is the line's text, by which it is found again; `faults` are those meant, "2.0 -> 4.0",
+    all of the line where there are none.
+    """
+
+    path: str
+    line: str
+    reason: str
+    faults: tuple[str, ...] = ()
+
+    def says(self, root: Path, mutant: Mutant) -> bool:
+        """Whether that is said of a fault.
+
+        Args:
+            root: folder of the checkout.
+            mutant: what was changed.
+        """
+        if mutant.path != self.path:
+            return False
+        if self.faults and f"{mutant.before} -> {mutant.after}" not in self.faults:
+            return False
+        lines = self._lines(root)
+        return mutant.line <= len(lines) and lines[mutant.line - 1] == self.line.strip()
+
+    def stands(self, root: Path) -> bool:
+        """Whether the line is there still.
+
+        Args:
+            root: folder of the checkout.
+        """
+        return self.line.strip() in self._lines(root)
+
+    def _lines(self, root: Path) -> list[str]:
+        file = root / self.path
+        text = file.read_text() if file.is_file() else ""
+        return [line.strip() for line in text.splitlines()]
+
+
+def argued_in(file: Path) -> tuple[Argued, ...]:
+    """What a file argues: `[[argued]]` with path, line, reason and, if not all, faults.
+
+    Args:
+        file: TOML.
+    """
+    rows = tomllib.loads(file.read_text()).get("argued", [])
+    return tuple(
+        Argued(
+            path=row["path"],
+            line=row["line"],
+            reason=row["reason"],
+            faults=tuple(row.get("faults", ())),
+        )
+        for row in rows
+    )
 
 
 def mutants_of(root: Path, path: str) -> list[Mutant]:

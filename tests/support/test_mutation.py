@@ -5,7 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-from tests.support.mutation import mutants_of, mutated
+from tests.bench.bench_mutants import ARGUED, ROOT, Covered, Limits, report
+from tests.support.mutation import Argued, Mutant, argued_in, mutants_of, mutated
 
 SOURCE = '''
 def f(x: float = 2.0) -> float:
@@ -30,3 +31,70 @@ def test_a_fault_changes_one_place_of_a_text_that_still_compiles(tmp_path: Path)
         differing = [a != b for a, b in zip(SOURCE.split("\n"), changed.split("\n"), strict=True)]
         assert differing.count(True) == 1
         assert differing.index(True) == mutant.line - 1
+
+
+# --- the sample
+
+
+def mutant(path: str, line: int, before: str = "2.0", after: str = "4.0") -> Mutant:
+    return Mutant(path=path, line=line, column=0, before=before, after=after)
+
+
+def test_a_fault_is_asked_of_the_quickest_tests_that_run_its_line() -> None:
+    seconds = {"tests/fit/a": 5.0, "tests/fit/b": 1.0, "tests/models/c": 2.0, "tests/models/d": 9.0}
+    covered = Covered(
+        {
+            ("fitting/fit/x.py", 3): ("tests/fit/a", "tests/fit/b"),
+            ("fitting/fit/x.py", 9): ("tests/fit/a",),
+            ("fmu_src/y.py", 1): ("tests/models/d",),
+        },
+        seconds,
+    )
+    everything = Limits(100.0)
+    assert covered.of(mutant("fitting/fit/x.py", 3), everything) == ["tests/fit/b", "tests/fit/a"]
+    assert covered.of(mutant("fitting/fit/x.py", 9), everything) == ["tests/fit/a"]
+    # a line that no test runs by itself runs on import: all tests of its file
+    assert len(covered.of(mutant("fitting/fit/x.py", 1), everything)) == 2
+    assert covered.of(mutant("fitting/fit/z.py", 1), everything) == []
+    assert covered.of(mutant("fitting/fit/x.py", 3), Limits(5.5)) == ["tests/fit/b"]
+    assert covered.of(mutant("fitting/fit/x.py", 9), Limits(1.0)) == ["tests/fit/a"]  # one at least
+    assert covered.of(mutant("fitting/fit/x.py", 3), Limits(100.0, 1)) == ["tests/fit/b"]
+    # inside an FMU no line is seen: all tests of the models, those that are known to run it first
+    assert covered.of(mutant("fmu_src/y.py", 1), everything) == ["tests/models/d", "tests/models/c"]
+
+
+def test_the_report_tells_what_survived_and_what_is_argued(tmp_path: Path) -> None:
+    """Also of files that are gone, and of faults that were not tried."""
+    (tmp_path / "fmu_src").mkdir()
+    (tmp_path / "fmu_src" / "y.py").write_text("a = 2.0\nb = 2.0\n")
+    sample = [
+        mutant("fmu_src/y.py", 1),
+        mutant("fmu_src/y.py", 2),
+        mutant("fitting/fit/gone.py", 7),
+        mutant("fitting/fit/gone.py", 8),
+    ]
+    verdicts = dict(
+        zip([m.name for m in sample[:3]], ["survived", "survived", "killed"], strict=True)
+    )
+    argued = [
+        Argued(path="fmu_src/y.py", line="  a = 2.0", reason="any number does"),
+        Argued(path="fmu_src/y.py", line="b = 2.0", reason="never", faults=("2.0 -> 3.0",)),
+        Argued(path="fitting/fit/gone.py", line="c", reason="gone"),
+    ]
+    text = report(tmp_path, sample, verdicts, argued)
+    assert "| fmu_src | 2 | 0 (0 %) | 1 | 0 | 1 | 0 |" in text
+    assert "| fitting/fit | 2 | 1 (100 %) | 0 | 0 | 0 | 1 |" in text
+    assert "| all | 4 | 1 (33 %) | 1 | 0 | 1 | 1 |" in text
+    assert f"\n{sample[1].name}\n" in text
+    assert f"{sample[0].name}: any number does" in text
+    assert "no such line any more: fitting/fit/gone.py: c" in text
+
+
+def test_everything_that_is_argued_stands_in_the_code_and_can_be_put_there() -> None:
+    for each in argued_in(ARGUED):
+        assert each.stands(ROOT), each
+        faults = {
+            f"{m.before} -> {m.after}" for m in mutants_of(ROOT, each.path) if each.says(ROOT, m)
+        }
+        assert faults, each
+        assert set(each.faults) <= faults, each

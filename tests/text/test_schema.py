@@ -114,7 +114,7 @@ def test_all_complaints_at_once() -> None:
         f"{PATH}: {said}"
         for said in (
             "top level: key 'word' is missing: wanted a or b",
-            "names: ['x', 'x'] names something twice",
+            "names: ['x', 'x'] names something twice, wanted each once",
             "count: found True, wanted a whole number from 1 to 1000000",
             'width: 3.0 has no unit, wanted a text as in "3.0 Hz"',
             "file: found 4, wanted a text",

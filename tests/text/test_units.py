@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.text.errors import BadInput
-from fitting.text.units import convert, parse_quantity, same_kind
+from fitting.text.units import convert, parse_quantity, product_words, same_kind
 
 W = "campaign.toml, key fmu.start.u1"
 
@@ -81,6 +81,21 @@ def test_units_that_do_not_fit_are_refused(unit: str, wanted: str) -> None:
     with pytest.raises(BadInput, match=unit):
         convert(1.0, unit, wanted, where=W)
     assert not same_kind(unit, wanted)
+
+
+@pytest.mark.parametrize(
+    ("powers", "words"),
+    [
+        ({"Hz": 2.0, "V": -1.0}, "Hz²/V"),
+        ({"kHz/mV": 1.0, "V": 1.0}, "kHz"),
+        ({"Hz": 1.0, "1": 1.0}, "Hz"),
+        ({"s": 1.0, "Hz": 1.0}, "a plain number"),
+        ({}, "a plain number"),
+        ({"degC": 1.0}, "°C"),
+    ],
+)
+def test_a_product_of_units_is_told_in_those_units(powers: dict[str, float], words: str) -> None:
+    assert product_words(powers) == words
 
 
 def test_private_unit_of_an_fmu_is_taken_as_it_is() -> None:

@@ -48,7 +48,7 @@ class Recording:
         """The column of that name, capitals apart, or None; a unit in brackets says its unit.
 
         Args:
-            name: of the column, as "R" or, for a file without units, "R (uV)".
+            name: of the column, as "R", or as "R (uV)" for a file without units, or as "group/R".
 
         Raises:
             BadInput: the file tells another unit.
@@ -57,7 +57,8 @@ class Recording:
         if exact is not None:
             return exact
         asked = named_column(name, 0)
-        found = next((c for c in self.channels if c.name.lower() == asked.name.lower()), None)
+        wanted = {asked.name.lower(), asked.name.lower().rpartition("/")[2]}
+        found = next((c for c in self.channels if c.name.lower() in wanted), None)
         if found is None or asked.unit is None:
             return found
         if found.unit not in (None, asked.unit):

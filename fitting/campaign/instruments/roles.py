@@ -79,10 +79,12 @@ def frequency_of(recording: Recording, wanted: str) -> Channel:
             f"{recording.path}: is a recording over time (column '{time.name}'), not a sweep of "
             "the frequency; wanted a column of frequencies"
         )
-    if not recording.headed:
+    if not recording.headed and len(recording.channels) > 1:
+        first, second = (c.name for c in recording.channels[:2])
         raise BadInput(
-            f"{recording.path}: names no columns; wanted their names in the campaign, as "
-            'columns = { frequency = "column 1 (Hz)", amplitude = "column 2 (V)" }'
+            f"{recording.path}: does not tell which column is the frequency; wanted the names of "
+            f'columns in the campaign, as columns = {{ frequency = "{first} (Hz)", amplitude = '
+            f'"{second} (V)" }}; there is: {", ".join(c.name for c in recording.channels)}'
         )
     return recording.column(FREQUENCY[0])
 
@@ -103,9 +105,10 @@ def amplitude_of(recording: Recording, wanted: str) -> Channel | None:
     complexes = [c for c in recording.channels if c.is_complex]
     if len(complexes) > 1:
         names = ", ".join(c.name for c in complexes)
+        example = next((c.name for c in complexes if "21" in c.name), complexes[0].name)
         raise BadInput(
             f"{recording.path}: holds {names}; wanted one of them named in the campaign, as "
-            f'columns = {{ amplitude = "{complexes[-1].name}" }}'
+            f'columns = {{ amplitude = "{example}" }}'
         )
     return complexes[0] if complexes else None
 

@@ -49,8 +49,8 @@ class Selection:
     """What to take from a file that holds more: column names, trace number, chunk.
 
     Empty names mean the usual ones, and a name may say the unit that the file does not, as
-    "column 2 (mV)"; ``trace`` counts from 1 (rohde-schwarz); ``chunk`` is the sweep's number as
-    LabOne writes it (None: the file must hold one only).
+    "column 2 (mV)"; ``trace`` counts from 1 (rohde-schwarz, keysight); ``chunk`` is the sweep's
+    number as LabOne writes it (None: the file must hold one only).
     """
 
     frequency: str = ""
@@ -140,7 +140,8 @@ def check_axis(path: Path, frequency: FloatArray, unit: str, places: Sequence[st
         places: where each stands.
     """
     if frequency.size < MIN_POINTS:
-        raise BadInput(f"{path}: {frequency.size} points; wanted at least {MIN_POINTS}")
+        count = f"{frequency.size} point{'s' * (frequency.size != 1)}"
+        raise BadInput(f"{path}: {count}; wanted at least {MIN_POINTS}")
     for i in np.flatnonzero(np.diff(frequency) <= 0.0)[:1]:
         before, here = frequency[i], frequency[i + 1]
         what = "appears twice" if here == before else f"follows {before:.12g}: not sorted"

@@ -209,7 +209,7 @@ def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatAr
         start,
         tuple(map(float, begun)),
         steps=(step,),
-        ended=f"lowered at nu = {nu:.1e} from a minimum of chi^2 that was found elsewhere",
+        ended=f"lowered at nu = {nu:.1e} from a minimum of χ² that was found elsewhere",
     )
 
 

@@ -170,10 +170,11 @@ class Effort:
 class Knowledge:
     """What the data say about every parameter and derived output.
 
-    `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`; `inflation`
-    of all standard deviations for residuals beyond the noise, `adequacy` whether the model
-    describes the data at all. `most_likely` are all parameters at that point. `data` is False
-    where the profiles are those of assumed data (before any measurement).
+    `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`;
+    `inflation` of all standard deviations for residuals beyond the noise, `adequacy` whether
+    the model describes the data at all, which the first of the `sentences` says. `most_likely`
+    are all parameters at that point. `data` is False where the profiles are those of assumed
+    data (before any measurement).
     """
 
     data: bool

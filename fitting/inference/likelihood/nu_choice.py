@@ -141,7 +141,7 @@ def _sentences(
     if math.isnan(discrepancy):
         least = min(row.chi_square for row in rows)
         second = (
-            f"At no nu is the misfit within the noise: the least chi^2 is {least:.3g}, noise "
+            f"At no nu is the misfit within the noise: the least χ² is {least:.3g}, noise "
             f"explains {allowed:.3g}; the discrepancy principle chooses none."
         )
     else:

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 from fitting.fit.path import AlternativeResult, HistoryRow, StartResult
 from fitting.report.table import Cell, Column, Table, tabulate
-from fitting.report.words.values import settings_words
 from fitting.result.result import Result
-from fitting.text.notation import markup, number, on_log_axis
+from fitting.text.notation import markup, number, on_log_axis, settings_words
 
 Start = tuple[AlternativeResult, int, StartResult]
 #: Status and message of levels, and the levels that ended with them.

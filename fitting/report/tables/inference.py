@@ -18,8 +18,7 @@ from fitting.inference.likelihood.knowledge import (
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
 from fitting.report.tables.values import interval, verdict
 from fitting.report.words.inference import end_words, typeset
-from fitting.report.words.values import settings_words
-from fitting.text.notation import number, on_log_axis, unit_text
+from fitting.text.notation import number, on_log_axis, settings_words, unit_text
 
 Named = tuple[str, Profile]
 

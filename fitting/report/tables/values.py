@@ -149,7 +149,7 @@ VALUES: tuple[Column[Value], ...] = (
     Column("prior", lambda v: v.reference, digits=6),
     Column(
         "by the data",
-        lambda v: verdict_words(v.found, v.digits),
+        lambda v: verdict_words(v.found),
         role="words",
     ),
 )

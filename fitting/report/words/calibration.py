@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from fitting.inference.verdict import Verdict
-from fitting.report.words.values import settings_words
 from fitting.result.calibration import Calibration, Handed
-from fitting.text.notation import listed, number, plain, quantity, span
+from fitting.text.notation import listed, number, plain, quantity, settings_words, span
 
 
 def calibration_lines(found: Calibration) -> list[str]:

@@ -7,8 +7,7 @@ from fitting.inference.verdict import Verdict
 from fitting.report.table import text_lines
 from fitting.report.tables.inference import direction_table, part_table
 from fitting.report.words.inference import knowledge_lines
-from fitting.report.words.values import settings_words
-from fitting.text.notation import listed
+from fitting.text.notation import listed, settings_words
 
 
 def identification_lines(found: Identification) -> list[str]:

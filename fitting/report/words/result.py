@@ -1,15 +1,53 @@
-"""A reconstruction in lines, as a terminal shows it."""
+"""A reconstruction in lines, as a terminal shows it: the answer first."""
 
 from __future__ import annotations
 
+from fitting.inference.ending import UNTESTED, Ending
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
+from fitting.inference.warnings import verdict_sentences
 from fitting.report.table import text_lines
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.inference import knowledge_lines
+from fitting.report.words.answer import answer_lines, answer_of
+from fitting.report.words.inference import bootstrap_lines
 from fitting.report.words.plan import plan_line
-from fitting.result.result import Result
+from fitting.result.result import STATUSES, Result
+from fitting.text.notation import settings_words
+
+
+def ending_words(result: Result) -> tuple[str, str]:
+    """How it ended in a word or two, and in sentences without them.
+
+    Args:
+        result: of a reconstruction.
+    """
+    words = result.ending.words or result.status
+    said = result.message
+    if said.lower().startswith(words):
+        said = said[len(words) :].lstrip(":. ")
+        said = f"{said[:1].upper()}{said[1:]}" if said[:1].isascii() else said
+    return words, said
+
+
+def headline(result: Result) -> str:
+    """How it ended, and on what ground, in one sentence.
+
+    Args:
+        result: of a reconstruction.
+    """
+    ending = result.ending if result.ending.words else Ending(words=result.status)
+    return ending.told("").strip()
+
+
+def further_warnings(result: Result) -> tuple[str, ...]:
+    """Warnings that the answer does not hold already.
+
+    Args:
+        result: of a reconstruction.
+    """
+    told = verdict_sentences({**result.parameters, **result.derived})
+    return tuple(said for said in result.warnings if said not in told)
 
 
 def result_lines(result: Result) -> list[str]:
@@ -19,31 +57,59 @@ def result_lines(result: Result) -> list[str]:
         result: of a reconstruction.
     """
     marked = result.synthetic and "synthetic" not in result.title.lower()
-    lines = [result.title + (" [synthetic]" if marked else ""), ""]
-    lines += text_lines(values_table(result, result.title))
+    said = headline(result) if result.status == STATUSES[0] else result.message
+    lines = [result.title + (" [synthetic]" if marked else ""), said, ""]
+    lines += answer_lines(answer_of(result))
+    lines += ["", *text_lines(values_table(result, result.title))]
     agreement = agreement_sentences(result)
     lines += ["", *agreement] if agreement else []
+    lines += ["", *_fit_lines(result)]
+    if result.line is not None:
+        lines += line_sentences(result.line)
+    lines += _knowledge_lines(result)
+    lines += quadrature_sentences(result.quadratures)
+    lines += _cost_lines(result)
+    warnings = further_warnings(result)
+    lines += ["", *(f"warning: {text}" for text in warnings)] if warnings else []
+    return [line.replace("\u00a0", " ") for line in lines]
+
+
+def _fit_lines(result: Result) -> list[str]:
     before, after = result.deviations.initial.mean, result.deviations.final.mean
-    lines += ["", f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
+    lines = [f"mean deviation {before:.4g} -> {after:.4g}, J_fit = {result.j_fit:.6g}"]
+    if result.status == STATUSES[0]:
+        lines.append(result.message.removeprefix(headline(result)).strip())
     for other in result.alternatives:
         if not other.settings:  # the campaign names no alternatives
             continue
-        shown = ", ".join(f"{k} = {v}" for k, v in other.settings.items())
         mark = "reported" if other.reported else ("equal" if other.equal_to_best else "worse")
+        shown = settings_words(other.settings)
         lines.append(f"alternative {shown}: J_fit = {other.j_fit:.6g} ({mark})")
-    if result.line is not None:
-        lines += line_sentences(result.line)
-    if result.knowledge is not None:
-        lines += ["", *knowledge_lines(result.knowledge), ""]
-    told = quadrature_sentences(result.quadratures)
-    lines += [*told, ""] if told else []
-    cost = result.evaluations
-    lines.append(
-        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs, "
-        f"{result.seconds:.1f} s"
-    )
-    if result.plan is not None:
-        lines.append(plan_line(result.plan))
-    lines += ["", f"{result.status}: {result.message}"]
-    lines += [f"warning: {text}" for text in result.warnings]
     return lines
+
+
+def _knowledge_lines(result: Result) -> list[str]:
+    """What was found about residuals, directions, minima and nu; values stand in the table."""
+    knowledge = result.knowledge
+    if knowledge is None:
+        return []
+    # the first says how well the data are described, which the headline has told
+    told = result.ending.ground not in ("", UNTESTED)
+    lines = list(knowledge.sentences[1:] if told else knowledge.sentences)
+    lines += [] if knowledge.nu is None else knowledge.nu.sentences
+    lines += [] if knowledge.bootstrap is None else bootstrap_lines(knowledge.bootstrap)
+    return lines
+
+
+def _cost_lines(result: Result) -> list[str]:
+    cost, knowledge = result.evaluations, result.knowledge
+    profiles = ""
+    if knowledge is not None:
+        spent = knowledge.effort
+        profiles = f", and {spent.evaluations} evaluations, {spent.fmu_runs} FMU runs for profiles"
+    lines = [
+        "",
+        f"{cost.objective} evaluations, {cost.jacobians} Jacobians, {cost.fmu_runs} FMU runs"
+        f"{profiles}; {result.seconds:.1f} s",
+    ]
+    return lines if result.plan is None else [*lines, plan_line(result.plan)]

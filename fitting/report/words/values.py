@@ -6,36 +6,22 @@ Never a value with a small error where the data give none.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
-from fitting.text.arrays import Scalar
-from fitting.text.notation import listed, number, plain, prefixed, quantity, span
+from fitting.text.notation import (
+    listed,
+    number,
+    plain,
+    prefixed,
+    quantity,
+    settings_words,
+    span,
+)
 
 #: Correlations from which two errors are named as tied to each other.
 TIED = 0.95
-
-
-def settings_words(settings: Mapping[str, Scalar]) -> str:
-    """Settings as "name = value, ...".
-
-    Args:
-        settings: values of FMU variables, by name.
-    """
-    return ", ".join(f"{name} = {scalar_words(value)}" for name, value in settings.items())
-
-
-def scalar_words(value: Scalar) -> str:
-    """A setting as a campaign file writes it.
-
-    Args:
-        value: the value.
-    """
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return number(value, 12) if isinstance(value, float) else str(value)
 
 
 def box_words(derived: DerivedResult) -> str:
@@ -64,12 +50,11 @@ def reported_words(found: ParameterResult | DerivedResult | OffsetResult) -> str
     return f"{_with_prefix(found.value, found.unit)} by Algorithm 2{outside} (most likely {best})"
 
 
-def verdict_words(found: ParameterResult | DerivedResult | OffsetResult, digits: int) -> str:
+def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     """What the data say of a value, in the cell of a table.
 
     Args:
         found: value with its verdict.
-        digits: of the value.
     """
     verdict = found.identifiable
     if isinstance(found, OffsetResult):
@@ -79,15 +64,13 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult, digits:
         return f"{verdict}: {found.reason}"
     said = {
         Verdict.DETERMINED: f"determined {found.reason}",
-        Verdict.BOUNDED: f"{verdict}, {number(low)} to {number(high)}",
+        Verdict.BOUNDED: f"{verdict}, {span(low, high)}",
         Verdict.ABOVE: f"{verdict}, {number(high)} at most",
         Verdict.BELOW: f"{verdict}, {number(low)} at least",
-        Verdict.OPEN: f"{verdict}: {number(low)} to {number(high)} fits",
+        Verdict.OPEN: f"{verdict}: {span(low, high)} fits",
         Verdict.LINEARISED: str(verdict),
     }
     words = said.get(verdict, f"{verdict}: {found.reason}")
-    if verdict is Verdict.OPEN and math.isfinite(found.value):
-        words += f", stopped at {number(found.value, digits)}"
     if verdict.has_value and found.is_outside:
         words += "; the value lies outside its 95 % interval"
     return words

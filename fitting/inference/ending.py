@@ -1,0 +1,78 @@
+"""How a reconstruction ended, in the words that terminal, page and `result.json` share.
+
+Whoever reads one line reads this one: it says whether the optimiser is content *and* whether the
+model describes the data, and on what ground.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fitting.fit.fit import Status
+from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.text.notation import number
+
+DESCRIBES = "converged and describes the data"
+MISFIT = "converged but does not describe the data"
+NOT_CONVERGED = "not converged"
+#: Probability from which chi square is smaller than the stated noise lets it be.
+TOO_SMALL = 1.0 - 1e-4
+#: Where no row has a noise of its own, or as many parameters as rows are fitted.
+UNTESTED = "as far as can be told, with nothing to hold χ² against"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ending:
+    """How it ended, in `words`; `ground`: what that rests on, empty where it says nothing more.
+
+    `whole`: chi square is what the stated noise explains, so that nothing need be added.
+    """
+
+    words: str = ""
+    ground: str = ""
+    whole: bool = False
+
+    def told(self, message: str) -> str:
+        """The words, their ground, and what else there is to say, as sentences.
+
+        Args:
+            message: how the search itself ended, in sentences.
+        """
+        first = f"{self.words[:1].upper()}{self.words[1:]}"
+        return f"{first}{f': {self.ground}' if self.ground else ''}. {message}"
+
+
+def ending_of(
+    status: Status, adequacy: Adequacy | None, *, inflation: float, structure: float
+) -> Ending:
+    """How a fit ended.
+
+    Args:
+        status: of the fit itself, or that its model does not describe the data.
+        adequacy: chi square of the rows of known noise, None where it was not looked at.
+        inflation: of all errors, for residuals beyond the noise.
+        structure: of the errors of a sweep, for residuals that hang together.
+    """
+    if status not in (Status.CONVERGED, Status.MISFIT):
+        return Ending(words=NOT_CONVERGED)
+    chi = "" if adequacy is None or math.isnan(adequacy.p_value) else _chi_words(adequacy)
+    if status is Status.MISFIT:
+        return Ending(words=MISFIT, ground=chi)
+    said = [chi] if chi else []
+    if inflation > 1.0:
+        said.append(f"errors {inflation:.3g} times as wide for residuals beyond the noise")
+    if structure > 1.0:
+        said.append(f"errors {structure:.3g} times as wide for residuals that hang together")
+    if len(said) > bool(chi):
+        return Ending(words=DESCRIBES, ground=", ".join(said))
+    if adequacy is None or not chi:
+        return Ending(words=DESCRIBES, ground=UNTESTED)
+    if adequacy.p_value > TOO_SMALL:
+        return Ending(words=DESCRIBES, ground=f"{chi}, less than the stated noise would leave")
+    return Ending(words=DESCRIBES, ground=f"{chi}, as the stated noise explains", whole=True)
+
+
+def _chi_words(adequacy: Adequacy) -> str:
+    freedom = number(round(adequacy.freedom, 1))
+    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom} degrees of freedom"

@@ -1,0 +1,255 @@
+"""The answer first: what is known, what is not, and what would settle it."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import textwrap
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+
+from fitting.inference.sweep_line import SweepLine, depends_on_background
+from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.inference.verdict import Verdict
+from fitting.result.result import Result
+from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
+
+Found = ParameterResult | DerivedResult
+
+#: Said once of every error, interval and percentage.
+CONVENTION = (
+    "± is one standard deviation; intervals hold 95 %; “determined to” names half of that interval."
+)
+#: Value and standard deviation of a line, by what it is of the line.
+PARTS = {
+    "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
+    "width": lambda line: (line.width_hz, line.width_std_hz),
+    "q": lambda line: (line.q, line.q_std),
+}
+#: Standard errors from which sweep and fit are no two measurements of one value.
+APART_SIGMA = 3.0
+#: Ends of a range this far apart have a unit each.
+WIDE, WIDEST = 1e-3, 1e-4
+#: Columns of a terminal.
+COLUMNS = 100
+
+
+@dataclass(frozen=True)
+class Known:
+    """One value that is known: `shown` with its error or bounds; `fitted`: what the fit says of it.
+
+    `fitted` is empty unless the sweep by itself knows it better.
+    """
+
+    name: str
+    shown: str
+    _: KW_ONLY
+    share: float
+    fitted: str = ""
+    apart: float = math.nan
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is known, best first; what is not, with its range; what would settle it.
+
+    `command` is what to type for it, empty where there is no such command.
+    """
+
+    known: tuple[Known, ...]
+    open: tuple[str, ...]
+    advice: str
+    command: str = ""
+
+    @property
+    def known_words(self) -> str:
+        """All that is known, in a line."""
+        return ", ".join(f"{k.name} {k.shown}" for k in self.known) or "nothing"
+
+    @property
+    def open_words(self) -> str:
+        """All that is not known, in a line."""
+        return ", ".join(self.open) or "nothing that was asked for"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Why a number stands here that is not the fit's, and what ± means."""
+        better = [k for k in self.known if k.fitted]
+        if not better:
+            return (CONVENTION,)
+        names, fitted = listed(k.name for k in better), listed(k.fitted for k in better)
+        verb = "is" if len(better) == 1 else "are"
+        away = max(k.apart for k in better)
+        far = "" if math.isnan(away) else f", {number(away, 2)} standard errors away"
+        return (
+            f"{names} {verb} best known by the line of the sweep alone. The fit of the peaks says "
+            f"{fitted}{far}: it takes the scale from the sweep and nothing else "
+            '(use = "fit" under [sweep] would fit both together).',
+            CONVENTION,
+        )
+
+
+def answer_of(result: Result) -> Answer:
+    """The answer of a reconstruction.
+
+    Args:
+        result: of a reconstruction.
+    """
+    every: dict[str, Found] = {**result.parameters, **result.derived}
+    known = [_known(name, found, result.line) for name, found in every.items()]
+    best = sorted((k for k in known if k is not None), key=lambda k: k.share)
+    names = {k.name for k in best}
+    left = {name: found for name, found in every.items() if name not in names}
+    advice, command = _next(result, left)
+    return Answer(tuple(best), _ranges(left), advice, command)
+
+
+def answer_lines(answer: Answer) -> list[str]:
+    """The answer as a terminal shows it.
+
+    Args:
+        answer: of a reconstruction.
+    """
+    lines = _wrapped(f"known:     {answer.known_words}", indent=11)
+    lines += _wrapped(f"not known: {answer.open_words}", indent=11)
+    if answer.advice or answer.command:
+        # in one line: a command is to be copied
+        lines.append(" ".join(filter(None, ("next:     ", answer.advice, answer.command))))
+    return [*lines, "", *(line for said in answer.notes for line in _wrapped(said))]
+
+
+def _wrapped(text: str, indent: int = 0) -> list[str]:
+    """Lines of a terminal; a no-break space holds a number and its unit together."""
+    lead = " " * indent
+    return textwrap.wrap(text, COLUMNS, subsequent_indent=lead, break_on_hyphens=False)
+
+
+def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
+    """A value that is known, by the sweep's line where that knows it better; else None."""
+    verdict = found.identifiable
+    own = quantity(found.value, found.std, found.unit)
+    by_line = _by_line(name, found, line)
+    if by_line is not None:
+        value, std = by_line
+        fitted, apart = "", math.nan
+        if verdict.has_value:
+            fitted, apart = own, abs(found.value - value) / math.hypot(std, found.std)
+        shown = f"= {quantity(value, std, found.unit)}"
+        return Known(name, shown, share=_share(value, std), fitted=fitted, apart=apart)
+    if verdict in (Verdict.DETERMINED, Verdict.LINEARISED):
+        tail = " (linearised)" if verdict is Verdict.LINEARISED else ""
+        return Known(name, f"= {own}{tail}", share=_share(found.value, found.std))
+    words = {
+        Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
+        Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit)}",
+        Verdict.BELOW: f"at least {_one(found.ci95[0], found.unit)}",
+    }
+    if verdict not in words:
+        return None
+    return Known(name, words[verdict], share=math.inf)
+
+
+def _by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, float] | None:
+    """Value and error of the sweep's line, where they are of this value and the better ones."""
+    if line is None or name not in line.values or depends_on_background(line):
+        return None
+    value, std = PARTS[line.values[name]](line)
+    if not (math.isfinite(value) and std > 0.0) or found.identifiable is Verdict.WITHDRAWN:
+        return None
+    if not found.identifiable.has_value or math.isnan(found.std):
+        return value, std
+    near = abs(found.value - value) <= APART_SIGMA * math.hypot(std, found.std)
+    return (value, std) if std < found.std and near else None
+
+
+def _share(value: float, std: float) -> float:
+    return std / abs(value) if value and math.isfinite(std) else math.inf
+
+
+def _ranges(left: dict[str, Found]) -> tuple[str, ...]:
+    """What is not known, those of one range together: "d1 and d2 (1 Hz to 1 kHz)"."""
+    groups: dict[str, list[str]] = {}
+    for name, found in left.items():
+        groups.setdefault(_open_words(found), []).append(name)
+    return tuple(f"{listed(names)} ({words})" for words, names in groups.items())
+
+
+def _open_words(found: Found) -> str:
+    if found.identifiable is Verdict.OPEN:
+        return _range(*found.ci95, found.unit)
+    if found.identifiable is Verdict.WITHDRAWN:
+        return "the model does not describe the data"
+    return found.reason or str(found.identifiable)
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    """An interval; ends far apart have a unit each: "1 Hz to 1 kHz"."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "any value"
+    if unit and 0.0 < WIDEST * high <= low <= WIDE * high:
+        return f"{_one(low, unit)} to {_one(high, unit)}"
+    if not unit_text(unit):
+        return f"{number(low, 3)} to {number(high, 3)}"
+    factor, shown = prefixed(max(abs(low), abs(high)), unit)
+    if high - low < WIDE * factor:
+        factor, shown = 1.0, unit
+    return span(low / factor, high / factor, shown)
+
+
+def _one(value: float, unit: str) -> str:
+    factor, shown = prefixed(abs(float(f"{value:.3g}")), unit)
+    return f"{number(value / factor, 3)}\u00a0{shown}".strip()
+
+
+def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
+    """What to do next, in words and as a command."""
+    if result.status == "interrupted":
+        return "the rest of this job: the same command with --resume", ""
+    if result.status == "not converged":
+        return "a start nearer to the solution, or more starts (--starts N)", ""
+    if result.status != "converged":
+        return (
+            "another model, another drift, or the noise that the data have; narrower boxes or a "
+            "nearer start if better parameters were missed",
+            "",
+        )
+    if result.knowledge is None:
+        return "profiles, which say what the data determine: the same without --no-profiles", ""
+    target = _target(result, left)
+    if not target:
+        return "", ""
+    head = "" if left else f"{target} is known least; for a better value"
+    if not (left or result.peaks):
+        return f"{head}: less noise, or more points where the model depends on it", ""
+    command = _design_command(result, target)
+    if not command:
+        return f'{head or "which measurement settles it"}: ff.design, target "{target}"', ""
+    return f"{head}:" if head else "", command
+
+
+def _target(result: Result, left: dict[str, Found]) -> str:
+    """What is to be known next: the first output that is open, else parameter; the worst known."""
+    for group in (result.derived, result.parameters):
+        for name in group:
+            if name in left:
+                return name
+    every: dict[str, Found] = {**result.parameters, **result.derived}
+    shares = {n: _share(f.value, f.std) for n, f in every.items() if math.isfinite(f.std)}
+    return max(shares, key=lambda name: shares[name]) if shares else ""
+
+
+def _design_command(result: Result, target: str) -> str:
+    """`fmu-fit design` for the campaigns of a `fmu-fit reconstruct`; empty where it was no such."""
+    words = shlex.split(result.provenance.command)
+    if words[:2] != ["fmu-fit", "reconstruct"]:
+        return ""
+    campaigns = _before_options(words[2:])
+    made = ["fmu-fit", "design", *campaigns]
+    if "--out" in words[:-1]:
+        made += ["--at", f"{words[words.index('--out') + 1]}/result.json"]
+    return shlex.join([*made, "--target", target])
+
+
+def _before_options(words: Sequence[str]) -> list[str]:
+    count = next((k for k, word in enumerate(words) if word.startswith("--")), len(words))
+    return list(words[:count])

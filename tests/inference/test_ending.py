@@ -1,0 +1,69 @@
+"""How a fit ended, in words, for chi squares whose place in their distribution is known."""
+
+from __future__ import annotations
+
+import pytest
+from scipy.stats import chi2
+
+from fitting.fit.fit import Status
+from fitting.inference.ending import DESCRIBES, MISFIT, NOT_CONVERGED, Ending, ending_of
+from fitting.inference.likelihood.knowledge import Adequacy
+
+
+def adequacy(chi_square: float, freedom: float, describes: bool = True) -> Adequacy:
+    return Adequacy(
+        chi_square=chi_square,
+        freedom=freedom,
+        p_value=float(chi2.sf(chi_square, freedom)),
+        describes=describes,
+    )
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
+def test_only_a_chi_square_that_noise_explains_is_wholly_good(share: float) -> None:
+    found = adequacy(float(chi2.ppf(share, 9.0)), 9.0)
+    ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=1.0)
+    assert ending.whole
+    assert ending.words == DESCRIBES
+    assert ending.ground.endswith(" on 9 degrees of freedom, as the stated noise explains")
+
+
+def test_a_chi_square_far_below_its_freedom_is_not() -> None:
+    found = adequacy(float(chi2.ppf(1e-6, 9.0)), 9.0)
+    ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=1.0)
+    assert (ending.words, ending.whole) == (DESCRIBES, False)
+    assert "less than the stated noise would leave" in ending.ground
+
+
+@pytest.mark.parametrize(
+    ("inflation", "structure", "told"),
+    [
+        (1.7, 1.0, "errors 1.7 times as wide for residuals beyond the noise"),
+        (1.0, 12.3, "errors 12.3 times as wide for residuals that hang together"),
+    ],
+    ids=["inflation", "structure"],
+)
+def test_widened_errors_are_told(inflation: float, structure: float, told: str) -> None:
+    found = adequacy(26.0, 9.0)
+    ending = ending_of(Status.CONVERGED, found, inflation=inflation, structure=structure)
+    assert (ending.words, ending.whole) == (DESCRIBES, False)
+    assert ending.ground == f"χ² = 26 on 9 degrees of freedom, {told}"
+
+
+def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
+    bad = ending_of(Status.MISFIT, adequacy(173.0, 9.0, False), inflation=4.4, structure=1.0)
+    assert bad == Ending(words=MISFIT, ground="χ² = 173 on 9 degrees of freedom")
+    assert bad.told("Why so.") == (
+        "Converged but does not describe the data: χ² = 173 on 9 degrees of freedom. Why so."
+    )
+    for status in (Status.NOT_CONVERGED, Status.INTERRUPTED):
+        ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=1.0)
+        assert ending == Ending(words=NOT_CONVERGED)
+    assert Ending(words=NOT_CONVERGED).told("Why so.") == "Not converged. Why so."
+
+
+def test_where_nothing_can_be_held_against_the_noise_no_chi_square_is_claimed() -> None:
+    for found in (None, adequacy(float("nan"), 0.0)):
+        ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=1.0)
+        assert (ending.words, ending.whole) == (DESCRIBES, False)
+        assert ending.ground.startswith("as far as can be told")

@@ -1,0 +1,155 @@
+"""The answer first: what is known, what is not, what next, and whose number is the best."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fitting.inference.ending import Ending
+from fitting.inference.sweep_line import LineFit
+from fitting.inference.verdict import Verdict
+from fitting.report.words.answer import answer_lines, answer_of
+from fitting.report.words.result import further_warnings, result_lines
+from fitting.result.result import Result
+from tests.support import plot_records
+from tests.support import report_records as records
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    """d1 and D11 are determined, theta and lambda are not; the line's width is 94 ± 0.24 Hz."""
+    return records.result_for(records.campaign())
+
+
+def with_width(result: Result, value: float, std: float) -> Result:
+    """The sweep's line is that of d1, of which the fit of the peaks says this."""
+    assert result.line is not None
+    d1 = replace(result.parameters["d1"], value=value, std=std)
+    return replace(
+        result,
+        parameters={**result.parameters, "d1": d1},
+        line=replace(result.line, values={"d1": "width"}),
+    )
+
+
+def fit(background: str) -> LineFit:
+    return LineFit(
+        background=background,
+        frequency_hz=records.ETA_HZ,
+        frequency_std_hz=0.11,
+        width_hz=records.WIDTH_HZ,
+        width_std_hz=0.24,
+        q=records.ETA_HZ / records.WIDTH_HZ,
+        q_std=190.0,
+        residual=4e-3,
+        structure_p=0.5,
+        points=41.0,
+        widening=1.0,
+        message="done",
+    )
+
+
+def test_known_and_not_known_are_told_apart(result: Result) -> None:
+    answer = answer_of(result)
+    assert {k.name for k in answer.known} == {"d1", "D11"}
+    assert [words.partition(" (")[0] for words in answer.open] == ["theta", "lambda"]
+    assert "lambda (63 to 781 kHz)" in answer.open_words.replace("\u00a0", " ")
+
+
+def test_the_sweep_s_own_line_is_told_where_it_knows_better(result: Result) -> None:
+    line = result.line
+    assert line is not None
+    answer = answer_of(with_width(result, line.width_hz + 1.25, 0.7))
+    known = next(k for k in answer.known if k.name == "d1")
+    assert known.shown.replace("\u00a0", " ") == f"= {line.width_hz:.2f} ± 0.24 Hz"
+    # hypot(0.7, 0.24) = 0.74 Hz
+    assert known.apart == pytest.approx(1.25 / 0.74)
+    assert answer.notes[0].startswith("d1 is best known by the line of the sweep alone.")
+    assert "1.7 standard errors away" in answer.notes[0]
+
+
+@pytest.mark.parametrize(("off", "std"), [(0.1, 0.2), (5.0, 0.7)], ids=["better", "contradicts"])
+def test_the_fit_is_told_where_it_knows_better_or_the_sweep_contradicts(
+    result: Result, off: float, std: float
+) -> None:
+    assert result.line is not None
+    answer = answer_of(with_width(result, result.line.width_hz + off, std))
+    assert not any(k.fitted for k in answer.known)
+    assert len(answer.notes) == 1
+
+
+def test_a_line_that_depends_on_its_background_is_not_called_the_best(result: Result) -> None:
+    found = with_width(result, 94.5, 0.7)
+    assert found.line is not None
+    assert len(answer_of(found).notes) == 2
+    doubtful = replace(found.line, fits=(fit("none"), fit("complex")), background_p=1e-9)
+    assert len(answer_of(replace(found, line=doubtful)).notes) == 1
+    harmless = replace(doubtful, background_p=0.5)
+    assert len(answer_of(replace(found, line=harmless)).notes) == 2
+
+
+def test_the_next_step_is_a_command_that_can_be_copied(result: Result) -> None:
+    origin = replace(
+        result.provenance,
+        command="fmu-fit reconstruct 'a b.toml' more.toml --out 'my out' --quick",
+    )
+    answer = answer_of(replace(result, provenance=origin))
+    assert answer.advice == "profiles, which say what the data determine: the same without " + (
+        "--no-profiles"
+    )
+    profiled = replace(result, provenance=origin, knowledge=plot_records.knowledge())
+    answer = answer_of(profiled)
+    assert answer.command == (
+        "fmu-fit design 'a b.toml' more.toml --at 'my out/result.json' --target lambda"
+    )
+    [line] = [line for line in answer_lines(answer) if line.startswith("next:")]
+    assert answer.command in line
+
+
+@pytest.mark.parametrize(
+    ("status", "told"),
+    [
+        ("interrupted", "--resume"),
+        ("not converged", "a start nearer"),
+        ("does not describe the data", "another model"),
+    ],
+)
+def test_a_bad_end_has_another_next_step(result: Result, status: str, told: str) -> None:
+    assert told in answer_of(replace(result, status=status)).advice
+
+
+def test_of_a_model_that_does_not_describe_the_data_nothing_is_known(result: Result) -> None:
+    gone = {
+        name: replace(p, identifiable=Verdict.WITHDRAWN, std=math.nan, ci95=(math.nan, math.nan))
+        for name, p in result.parameters.items()
+    }
+    assert result.line is not None
+    bad = replace(
+        result,
+        status="does not describe the data",
+        parameters=gone,
+        derived={},
+        line=replace(result.line, values={"d1": "width"}),
+    )
+    answer = answer_of(bad)
+    assert answer.known_words == "nothing"
+    assert answer.open == ("theta and d1 (the model does not describe the data)",)
+
+
+def test_the_answer_stands_before_all_else_and_nothing_is_said_twice(result: Result) -> None:
+    ending = Ending(words="converged and describes the data", ground="χ² = 4 on 4", whole=True)
+    said = ending.told("All 3 levels were done.")
+    verdict = "Not determined by these data: theta, lambda. Prior and start decide where these " + (
+        "values are reported."
+    )
+    told = replace(result, ending=ending, message=said, warnings=(verdict, "Another one."))
+    lines = result_lines(told)
+    assert lines[1] == "Converged and describes the data: χ² = 4 on 4."
+    assert [line.split(":")[0] for line in lines[3:6]] == ["known", "not known", "next"]
+    assert sum("All 3 levels were done." in line for line in lines) == 1
+    assert further_warnings(told) == ("Another one.",)
+    assert sum("± is one standard deviation" in line for line in lines) == 1
+    failed = replace(told, status="not converged", ending=Ending(words="not converged"))
+    assert result_lines(replace(failed, message="Not converged. Why."))[1] == "Not converged. Why."
