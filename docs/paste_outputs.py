@@ -1,0 +1,60 @@
+"""Run the blocks of the pages and paste what they print below them.
+
+    python docs/paste_outputs.py [PAGE ...]
+
+All pages take about half an hour. `docs/site/blocks.py` tells what a page says of its blocks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import build_fmu
+from docs.site.blocks import ROOT, blocks, pages, pasted, prepare, run
+
+
+def main() -> int:
+    """Paste into the pages that are named, or into all; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("page", type=Path, nargs="*", help="pages (all)")
+    named = [page.resolve() for page in parser.parse_args().page]
+    for page in named or pages():
+        print(page.relative_to(ROOT), file=sys.stderr)
+        text = page.read_text("utf-8")
+        if any("output" in block.remarks for block in blocks(text)):
+            new = with_outputs(text)
+            page.write_text(new, "utf-8")
+            print(f"{page.relative_to(ROOT)}: {'new outputs' if new != text else 'as it was'}")
+    return 0
+
+
+def with_outputs(text: str) -> str:
+    """The page with what its blocks print.
+
+    Args:
+        text: of the page.
+    """
+    found = blocks(text)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        prepare(folder)
+        for model in ("CoupledOscillator", "DuffingOscillator"):
+            build_fmu.build(model, folder / "build")
+        printed = {block.start: output for block, output in run(found, folder, tested=False)}
+    made, end, output = [], 0, ""
+    for block in found:
+        output = printed.get(block.start, output)
+        if "output" in block.remarks:
+            start = block.start + len("```\n")
+            made += [text[end:start], pasted(block, output)]
+            end = start + len(block.text)
+    return "".join([*made, text[end:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

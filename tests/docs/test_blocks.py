@@ -1,0 +1,123 @@
+"""Every block of README and documentation runs as it is printed, or says why it does not."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from docs.site.blocks import REMARKS, ROOT, blocks, pages, pasted, prepare, run
+from fitting.cli.parser import parsed
+from fitting.measurements.schema import campaign_schema
+
+#: Programs beside Python and ours that a reader has.
+PROGRAMS = (".", "bash", "cat", "cd", "echo", "head", "jq", "mkdocs", "pip", "sed", "unzip")
+PAGES = {page.relative_to(ROOT).as_posix(): page for page in pages()}
+ALL = {name: blocks(page.read_text("utf-8")) for name, page in PAGES.items()}
+
+
+def named(wanted: str) -> list[str]:
+    """Names of the pages that have such blocks."""
+    return [name for name, found in ALL.items() if any(b.language == wanted for b in found)]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_remarks_are_known_and_have_a_reason(name: str) -> None:
+    for block in ALL[name]:
+        assert set(block.remarks) <= set(REMARKS), f"{name}:{block.line}"
+        for remark in ("not run", "slow", "tested with"):
+            assert block.remarks.get(remark, "a reason"), f"{name}:{block.line} says no reason"
+    fences = re.findall(r"^\s*```", PAGES[name].read_text("utf-8"), re.MULTILINE)
+    assert len(fences) == 2 * len(ALL[name]), "a fence that is indented or not closed"
+
+
+@pytest.mark.parametrize("name", [n for n, found in ALL.items() if any(b.is_tested for b in found)])
+def test_the_blocks_run_and_print_what_is_pasted(
+    name: str, tmp_path: Path, oscillator_fmu: Path
+) -> None:
+    prepare(tmp_path)
+    (tmp_path / "build").mkdir()
+    (tmp_path / "build" / oscillator_fmu.name).symlink_to(oscillator_fmu)
+    found = ALL[name]
+    printed = {block.start: output for block, output in run(found, tmp_path, tested=True)}
+    output: str | None = None
+    for block in found:
+        if block.is_run:
+            output = None if "tested with" in block.remarks else printed.get(block.start)
+        elif "output" in block.remarks and output is not None:
+            again = f"run 'python docs/paste_outputs.py {name}'"
+            assert shape(pasted(block, output)) == shape(block.text), again
+
+
+def shape(text: str) -> str:
+    """A text without its numbers, whose last digits are a processor's own, and without columns."""
+    return re.sub(r"[ \t]+", " ", re.sub(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?", "#", text))
+
+
+@pytest.mark.parametrize("name", named("sh"))
+def test_every_command_is_one_that_can_be_given(name: str) -> None:
+    for block in ALL[name]:
+        if block.language != "sh":
+            continue
+        for words in block.commands():
+            program = words[0].rpartition("/")[2]
+            if program == "fmu-fit":
+                assert parsed(words[1:])
+            elif program.startswith("python") and words[1:2] == ["-m"]:
+                place = ROOT / words[2].replace(".", "/")
+                assert words[2] in ("venv", "fitting") or place.with_suffix(".py").is_file(), words
+            elif program.startswith("python"):
+                assert (ROOT / words[1]).is_file(), words
+            else:
+                assert program in PROGRAMS, f"{name}:{block.line}: {words}"
+
+
+@pytest.mark.parametrize("name", named("python"))
+def test_python_that_is_not_run_is_python(name: str) -> None:
+    for block in ALL[name]:
+        if block.language == "python":
+            compile(block.text, f"{name}:{block.line}", "exec")
+
+
+@pytest.mark.parametrize("name", named("toml"))
+def test_keys_of_campaigns_are_those_of_the_schema(name: str) -> None:
+    schema = json.loads(campaign_schema())
+    for block in ALL[name]:
+        if block.language == "toml" and "not run" not in block.remarks:
+            unknown = [*unknown_keys(tomllib.loads(block.text), schema)]
+            assert not unknown, f"{name}:{block.line}: {unknown}"
+
+
+def unknown_keys(data: Any, schema: Mapping[str, Any], place: str = "") -> Iterator[str]:
+    """Keys that the schema does not have."""
+    if isinstance(data, list):
+        for item in data:
+            yield from unknown_keys(item, schema.get("items", {}), place)
+        return
+    if not isinstance(data, dict):
+        return
+    free = schema.get("additionalProperties")
+    for key, value in data.items():
+        inner = schema.get("properties", {}).get(key, free)
+        if inner in (None, False):
+            yield f"{place}.{key}"
+        elif isinstance(inner, dict):
+            yield from unknown_keys(value, inner, f"{place}.{key}")
+
+
+def test_remarks_and_choices_of_lines_are_read() -> None:
+    page = (
+        "<!-- slow: a minute -->\n<!-- exit code: 4 -->\n```sh\nfmu-fit a && fmu-fit b  # c\n```\n"
+        "<!-- output: lines with x | y -->\n```\nold\n```\n```toml\na = 1\n```\n"
+    )
+    first, second, third = blocks(page)
+    assert first.remarks == {"slow": "a minute", "exit code": "4"}
+    assert first.commands() == [["fmu-fit", "a"], ["fmu-fit", "b"]]
+    assert (first.is_run, first.is_tested, first.exit_code, first.line) == (True, False, 4, 3)
+    assert pasted(second, "x1\nn\ny\nz\n") == "x1\n...\ny\n"
+    assert not third.is_run
