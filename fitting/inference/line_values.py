@@ -22,7 +22,7 @@ NEAR = 1e-3
 def values_of_line(
     problem: Problem, solution: Solution, values: Mapping[str, ParameterResult | DerivedResult]
 ) -> dict[str, str]:
-    """Names of values that are the line's "frequency", "width" or "q", by what the model says.
+    """Names of values that are the line's "frequency", "width" or "q".
 
     The line is fitted to the sweep *as simulated* at the end of Algorithm 2: a value that is there
     what that line shows is this line's, whatever its name. Empty where the sweep is fitted with the

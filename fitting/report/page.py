@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 
@@ -13,11 +14,16 @@ from fitting.report.table import Table, environment
 from fitting.text.files import write_whole
 
 NAME = "report.html"
+#: Bytes of an SVG from which a shorter PNG is embedded instead.
+LONG = 200_000
 
 
 @dataclass(frozen=True)
 class Section:
-    """One section: `id` for links, sentences, a list, tables, figures (in this order)."""
+    """One section: `id` for links, sentences, a list, tables, figures (in this order).
+
+    A `folded` one shows its title alone until it is opened; on paper all of it.
+    """
 
     id: str
     title: str
@@ -26,6 +32,18 @@ class Section:
     points: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
     figures: tuple[FigureFile, ...] = ()
+    folded: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the answer: its `head`, values that stand out, the rest, something to type."""
+
+    head: str
+    _: KW_ONLY
+    values: tuple[tuple[str, str], ...] = ()
+    words: str = ""
+    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -48,7 +66,10 @@ class Status:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A page: what it is about, its kind in the title bar, how it ended, warnings, sections."""
+    """A page: what it is about, its kind in the title bar, how it ended, warnings, sections.
+
+    `answer` and `notes` on it stand first, with the figure that shows most, the `lead`.
+    """
 
     title: str
     kind: str
@@ -56,6 +77,9 @@ class Page:
     sections: tuple[Section, ...]
     synthetic: bool
     warnings: tuple[str, ...] = ()
+    answer: tuple[Line, ...] = ()
+    notes: tuple[str, ...] = ()
+    lead: FigureFile | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,37 +116,40 @@ def render(page: Page) -> str:
     Args:
         page: sections and heading.
     """
+    numbers = itertools.count(1)
+    lead = None if page.lead is None else _picture(page.lead, next(numbers))
     return (
         environment()
         .get_template("report.html.j2")
         .render(
             page=page,
-            sections=_numbered(page.sections),
+            lead=lead,
+            sections=_numbered(page.sections, numbers),
             version=fitting.__version__,
         )
     )
 
 
-def _numbered(sections: Sequence[Section]) -> list[dict[str, object]]:
+def _numbered(sections: Sequence[Section], numbers: Iterator[int]) -> list[dict[str, object]]:
     """Sections with their figures embedded and numbered in the order of the page."""
-    shown: list[dict[str, object]] = []
-    count = 0
-    for section in sections:
-        pictures = []
-        for figure in section.figures:
-            count += 1
-            source = f"data:image/svg+xml;base64,{_base64(figure.svg)}"
-            pictures.append(
-                Picture(
-                    number=count,
-                    source=source,
-                    alt=figure.alt,
-                    title=figure.title,
-                    caption=figure.caption,
-                )
-            )
-        shown.append({**vars(section), "figures": pictures})
-    return shown
+    return [
+        {**vars(section), "figures": [_picture(f, next(numbers)) for f in section.figures]}
+        for section in sections
+    ]
+
+
+def _picture(figure: FigureFile, number: int) -> Picture:
+    """A figure embedded: as SVG, unless that is long and the picture of it shorter."""
+    kind, path = "svg+xml", figure.svg
+    if path.stat().st_size > LONG and figure.png.stat().st_size < path.stat().st_size:
+        kind, path = "png", figure.png
+    return Picture(
+        number=number,
+        source=f"data:image/{kind};base64,{_base64(path)}",
+        alt=figure.alt,
+        title=figure.title,
+        caption=figure.caption,
+    )
 
 
 def _base64(path: Path) -> str:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
-from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.report.figures.inference import flat_sentence
 from fitting.report.figures.reconstruction import write_figures
 from fitting.report.figures.style import FigureFile
-from fitting.report.page import Page, Section, Status, write_page
+from fitting.report.page import Line, Page, Section, Status, write_page
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Table, pairs_table
 from fitting.report.tables.fit import alternative_table, ending_table, history_table, start_table
@@ -23,21 +24,22 @@ from fitting.report.tables.tones import deviation_table, mean_deviation_table
 from fitting.report.tables.values import (
     correlation_table,
     derived_table,
+    interval_table,
     offset_table,
     parameter_table,
     per_experiment_table,
     per_place_table,
 )
 from fitting.report.words.agreement import agreement_sentences
-from fitting.report.words.inference import knowledge_heading, knowledge_words
+from fitting.report.words.answer import Answer, answer_of
+from fitting.report.words.inference import knowledge_heading, knowledge_words, typeset
 from fitting.report.words.plan import remarks
-from fitting.report.words.result import ending_words
+from fitting.report.words.result import ending_words, further_warnings, headline
 from fitting.report.words.sweep import scale_sentence
 from fitting.report.words.values import (
     deviation_sentence,
     equal_alternatives_sentence,
     tied_sentences,
-    value_sentence,
 )
 from fitting.result.result import STATUSES, Result
 from fitting.text.notation import number, scalar_words, settings_words
@@ -46,6 +48,10 @@ Figures = tuple[FigureFile, ...]
 #: Names of figures by the section that they belong to; what is in none gets one of its own.
 DATA_FIGURES = ("1_drive", "2_spectra")
 DEVIATION_FIGURES = ("3_deviation_over_frequency", "4_improvement", "7_deviation_per_experiment")
+#: What the first figure is, by the begin of its name: a frequency response, a map, spectra.
+LEADING = ("8_", "2_", "7_")
+#: Sections that are not folded: what the answer rests on.
+OPEN = ("values", "agreement")
 KNOWLEDGE_FIGURES = ("9_profiles", "10_together", "11_outputs", "12_nu")
 
 
@@ -73,14 +79,50 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
         data: what is shown of the campaign.
         figures: figure files that are shown.
     """
+    lead = lead_of(figures)
+    rest = [figure for figure in figures if figure is not lead]
+    answer = answer_of(result)
     return Page(
         title=result.title,
         kind="reconstruction",
         status=status_of(result),
-        sections=sections_of(result, data, figures),
+        sections=sections_of(result, data, rest),
         synthetic=result.synthetic,
-        warnings=result.warnings,
+        warnings=tuple(typeset(said) for said in further_warnings(result)),
+        answer=answer_block(answer),
+        notes=answer.notes,
+        lead=lead,
     )
+
+
+def lead_of(figures: Sequence[FigureFile]) -> FigureFile | None:
+    """The figure that shows data, fit and residual at once: of a sweep, else of spectra.
+
+    Args:
+        figures: figure files that are shown.
+    """
+    for start in LEADING:
+        found = next((figure for figure in figures if figure.name.startswith(start)), None)
+        if found is not None:
+            return found
+    return None
+
+
+def answer_block(answer: Answer) -> tuple[Line, ...]:
+    """The answer as the page shows it: the best-known value first and largest.
+
+    Args:
+        answer: of a reconstruction.
+    """
+    values = tuple((known.name, known.shown) for known in answer.known)
+    nothing = "" if values else answer.known_words
+    lines = [
+        Line("Known", values=values, words=nothing),
+        Line("Not known", words=answer.open_words),
+    ]
+    if answer.advice or answer.command:
+        lines.append(Line("Next", words=answer.advice, command=answer.command))
+    return tuple(lines)
 
 
 def status_of(result: Result) -> Status:
@@ -90,8 +132,12 @@ def status_of(result: Result) -> Status:
         result: of a reconstruction.
     """
     words, message = ending_words(result)
-    good = result.status == STATUSES[0]
-    return Status(words, message, good, doubtful=not result.ending.whole)
+    if result.status != STATUSES[0]:
+        return Status(words, typeset(message), good=False)
+    ground = result.ending.ground
+    first = ground[:1].upper() if ground[:1].isascii() else ground[:1]
+    said = f"{first}{ground[1:]}." if ground else ""
+    return Status(words, said, good=True, doubtful=not result.ending.whole)
 
 
 def sections_of(
@@ -112,6 +158,7 @@ def sections_of(
         return tuple(shelf.pop(name) for name in found)
 
     made = [
+        Section("values", "Values", tables=(interval_table(result, "Fitted and derived values"),)),
         _found(result),
         knowledge_section(result.knowledge, take(*KNOWLEDGE_FIGURES)),
         _agreement(result),
@@ -128,7 +175,9 @@ def sections_of(
     ]
     if shelf:  # what other kinds of measurements show, for example
         made.append(Section("figures", "Further figures", figures=tuple(shelf.values())))
-    return tuple(section for section in made if section is not None)
+    return tuple(
+        replace(section, folded=section.id not in OPEN) for section in made if section is not None
+    )
 
 
 def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section | None:
@@ -143,7 +192,7 @@ def knowledge_section(knowledge: Knowledge | None, figures: Figures) -> Section 
     return Section(
         id="knowledge",
         title=knowledge_heading(knowledge),
-        paragraphs=knowledge_words(knowledge),
+        paragraphs=tuple(filter(None, (*knowledge_words(knowledge), flat_sentence(knowledge)))),
         tables=knowledge_tables(knowledge),
         figures=figures,
     )
@@ -157,13 +206,11 @@ def _found(result: Result) -> Section:
     said = [deviation_sentence(result)]
     if result.alternative:
         said.append(f"Reported alternative: {settings_words(result.alternative)}.")
-    every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
-    values = [value_sentence(name, value) for name, value in every.items()]
     return Section(
         id="found",
-        title="What was found, and what the data do not determine",
+        title="Parameters in full: start, reference, box, correlations",
         paragraphs=tuple(said),
-        points=(*values, *tied_sentences(result)),
+        points=tuple(tied_sentences(result)),
         tables=_existing(parameter_table(result), offset_table(result), correlation_table(result)),
     )
 
@@ -185,10 +232,16 @@ def _quadratures(result: Result) -> Section | None:
 def _derived(result: Result, data: ShownCampaign, figures: Figures) -> Section | None:
     if not result.derived:
         return None
+    said = ["Outputs of the FMU at the fitted parameters, read after initialisation."]
+    if not figures and result.peaks:
+        said.append(
+            "None that the data give differs between the experiments by a tenth of its error: "
+            "nothing is drawn of them."
+        )
     return Section(
         id="derived",
         title="Derived quantities",
-        paragraphs=("Outputs of the FMU at the fitted parameters, read after initialisation.",),
+        paragraphs=tuple(said),
         tables=_existing(
             derived_table(result), per_experiment_table(result, data), per_place_table(result)
         ),
@@ -241,7 +294,13 @@ def _deviations(result: Result, data: ShownCampaign, figures: Figures) -> Sectio
 
 def _convergence(result: Result, figures: Figures) -> Section:
     tables = (history_table(result), ending_table(result))
-    return Section("convergence", "Convergence", tables=tables, figures=figures)
+    said = () if result.status != STATUSES[0] else (typeset(_search_end(result)),)
+    return Section("convergence", "Convergence", paragraphs=said, tables=tables, figures=figures)
+
+
+def _search_end(result: Result) -> str:
+    """How the optimiser ended, as far as the headline has not told it."""
+    return result.message.removeprefix(headline(result)).strip()
 
 
 def _search(result: Result) -> Section | None:

@@ -284,4 +284,5 @@ def environment() -> Environment:
         keep_trailing_newline=True,
     )
     made.filters["exact"] = exact_text
+    made.filters["symbol"] = markup  # HTML, escaped already: to be marked safe
     return made

@@ -23,7 +23,7 @@ from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind
 from fitting.report.table import text_lines
 from fitting.report.tables.values import interval_table, values_table
-from fitting.report.words.values import value_sentence
+from fitting.report.words.values import reported_words
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
@@ -137,7 +137,7 @@ def test_algorithm_2_is_reported_where_asked_for_and_errors_stay_those_of_least_
         assert result.ci95 == pytest.approx((low, high), abs=0.06 * errors[k])
         outside = not low < result.value < high
         assert (f"{name} = " in said) == outside
-        words = value_sentence(name, result)
+        words = reported_words(result)
         assert "by Algorithm 2" in words
         assert "most likely" in words
         assert ("outside the 95 % interval" in words) == outside

@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
+from fitting.inference.verdict import Verdict
 from fitting.report.figures import style as plots_style
 from fitting.report.figures.fit import draw_convergence, draw_derived
 from fitting.report.figures.measurements import draw_measurement
@@ -122,13 +123,25 @@ def test_a_string_campaign_gets_every_figure_in_both_formats(files: list[FigureF
         "3_deviation_over_frequency",
         "4_improvement",
         "5_convergence",
-        "6_derived_per_experiment",
         "7_deviation_per_experiment",
         "8_frequency_response",
     ]
     for file in files:
         assert file.png.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
         assert etree.parse(str(file.svg)).getroot().tag == f"{SVG}svg"
+
+
+def test_outputs_are_drawn_over_the_experiments_where_one_that_is_known_moves(
+    result: Result, data: ShownCampaign
+) -> None:
+    """lambda drifts by 1.74 Hz with an error of 2.5 Hz, but is open; D11 stays as it is."""
+    assert draw_derived not in figures_of(result, data)
+    known = replace(result.derived["lambda"], identifiable=Verdict.DETERMINED)
+    moved = replace(result, derived={**result.derived, "lambda": known})
+    assert draw_derived in figures_of(moved, data)
+    assert len(drawn(draw_derived, moved, data).axes) == 1
+    still = replace(known, spread=0.2)
+    assert draw_derived not in figures_of(replace(moved, derived={"lambda": still}), data)
 
 
 def test_each_figure_says_what_it_is(files: list[FigureFile]) -> None:

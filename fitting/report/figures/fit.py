@@ -15,6 +15,8 @@ from fitting.text.notation import listed, number, plain, unit_text
 PER_ROW = 3
 #: Parameters of one unit that share a panel of corrections.
 MOST_IN_PANEL = 6
+#: Share of the error from which a spread over the experiments is seen.
+SEEN = 0.1
 
 
 def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
@@ -76,6 +78,19 @@ def _groups(result: Result) -> list[list[str]]:
     ]
 
 
+def varying(result: Result) -> dict[str, DerivedResult]:
+    """Outputs that the data give and that differ between experiments by more than a line's width.
+
+    Args:
+        result: of a reconstruction.
+    """
+    return {
+        name: d
+        for name, d in result.derived.items()
+        if d.identifiable.has_value and d.spread > SEEN * d.std
+    }
+
+
 def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
     """Derived outputs of every experiment with mean and spread, and whether the data give them.
 
@@ -84,8 +99,9 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
         data: what is shown of the campaign.
     """
     title = "Derived quantities per experiment"
-    columns = min(PER_ROW, len(result.derived))
-    rows = math.ceil(len(result.derived) / columns)
+    shown = varying(result) or result.derived
+    columns = min(PER_ROW, len(shown))
+    rows = math.ceil(len(shown) / columns)
     width = 3.15 * columns if columns > 1 else 5.0
     figure = new_figure(
         title,
@@ -94,21 +110,17 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
         height=0.85 + 2.75 * rows,
         width=max(width, 6.4),
     )
-    axes = panels(figure, len(result.derived), PER_ROW)
-    for panel, name in zip(axes, result.derived, strict=True):
+    axes = panels(figure, len(shown), PER_ROW)
+    for panel, name in zip(axes, shown, strict=True):
         plot.output_by_experiment(result, name, data.labels, ax=panel)
-    said = [f"{plain(name)}: {_in_words(d)}" for name, d in result.derived.items()]
+    said = [f"{plain(name)}: {_in_words(d)}" for name, d in shown.items()]
     caption = (
         "Derived outputs of the FMU at the fitted parameters, for every experiment (marker shapes "
         "as in the other figures), with mean (dashed) and spread over the experiments (band, one "
         "standard deviation). The spread is the drift of the experiments, not the uncertainty of "
         f"the value. {'. '.join(said)}."
     )
-    alt = (
-        "Values per experiment. "
-        + ". ".join(f"{plain(name)}: {_in_words(d)}" for name, d in result.derived.items())
-        + "."
-    )
+    alt = "Values per experiment. " + ". ".join(said) + "."
     return Drawing(
         name="6_derived_per_experiment", title=title, caption=caption, alt=alt, figure=figure
     )

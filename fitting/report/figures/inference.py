@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from matplotlib.lines import Line2D
 
-from fitting.inference.likelihood.knowledge import Knowledge, NuChoice
+from fitting.inference.likelihood.knowledge import Knowledge, NuChoice, Profile
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import WORTH_SAYING
 from fitting.report import plot
@@ -20,6 +20,8 @@ from fitting.text.notation import listed, plain
 PER_ROW = 3
 #: Profiles, parameters against each other, and outputs, at most in a figure.
 MOST_PROFILES, MOST_TOGETHER, MOST_OUTPUTS = 18, 4, 4
+#: Δχ² from which a profile is more than a flat line.
+BENT = 1.0
 
 
 def _colours(verdicts: Sequence[Verdict]) -> dict[str, str]:
@@ -39,14 +41,36 @@ def knowledge_figures(knowledge: Knowledge, title: str, *, synthetic: bool) -> l
         title: of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    drawn = [draw_profiles(knowledge, title, synthetic=synthetic)]
+    drawn = []
+    if _curved(knowledge):
+        drawn.append(draw_profiles(knowledge, title, synthetic=synthetic))
     if len(_together(knowledge)) > 1:
         drawn.append(draw_together(knowledge, title, synthetic=synthetic))
     if _along(knowledge) is not None:
         drawn.append(draw_outputs(knowledge, title, synthetic=synthetic))
-    if knowledge.nu is not None and len(knowledge.nu.rows) > 1:
+    # without a corner all that there is to see is said in its sentences
+    if knowledge.nu is not None and not math.isnan(knowledge.nu.corner):
         drawn.append(draw_nu(knowledge.nu, title, synthetic=synthetic))
     return drawn
+
+
+def _curved(knowledge: Knowledge) -> dict[str, Profile]:
+    """Profiles that the data bend anywhere, few of them; a flat one is a line on the axis."""
+    bent = {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) >= BENT}
+    return dict(list(bent.items())[:MOST_PROFILES])
+
+
+def flat_sentence(knowledge: Knowledge) -> str:
+    """Which values have a profile that is flat, and is not drawn; empty where all are bent.
+
+    Args:
+        knowledge: what the data determine: profiles, directions, verdicts.
+    """
+    flat = {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) < BENT}
+    names = [plain(name) for name, profile in flat.items() if profile.values]
+    if not names:
+        return ""
+    return f"Flat, with Δχ² below 1 at every value that was tried: {listed(names)}."
 
 
 def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Drawing:
@@ -58,7 +82,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         synthetic: whether the data are synthetic, which the figure then says.
     """
     title = "Profile likelihood: how far each value can go"
-    shown = dict(list(knowledge.profiles.items())[:MOST_PROFILES])
+    shown = _curved(knowledge)
     rows = math.ceil(len(shown) / PER_ROW)
     figure = new_figure(title, campaign, synthetic=synthetic, height=1.3 + 1.75 * rows)
     for k, (panel, (name, profile)) in enumerate(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.report.figures.fit import draw_convergence, draw_derived
+from fitting.report.figures.fit import draw_convergence, draw_derived, varying
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import Drawing, FigureFile, save, style
@@ -79,7 +79,7 @@ def figures_of(
         draws += [draw_drive, draw_over_frequency, draw_improvement]
     if result.history:
         draws.append(draw_convergence)
-    if result.peaks and result.derived:
+    if result.peaks and varying(result):
         draws.append(draw_derived)
     if result.peaks:
         draws.append(draw_per_experiment)

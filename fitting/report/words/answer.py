@@ -11,6 +11,7 @@ from dataclasses import KW_ONLY, dataclass
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
+from fitting.report.words.values import reported_words
 from fitting.result.result import Result
 from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
 
@@ -30,6 +31,8 @@ PARTS = {
 APART_SIGMA = 3.0
 #: Ends of a range this far apart have a unit each.
 WIDE, WIDEST = 1e-3, 1e-4
+#: Share of the largest relative error from which another counts as large.
+SAME = 0.99
 #: Columns of a terminal.
 COLUMNS = 100
 
@@ -127,13 +130,13 @@ def _wrapped(text: str, indent: int = 0) -> list[str]:
 def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     """A value that is known, by the sweep's line where that knows it better; else None."""
     verdict = found.identifiable
-    own = quantity(found.value, found.std, found.unit)
+    own = reported_words(found)
     by_line = _by_line(name, found, line)
     if by_line is not None:
         value, std = by_line
         fitted, apart = "", math.nan
         if verdict.has_value:
-            fitted, apart = own, abs(found.value - value) / math.hypot(std, found.std)
+            fitted, apart = own, abs(_likely(found) - value) / math.hypot(std, found.std)
         shown = f"= {quantity(value, std, found.unit)}"
         return Known(name, shown, share=_share(value, std), fitted=fitted, apart=apart)
     if verdict in (Verdict.DETERMINED, Verdict.LINEARISED):
@@ -158,8 +161,13 @@ def _by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, fl
         return None
     if not found.identifiable.has_value or math.isnan(found.std):
         return value, std
-    near = abs(found.value - value) <= APART_SIGMA * math.hypot(std, found.std)
+    near = abs(_likely(found) - value) <= APART_SIGMA * math.hypot(std, found.std)
     return (value, std) if std < found.std and near else None
+
+
+def _likely(found: Found) -> float:
+    """The likelihood's value, of which the error is."""
+    return found.value if found.is_most_likely else found.most_likely
 
 
 def _share(value: float, std: float) -> float:
@@ -235,7 +243,8 @@ def _target(result: Result, left: dict[str, Found]) -> str:
                 return name
     every: dict[str, Found] = {**result.parameters, **result.derived}
     shares = {n: _share(f.value, f.std) for n, f in every.items() if math.isfinite(f.std)}
-    return max(shares, key=lambda name: shares[name]) if shares else ""
+    worst = max(shares.values(), default=math.nan)
+    return next((name for name, share in shares.items() if share >= SAME * worst), "")
 
 
 def _design_command(result: Result, target: str) -> str:

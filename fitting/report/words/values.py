@@ -76,44 +76,6 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     return words
 
 
-def value_sentence(name: str, value: ParameterResult | DerivedResult) -> str:
-    """One value: how well it is known, or that it is not, and what it could be.
-
-    Args:
-        name: of the value.
-        value: the value.
-    """
-    verdict, shown = value.identifiable, reported_words(value)
-    if verdict is Verdict.DETERMINED:
-        return f"{plain(name)} is determined by these data {value.reason}: {shown}."
-    if verdict is Verdict.LINEARISED:
-        return f"{plain(name)} is {shown} in the problem linearised at its solution."
-    if verdict in (Verdict.UNKNOWN, Verdict.WITHDRAWN):
-        return f"{plain(name)}: {verdict} ({value.reason})."
-    if verdict is Verdict.SEVERAL:
-        return f"{plain(name)} is one of several values: {value.reason}."
-    words = _interval_words(value)
-    if verdict is not Verdict.OPEN:
-        return f"{plain(name)} is {verdict} by these data: {words}."
-    bare = _with_prefix(value.value, value.unit)
-    return (
-        f"{plain(name)} is not determined by these data: {bare} is where prior (reference "
-        f"{_with_prefix(value.reference, value.unit)}) and start left it. "
-        f"Within its box anything fits from {words}."
-    )
-
-
-def _interval_words(value: ParameterResult | DerivedResult) -> str:
-    """What the data leave, with a prefix; of a bound the one end that they cut."""
-    low, high = value.ci95
-    factor, unit = prefixed(max(abs(low), abs(high)), value.unit)
-    if value.identifiable is Verdict.ABOVE:
-        return f"{number(high / factor, 3)}\u00a0{unit} at most".strip()
-    if value.identifiable is Verdict.BELOW:
-        return f"{number(low / factor, 3)}\u00a0{unit} at least".strip()
-    return span(low / factor, high / factor, unit)
-
-
 def _with_prefix(value: float, unit: str) -> str:
     factor, shown = prefixed(abs(value), unit)
     return f"{number(value / factor, 7)}\u00a0{shown}".strip()
