@@ -28,7 +28,8 @@ if TYPE_CHECKING:  # subscripted here, these would need a host with Python 3.9 o
 
 ZERO = Decimal(0)
 TWO_PI = 2.0 * math.pi
-TWO_PI_EXACT = 2 * Decimal("3.14159265358979323846264338327950288419716939937510582097494459231")
+#: As it is written: a product here would have the 28 digits of the default context.
+TWO_PI_EXACT = Decimal("6.2831853071795864769252867665590057683943387987502116419498891846")
 #: Steps that differ by less than this angle share a propagator; a short series does the rest.
 NEAR = Decimal("1e-3")
 #: Series end at this part of the vector: that of a propagator, which is squared and used again and
