@@ -17,6 +17,8 @@ from fitting.fit.objective import evaluate_many, stencil
 from fitting.inference.cost import Expected, Range, added, expected, times
 from fitting.text.errors import BadInput
 
+__all__ = ["Cost", "Expected", "Range", "added", "cost", "expected_of", "times"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
@@ -97,6 +99,22 @@ def cost(
             times(share, whole.output_runs),
         ),
     )
+
+
+def expected_of(
+    problem: Problem, method: Tikhonov, starts: int | None, *, profiles: bool, refits: int
+) -> Expected:
+    """What `cost` expects, without a run of the FMU.
+
+    Args:
+        problem: What is looked for, and from what.
+        method: As `fit` takes it.
+        starts: As `fit` takes it.
+        profiles: Whether profiles are to be walked.
+        refits: Synthetic data sets that are to be fitted anew.
+    """
+    options = search_options(problem, method, starts, None)
+    return expected(problem.record, options, profiles=profiles, refits=refits)
 
 
 def _memory_bytes(pids: Iterable[int]) -> float:

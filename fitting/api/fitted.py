@@ -506,7 +506,12 @@ def identity_of(problem: Problem, command: str) -> Identity:
 
 
 def profile(
-    fit: Fit, names: Sequence[str] | None = None, *, budget: int = BUDGET, bootstrap: int = 0
+    fit: Fit,
+    names: Sequence[str] | None = None,
+    *,
+    budget: int = BUDGET,
+    bootstrap: int = 0,
+    progress: Callable[[int], None] | None = None,
 ) -> Inference:
     """Walk profile likelihoods: intervals and verdicts that do not rest on a linearisation.
 
@@ -521,6 +526,7 @@ def profile(
             linearised errors.
         budget: Evaluations of the model at most.
         bootstrap: Synthetic data sets that are fitted anew beside it; 0: none.
+        progress: Called before every batch with the evaluations so far.
 
     Raises:
         BadInput: a name that the fit has not.
@@ -544,6 +550,7 @@ def profile(
         bootstrap=bootstrap,
         only=asked,
         sweeps=fit.inferred.sweeps,
+        progress=progress or (lambda evaluations: None),
     )
     found = infer(fit.record, request)
     if found.fit is not fit.record:  # profiles came by a lower minimum

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import fitting as ff
+from fitting.api.cost import expected_of
 from fitting.api.fitted import (
     ESTIMATORS,
     LEVELS_FILE,
     MISFITS,
     KeptLevels,
-    Progress,
     Valued,
     kept_levels,
     search_options,
@@ -27,6 +27,7 @@ from fitting.cli.interrupts import to_the_end
 from fitting.cli.options import folder_name, relative_accuracy, seed, whole_number, worker_count
 from fitting.cli.output import hand_over
 from fitting.cli.progress import status_line
+from fitting.cli.remaining import Remaining
 from fitting.cli.results import writes
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
@@ -128,8 +129,10 @@ def run(args: argparse.Namespace) -> int:
     """
     check_external(args.external)
     campaigns = [ff.read_campaign(path) for path in args.campaign]
-    if args.dry_run:
-        return _tell_cost(args, campaigns)
+    return (_tell_cost if args.dry_run else _reconstructed)(args, campaigns)
+
+
+def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
     out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
@@ -160,9 +163,15 @@ def run(args: argparse.Namespace) -> int:
         print(f"go on with: {_command(args, resume=True)}")
         return 1
     if not args.no_report:
-        print(f"report: {draw_report(ended.found, result, out)}")
+        print(f"report: {_drawn(ended.found, result, out)}")
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
+
+
+def _drawn(found: Valued, result: Result, out: Path) -> Path:
+    with status_line(NAME) as tell:
+        tell("figures and report")
+        return draw_report(found, result, out)
 
 
 def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
@@ -173,7 +182,7 @@ def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
         status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
     ):
         tell("planning")
-        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy)
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         found = ff.cost(
             problem,
             _method(args, problem),
@@ -245,13 +254,22 @@ def _memory(args: argparse.Namespace, problem: ff.Problem, out: Path) -> KeptLev
 def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
     """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
     job.tell("planning")
+    method = _method(args, job.problem)
+    expected = expected_of(
+        job.problem,
+        method,
+        _starts(args),
+        profiles=not args.no_profiles,
+        refits=args.bootstrap or 0,
+    )
+    remaining = Remaining(expected)
     found: Valued
     found = fitted = ff.fit(
         job.problem,
-        _method(args, job.problem),
+        method,
         starts=_starts(args),
         seed=args.seed,
-        progress=lambda state: job.tell(_in_words(state)),
+        progress=lambda state: job.tell(remaining.searching(state)),
         memory=job.memory,
     )
     fitted.command = _command(args)
@@ -265,22 +283,16 @@ def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
         with to_the_end():
             result = replace(result, warnings=(*result.warnings, NO_PROFILES))
             write_result(result, job.out)
-        job.tell("profiles")
-        inferred = ff.profile(fitted, bootstrap=args.bootstrap or 0)
+        inferred = ff.profile(
+            fitted,
+            bootstrap=args.bootstrap or 0,
+            progress=lambda evaluations: job.tell(remaining.walking(evaluations)),
+        )
         with to_the_end():
             found, result, done = inferred, inferred.result, inferred.profiled
     except KeyboardInterrupt:
         pass
     return _Ending(found, result, done)
-
-
-def _in_words(state: Progress) -> str:
-    left = "" if state.left_s != state.left_s else f", about {state.left_s:.0f} s left"
-    return (
-        f"alternative {state.alternative + 1}/{state.alternatives}, "
-        f"start {state.start + 1}/{state.starts}, nu = {state.nu:.0e}, "
-        f"J = {state.j_fit + state.j_reg:.5g}{left}"
-    )
 
 
 def _command(args: argparse.Namespace, *, resume: bool = False) -> str:

@@ -31,7 +31,8 @@ _log = logging.getLogger(__name__)
 class Progress:
     """State of a running reconstruction, handed out before and after every level.
 
-    `done` of at most `of` levels; `left_s` an estimate that starts go on alone (NaN at first).
+    `done` of at most `of` levels; `left_s` an estimate that starts go on alone, `seconds_each`
+    what an evaluation has taken on average (NaN at first).
     """
 
     alternative: int
@@ -48,6 +49,7 @@ class Progress:
     of: int
     elapsed_s: float
     left_s: float
+    seconds_each: float
 
 
 class Memory(Protocol):
@@ -241,7 +243,7 @@ class _Watch:
             hooks,
             begun,
         )
-        self.done = self.fresh = self.evaluations = 0
+        self.done = self.fresh = self.evaluations = self.counted = 0
         self.spent = 0.0
         self.last: ContinuationStep | None = None
 
@@ -258,6 +260,7 @@ class _Watch:
             self.hooks.memory.record(step)
         self.fresh += 1
         self.spent += step.seconds
+        self.counted += step.evaluations
         self._count(step)
         self._tell(step.alternative, step.start, step.level)
 
@@ -290,6 +293,7 @@ class _Watch:
                 of=max(whole, self.done),
                 elapsed_s=self.hooks.clock() - self.begun,
                 left_s=max(whole - self.done, 0) * mean,
+                seconds_each=self.spent / self.counted if self.counted else float("nan"),
             )
         )
 
