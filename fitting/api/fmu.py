@@ -33,6 +33,7 @@ from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.tone_names import OtherTone, other_tones
+from fitting.simulate.unsteady import Sideband, sideband_of
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
@@ -288,6 +289,22 @@ class Fmu:
             ``frequency`` and ``amplitude``, the parameters of each.
         """
         return other_tones(tones, start_values or {}, self.variables)
+
+    def sideband(self, response: DriveResponse) -> Sideband | None:
+        """What a line beside the tones is, where it keeps the amplitudes from standing still.
+
+        Args:
+            response: What `simulate` returned.
+
+        Returns:
+            ``tone``, ``sign`` and ``parameter``: the line is at their sum or difference; None where
+            there is no such line, or not one parameter of the FMU with that frequency.
+        """
+        if response.beside is None:
+            return None
+        drive = response.drive
+        tones = dict(zip(drive.names, drive.tones_hz, strict=True))
+        return sideband_of(response.beside, tones, drive.start_values, self.variables)
 
     def write(self, found: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
         """Write what the command line writes of a response: CSV tables and figures.

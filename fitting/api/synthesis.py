@@ -13,6 +13,7 @@ from fitting.lab.truth import TRUTH_NAME
 
 __all__ = [
     "CURVES",
+    "PUMPED",
     "SERIES",
     "TRUTH_NAME",
     "LockIns",

@@ -104,7 +104,12 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     from fitting.report.documents import drive_document, plan_document
-    from fitting.report.words.simulation import drive_lines, plan_lines, plan_warnings
+    from fitting.report.words.simulation import (
+        drive_lines,
+        plan_lines,
+        plan_warnings,
+        unsteady_line,
+    )
 
     if args.out is None and not args.plan:
         raise ff.BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
@@ -130,9 +135,7 @@ def run(args: argparse.Namespace) -> int:
         if response.steady:
             return 0
         if not (response.remainder.explained and response.plan.settles):
-            print(
-                "not steady: wanted more damping, or a longer time before sampling by --settle TIME"
-            )
+            print(unsteady_line(response, fmu.sideband(response), list(fmu.variables)))
         if args.input is None:
             names = response.drive.names
             for other in fmu.other_tones(names, response.drive.start_values):

@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import fitting as ff
-from fitting.api.synthesis import CURVES, SERIES, TRUTH_NAME, LockIns, PhaseDetectors, PumpedSweeps
+from fitting.api.synthesis import (
+    CURVES,
+    PUMPED,
+    SERIES,
+    TRUTH_NAME,
+    LockIns,
+    PhaseDetectors,
+    PumpedSweeps,
+)
 from fitting.cli.options import bounded_number, seed
 from fitting.cli.results import writes
 
@@ -80,7 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--phases",
         action="store_true",
-        help="record X and Y of every tone, of both modes with --cross-mode",
+        help="record X and Y of every tone, of both modes with --cross-mode; of tones alone, not "
+        "of sweeps",
     )
     parser.add_argument(
         "--restart",
@@ -124,6 +133,11 @@ def run(args: argparse.Namespace) -> int:
         raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
     if args.restart and not args.phases:
         raise ff.BadInput("--restart: has no meaning here, only with --phases")
+    if args.series == PUMPED and (args.phases or args.cross_mode):
+        raise ff.BadInput(
+            f"{'--phases' if args.phases else '--cross-mode'}: has no meaning with --series "
+            f"{PUMPED}, whose sweeps of one line are recorded as amplitudes; wanted none"
+        )
     made = ff.synthesize(
         args.series or args.like or args.truth,
         seed=args.seed,

@@ -135,8 +135,8 @@ def synthesize(
     try:
         found = bench_of(truth)
         if isinstance(found, PumpedBench):
-            made = _pumped(changed_pumped(found, **changes), seed, command, instrument or plan)
-            return _written(made, out)
+            _refuse_of_pumped(instrument, plan)
+            return _written(_pumped(changed_pumped(found, **changes), seed, command), out)
         bench = changed(found, **changes)
         _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
@@ -169,13 +169,19 @@ def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path |
             )
 
 
-def _pumped(
-    bench: PumpedBench, seed: int, command: str, asked: Instrument | Path | None
-) -> Synthetic:
-    if asked is not None:
+def _refuse_of_pumped(instrument: Instrument | None, plan: Path | None) -> None:
+    if instrument is not None:
         raise BadInput(
-            f"synthesize: neither an instrument nor a plan has a meaning for the bench {PUMPED!r}"
+            f"instrument: the bench {PUMPED!r} sweeps one line and records its amplitudes; phases "
+            "and the other mode are not made of it, wanted none"
         )
+    if plan is not None:
+        raise BadInput(
+            f"plan: the bench {PUMPED!r} measures its own sweeps, not those of a plan; wanted none"
+        )
+
+
+def _pumped(bench: PumpedBench, seed: int, command: str) -> Synthetic:
     measured, truth, files = pumped_files(bench, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files)
 

@@ -149,6 +149,10 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
         (["--series", "q1", "--cross-mode", "--noise", "0.7"], "lock-ins: noise 0.7, wanted"),
         (["--series", "q1", "--noise", "0.1"], "--noise: has no meaning here"),
         (["--series", "notch", "--theta", "1"], "--theta: has no meaning with --series notch"),
+        (
+            ["--series", "pumped", "--phases"],
+            "--phases: has no meaning with --series pumped, whose sweeps of one line are recorded",
+        ),
         (["--series", "crossing", "--phases"], "--phases: has no meaning with --series crossing"),
         (
             ["--series", "q1", "--restart", "3"],

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control_sweep_table import ReadControlSweep
@@ -80,7 +81,8 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
         ({"alpha1": 1.0}, "alpha1: has no meaning for the bench 'pumped'"),
         ({"theta_rad": 1.0}, "has no lambda"),
         ({"points": 3}, "wanted 8 points or more"),
-        ({"plan": Path("x.toml")}, "neither an instrument nor a plan"),
+        ({"plan": Path("x.toml")}, "plan: the bench 'pumped' measures its own sweeps"),
+        ({"instrument": PhaseDetectors()}, "instrument: the bench 'pumped' .* its amplitudes"),
     ],
 )
 def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:

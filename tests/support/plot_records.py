@@ -138,6 +138,7 @@ def drive_result() -> DriveResponse:
         ),
         lines=(),
         remainder=Remainder(RemainderKind.ROUNDING, 0.0, np.nan),
+        beside=None,
         beating=Trace(times, wave),
         carrier=Trace(times[:41] * 1e-4, wave[:41]),
         constants={},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from fitting.signal.combinations import combination_name
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.response import DriveResponse
+from fitting.simulate.unsteady import Sideband
 from fitting.simulate.words import (
     difference_in_words,
     plan_in_words,
@@ -109,3 +110,33 @@ def sweep_lines(response: SweepResponse, unit: str) -> list[str]:
         for jump in response.jumps
     ]
     return lines
+
+
+def unsteady_line(
+    response: DriveResponse, sideband: Sideband | None, names: Collection[str]
+) -> str:
+    """Why amplitudes do not stand still, and what would help.
+
+    Args:
+        response: of the FMU.
+        sideband: what its line beside the tones is, if that is known.
+        names: of the FMU's variables.
+    """
+    beside, tones = response.beside, ", ".join(response.drive.names)
+    settle = "more damping, or a longer time before sampling by --settle TIME"
+    if beside is None:
+        return f"not steady: wanted {settle}"
+    found = f"{hertz(beside.at_hz, digits=6)}, {beside.share:.1e} of the largest peak"
+    if sideband is None:
+        return (
+            f"not steady: there is a line at {found}, which is no combination of {tones}; wanted "
+            f"{settle}, if it is a free oscillation, or else outputs that hold the tones alone"
+        )
+    alone = [f"{output}_at_{sideband.tone}" for output in response.drive.outputs]
+    known = [name for name in alone if name in names]
+    such = f", as {', '.join(known)}" if known else ""
+    return (
+        f"not steady: there is a line at {sideband.tone} {sideband.sign} {sideband.parameter} = "
+        f"{found}, which does not go; whole periods of {tones} do not tell the two apart; wanted "
+        f"outputs that hold {sideband.tone} alone{such}"
+    )

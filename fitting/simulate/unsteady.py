@@ -1,0 +1,124 @@
+"""What keeps amplitudes from standing still: the strongest line beside the tones, in a long look.
+
+Windows of whole periods of the tones alone see a line close to a tone as an amplitude that changes:
+a sideband of a pump for ever, a free oscillation until it has died away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitting.fmu import FmuVariable, row_times
+from fitting.signal.tones import ToneFit
+from fitting.simulate.batch import Workers
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.units import convert, same_kind
+
+#: Samples of the look, and those in a period of the fastest tone: no ratio of small numbers.
+SAMPLES, PER_PERIOD = 8192, 4.618034
+#: Bins on both sides of a tone that its own taper fills.
+TAPERED = 3
+#: A line that is less than this part of what amplitudes may be off by does not explain it.
+EXPLAINS = 0.02
+#: A distance is that of a parameter where the two are the same within this part of a bin.
+SAME = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class BesideLine:
+    """A line at `at_hz` beside the tones: its `share` of the largest peak of its output.
+
+    `bin_hz`: what the look tells apart, Hz.
+    """
+
+    at_hz: float
+    share: float
+    bin_hz: float
+
+
+@dataclass(frozen=True)
+class Sideband:
+    """A line at a tone plus or minus (`sign`) a parameter of the FMU, both by name."""
+
+    tone: str
+    sign: str
+    parameter: str
+
+
+def line_beside(workers: Workers, plan: DrivePlan) -> BesideLine | None:
+    """The strongest line beside the tones, None where none explains what does not stand still.
+
+    Args:
+        workers: processes that run the FMU.
+        plan: of one drive, whose amplitudes did not stand still.
+    """
+    drive = plan.drives[0]
+    step_s = 1.0 / (PER_PERIOD * drive.fastest_hz)
+    run = drive.run_at(plan.settings, plan.settle_s, step_s, SAMPLES)
+    values = workers.run([run])[0][-SAMPLES:]
+    found = ToneFit(drive.tones_hz, np.array(row_times(run))[-SAMPLES:])(values)
+    share = _tapered(found.rest) / np.maximum(found.amplitudes.max(axis=0), np.finfo(float).tiny)
+    rate_hz = SAMPLES * step_s
+    for tone in drive.tones_hz:
+        k = round(tone * rate_hz)
+        share[max(0, k - TAPERED) : k + TAPERED + 1] = 0.0
+    share[:TAPERED] = 0.0
+    k, output = np.unravel_index(int(np.argmax(share)), share.shape)
+    top = float(share[k, output])
+    if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * plan.promised):
+        return None
+    return BesideLine(
+        at_hz=(int(k) + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
+        share=top,
+        bin_hz=1.0 / rate_hz,
+    )
+
+
+def _tapered(values: FloatArray) -> FloatArray:
+    """Amplitudes (bins, outputs) under a Hann window, right at the middle of a bin."""
+    taper = 1.0 - np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
+    return np.asarray(
+        2.0 * np.abs(np.fft.rfft(values * taper[:, np.newaxis], axis=0)) / len(values)
+    )
+
+
+def _beyond(three: FloatArray) -> float:
+    """Bins from the middle one to the line, by the logarithms of three amplitudes."""
+    left, middle, right = np.log(np.maximum(three, np.finfo(float).tiny))
+    bend = left - 2.0 * middle + right
+    return float(0.5 * (left - right) / bend) if bend < 0.0 else 0.0
+
+
+def sideband_of(
+    line: BesideLine,
+    tones: Mapping[str, float],
+    values: Mapping[str, Scalar],
+    variables: Mapping[str, FmuVariable],
+) -> Sideband | None:
+    """The parameter of the FMU, a frequency, whose value is the distance of a line from a tone.
+
+    Args:
+        line: beside the tones.
+        tones: their frequencies by name, Hz.
+        values: start values, by name.
+        variables: of the FMU, by name.
+
+    Returns:
+        None where no parameter has that value, or more than one.
+    """
+    found = []
+    for name, variable in variables.items():
+        value = values.get(name, variable.start)
+        frequency = variable.unit is not None and same_kind(variable.unit, "Hz")
+        if name in tones or variable.causality != "parameter" or not frequency:
+            continue
+        hz = convert(float(value or 0.0), str(variable.unit), "Hz", where=name)
+        for tone, tone_hz in tones.items():
+            distance = line.at_hz - tone_hz
+            if hz > TAPERED * line.bin_hz and abs(abs(distance) - hz) < SAME * line.bin_hz:
+                found.append(Sideband(tone, "+" if distance > 0.0 else "−", name))
+    return found[0] if len(found) == 1 else None
