@@ -67,12 +67,12 @@ def line_beside(workers: Workers, plan: DrivePlan) -> BesideLine | None:
         k = round(tone * rate_hz)
         share[max(0, k - TAPERED) : k + TAPERED + 1] = 0.0
     share[:TAPERED] = 0.0
-    k, output = np.unravel_index(int(np.argmax(share)), share.shape)
+    k, output = divmod(int(np.argmax(share)), share.shape[1])
     top = float(share[k, output])
     if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * plan.promised):
         return None
     return BesideLine(
-        at_hz=(int(k) + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
+        at_hz=(k + _beyond(share[k - 1 : k + 2, output])) / rate_hz,
         share=top,
         bin_hz=1.0 / rate_hz,
     )
