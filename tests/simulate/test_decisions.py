@@ -1,0 +1,269 @@
+"""Decisions of a plan on responses whose errors are written down: each keeps what it promises."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fitting.fmu import Run, row_times
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
+from fitting.simulate.budget import SHARES, Basis, Decision, Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.knowledge import Knowledge
+from fitting.simulate.planner import PlanOptions, plan_drives
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput, FmuFailure
+from tests.support.line_workers import LineWorkers, Output, line, together
+
+F_HZ = 100.0
+DRIVE = Drive(start_values={}, tones_hz=(F_HZ,), outputs=("x",))
+
+
+def tone(t: FloatArray) -> FloatArray:
+    return np.asarray(np.cos(2.0 * np.pi * np.mod(F_HZ * t, 1.0)))
+
+
+def plan(
+    output: Output,
+    accuracy: float,
+    options: PlanOptions | None = None,
+    drive: Drive = DRIVE,
+    **annotation: Any,
+) -> DrivePlan:
+    known = Knowledge(AccuracyAnnotation(**annotation))
+    return plan_drives((drive,), accuracy, LineWorkers({"x": output}), known, options)
+
+
+def only(found: DrivePlan, kind: Kind) -> Decision:
+    [decision] = found.budget.of(kind)
+    return decision
+
+
+# --- the solver's own accuracy
+
+
+def of_substep(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
+    """Off by (h/1 ms)^4; 1/4000 s where nothing is said."""
+    return np.asarray((1.0 + (float(values.get("h", 2.5e-4)) / 1e-3) ** 4) * tone(t))
+
+
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-7])
+def test_a_substep_is_as_coarse_as_its_share_allows(accuracy: float) -> None:
+    found = plan(of_substep, accuracy, substep="h")
+    decision = only(found, Kind.SOLVER)
+    step = float(found.settings["h"])
+    assert decision.settings == {"h": step}
+    assert (decision.basis, decision.forced, decision.taken) == (Basis.COMPARED, False, True)
+    off = (step / 1e-3) ** 4
+    assert off < decision.bound <= accuracy * SHARES[Kind.SOLVER]
+    assert off > 0.005 * accuracy * SHARES[Kind.SOLVER]
+    assert decision.bound == pytest.approx(2.0 * off * (1.0 - 1.0 / 16.0), rel=0.02)
+    assert found.promised <= accuracy
+    assert found.amplitudes[0][0, 0] == pytest.approx(1.0 + off)
+
+
+def test_a_tolerance_of_examples_is_its_share_at_first_and_coarser_for_the_run_itself() -> None:
+    """An error of a fifth of the tolerance."""
+    output: Output = lambda t, v: np.asarray(  # noqa: E731
+        (1.0 + 0.2 * float(v.get("tol", 1e-6))) * tone(t)
+    )
+    for examples in (True, False):
+        found = plan(output, 1e-3, PlanOptions(examples=examples), tolerance="tol")
+        share = 1e-3 * SHARES[Kind.SOLVER]
+        tolerance = float(found.settings["tol"])
+        decision = only(found, Kind.SOLVER)
+        assert decision.bound == pytest.approx(2.0 * 0.2 * tolerance * 0.99, rel=0.01)
+        assert decision.bound <= share
+        assert decision.numbers["part"] == 0.01
+        if examples:
+            assert tolerance == pytest.approx(share)
+        else:
+            assert tolerance > share
+
+
+def test_a_users_own_value_is_left_and_told_with_its_error() -> None:
+    drive = replace(DRIVE, start_values={"h": 5e-4})
+    found = plan(of_substep, 1e-4, PlanOptions(fixed=frozenset({"h"})), drive, substep="h")
+    decision = only(found, Kind.SOLVER)
+    assert "h" not in found.settings
+    assert (decision.basis, decision.forced) == (Basis.PRESCRIBED, True)
+    assert decision.settings == {"h": 5e-4}
+    assert decision.bound == pytest.approx(2.0 * 0.5**4 * (15.0 / 16.0) / (1.0 + 0.25**4), rel=1e-6)
+    assert found.promised > 1e-4
+
+
+def test_a_parameter_without_effect_is_no_decision() -> None:
+    found = plan(lambda t, _: tone(t), 1e-4, substep="h")
+    assert found.budget.of(Kind.SOLVER) == ()
+    assert found.settings == {}
+
+
+# --- held inputs
+
+
+class Staircase:
+    """A response that is off by the square of 1/steps in a period of the input that is held."""
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        found = []
+        for run in runs:
+            assert run.input_signal is not None
+            steps = 1.0 / (run.input_signal.step_s * F_HZ)
+            values = (1.0 + steps**-2.0) * tone(np.array(row_times(run)))
+            found.append(values[:, np.newaxis])
+        return found
+
+
+@pytest.mark.parametrize(("accuracy", "kept"), [(1e-2, True), (1e-3, True), (1e-7, False)])
+def test_an_input_is_held_as_finely_as_its_share_asks(accuracy: float, kept: bool) -> None:
+    drive = replace(DRIVE, input="b", steps_per_period=20)
+    found = plan_drives((drive,), accuracy, Staircase(), Knowledge(), None)
+    decision = only(found, Kind.INPUT)
+    steps = int(decision.numbers["steps_per_period"])
+    # steps divide the samples of a window: somewhat more than were asked for
+    assert found.drives[0].steps_per_period == steps
+    assert steps in (20, 40, 80, 160, 320, 640)
+    assert (decision.bound <= accuracy * SHARES[Kind.INPUT]) is kept
+    actual = float(found.amplitudes[0][0, 0]) - 1.0
+    assert actual <= decision.bound + 1e-12
+    if not kept:
+        assert steps >= 320
+
+
+# --- combinations that fold
+
+
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-6])
+def test_lines_of_a_nonlinear_response_are_kept_off_the_tones(accuracy: float) -> None:
+    """Harmonics up to the ninth of a tone, each a third of the one before."""
+    output = together(*(line(k * F_HZ, 3.0 ** (1 - k), 0.3 * k) for k in range(1, 10)))
+    found = plan(output, accuracy)
+    decision = only(found, Kind.SAMPLES)
+    assert abs(float(found.amplitudes[0][0, 0]) - 1.0) <= decision.bound + 1e-12
+    assert decision.bound <= accuracy * SHARES[Kind.SAMPLES]
+    assert found.order == decision.numbers["order"]
+    assert int(decision.numbers["finer"]) > found.order
+    counts = [w.samples for w in found.windows]
+    assert (decision.numbers["least"], decision.numbers["most"]) == (min(counts), max(counts))
+
+
+def test_a_linear_response_needs_no_more_than_its_tones() -> None:
+    found = plan(lambda t, _: tone(t), 1e-6)
+    assert found.order == 1
+    assert only(found, Kind.SAMPLES).numbers["finer"] == 5
+
+
+# --- reductions
+
+
+def reducible(off: float, *, saves: bool = True, refuses: bool = False) -> Output:
+    """A transient of 0.4 Hz, without which an approximation starts, off by some part."""
+
+    def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
+        reduced = bool(values.get("approximate", False))
+        if reduced and refuses:
+            raise FmuFailure("no approximation here", {}, Path("test.fmu"))
+        ringing = np.exp(-np.pi * 0.4 * t) if not (reduced and saves) else 0.0
+        return np.asarray((1.0 + ringing + (off if reduced else 0.0)) * tone(t))
+
+    return output
+
+
+APPROXIMATE = Reduction("approximation", {"approximate": True}, cost=1.0)
+
+
+def reduced(output: Output, accuracy: float = 1e-3, **annotation: Any) -> DrivePlan:
+    return plan(output, accuracy, reductions=(APPROXIMATE,), **annotation)
+
+
+def test_a_reduction_is_taken_where_its_error_fits_and_it_saves() -> None:
+    """Of 1e-3 a model may use 0.3: 2e-4, twice measured with what is left of the transient, not."""
+    found = reduced(reducible(5e-5))
+    decision = only(found, Kind.MODEL)
+    assert decision.taken
+    assert found.settings == {"approximate": True}
+    assert found.settle_s == 0.0
+    assert decision.basis is Basis.COMPARED
+    assert 2.0 * 5e-5 <= decision.bound <= 1e-3 * SHARES[Kind.MODEL]
+    assert decision.numbers["left"] == pytest.approx(1e-3 * SHARES[Kind.MODEL])
+    assert 0.0 < float(decision.numbers["work"]) < 0.8
+    assert found.promised <= 1e-3
+    assert found.amplitudes[0][0, 0] == pytest.approx(1.0 + 5e-5)
+
+
+def test_a_reduction_beyond_what_is_left_is_not_taken() -> None:
+    found = reduced(reducible(1e-3))
+    decision = only(found, Kind.MODEL)
+    assert not decision.taken
+    assert found.settings == {}
+    assert decision.bound >= 2e-3 * 0.99
+    assert abs(float(found.amplitudes[0][0, 0]) - 1.0) <= found.promised
+    assert found.settle_s > 1.0
+
+
+def test_a_reduction_that_saves_nothing_is_not_taken() -> None:
+    found = reduced(reducible(1e-6, saves=False))
+    assert not only(found, Kind.MODEL).taken
+    assert found.settings == {}
+
+
+def test_reductions_are_forced_forbidden_and_refused() -> None:
+    forced = reduced(reducible(0.01), force=("approximation",))
+    decision = only(forced, Kind.MODEL)
+    assert (decision.taken, decision.forced) == (True, True)
+    assert decision.bound >= 0.02 * 0.99
+    assert forced.settings == {"approximate": True}
+    assert not forced.budget.kept
+    forbidden = reduced(reducible(1e-6), forbid=("approximation",))
+    assert only(forbidden, Kind.MODEL).basis is Basis.FORBIDDEN
+    assert forbidden.settings == {}
+    refused = reduced(reducible(1e-6, refuses=True))
+    assert only(refused, Kind.MODEL).basis is Basis.REFUSED
+    assert only(refused, Kind.MODEL).numbers["message"] == "no approximation here"
+    with pytest.raises(FmuFailure):
+        reduced(reducible(1e-6, refuses=True), force=("approximation",))
+
+
+def test_a_reduction_that_is_set_already_is_no_decision() -> None:
+    drive = replace(DRIVE, start_values={"approximate": True})
+    found = plan(reducible(1e-6), 1e-3, drive=drive, reductions=(APPROXIMATE,))
+    assert found.budget.of(Kind.MODEL) == ()
+    own = PlanOptions(fixed=frozenset({"approximate"}))
+    assert plan(reducible(1e-6), 1e-3, own, reductions=(APPROXIMATE,)).settings == {}
+
+
+def test_the_full_model_is_what_is_planned_unless_the_user_has_set_it() -> None:
+    found = plan(reducible(0.5), 1e-3, full={"approximate": False})
+    assert found.settings == {"approximate": False}
+    own = PlanOptions(fixed=frozenset({"approximate"}))
+    assert plan(reducible(0.5), 1e-3, own, full={"approximate": False}).settings == {}
+
+
+# --- what cannot be planned
+
+
+def test_what_does_not_oscillate_is_refused_with_its_value() -> None:
+    with pytest.raises(BadInput, match=r"x is constant at 2\.5; wanted one that oscillates"):
+        plan(lambda t, _: np.full(t.size, 2.5), 1e-3)
+    for accuracy in (0.0, 1.0, math.nan):
+        with pytest.raises(BadInput, match="accuracy"):
+            plan(lambda t, _: tone(t), accuracy)
+
+
+def test_a_run_that_costs_far_too_much_is_refused() -> None:
+    """Ten thousand substeps a second over a window of 0.01 s are a hundred: twenty times four."""
+    drive = replace(DRIVE, start_values={"h": 1e-4})
+    for work, refused in ((4.0, True), (6.0, False)):
+        options = PlanOptions(work=work, fixed=frozenset({"h"}))
+        if refused:
+            with pytest.raises(BadInput, match=r"wanted at most 4\.0e"):
+                plan(of_substep, 1e-3, options, drive, substep="h")
+        else:
+            assert not plan(of_substep, 1e-3, options, drive, substep="h").budget.kept
