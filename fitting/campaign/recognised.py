@@ -26,6 +26,8 @@ from fitting.text.errors import BadInput
 from fitting.text.units import same_kind
 
 ROLES = ("frequency", "amplitude", "phase", "re", "im", "complex", "time")
+#: How many times more, of its size, a column varies than one that is held.
+FAR_MORE = 10.0
 _PHASE_UNITS = ("deg", "rad", "°")
 
 
@@ -226,8 +228,8 @@ class _Roles:
 
     def _first(self, role: str, tests: Sequence[tuple[str, Callable[[Channel], bool]]]) -> None:
         for why, suits in tests:
-            chosen = next((c for c in self._free() if suits(c) and _varies(c)), None)
-            if self._give(chosen, role, why=why):
+            found = [c for c in self._free() if suits(c) and _varies(c)]
+            if self._give(_livelier(found), role, why=why):
                 return
 
     def _by_numbers(self) -> None:
@@ -277,6 +279,22 @@ def _rises(channel: Channel) -> bool:
 def _varies(channel: Channel) -> bool:
     values = _numbers(channel)
     return values is not None and bool(np.any(values != values[0]))
+
+
+def _livelier(channels: Sequence[Channel]) -> Channel | None:
+    """The first column, if no other one varies far more: a source's level hardly does."""
+    spreads = [_spread(c) for c in channels]
+    best = max(spreads, default=0.0)
+    lively = (c for c, spread in zip(channels, spreads, strict=True) if spread > best / FAR_MORE)
+    return next(lively, None)
+
+
+def _spread(channel: Channel) -> float:
+    values = _numbers(channel)
+    if values is None:
+        return 0.0
+    sizes = np.abs(values)
+    return float(np.ptp(values.real) / np.max(sizes)) if np.max(sizes) > 0.0 else 0.0
 
 
 _REAL_WORDS = r"real|re|x|i"

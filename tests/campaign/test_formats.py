@@ -10,6 +10,7 @@ import gc
 import sys
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -24,6 +25,7 @@ from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_tra
 from fitting.campaign.recognised import recognised
 from fitting.signal.amplitudes import declared_amplitude, to_peak
 from fitting.text.errors import BadInput
+from tests.faults.test_readers import complaints
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
 
 R, DEGREES = np.abs(VALUES), np.rad2deg(np.angle(VALUES))
@@ -317,7 +319,7 @@ def test_what_it_is_is_said(name: str, tmp_path: Path) -> None:
 def test_words(tmp_path: Path) -> None:
     for file, write, words in (
         ("a.s2p", two_ports, "Touchstone, 2 ports, S11, S21, S12, S22, 57 points, Hz"),
-        ("a.uff", uff, "UFF dataset 58, 2 functions, 57 points, Hz"),
+        ("a.uff", uff, "UFF dataset 58, frequency response function and 1 more, 57 points, Hz"),
         ("a.tdms", tdms, "TDMS, Sweep/Frequency, 57 points, Hz"),
         ("a.csv", keysight, "Keysight network analyser CSV, CH1_DATA, 57 points, Hz"),
     ):
@@ -337,6 +339,32 @@ def test_one_of_several_blocks(tmp_path: Path) -> None:
     assert trace.amplitude_unit == "dB"
     with pytest.raises(BadInput, match=r"2 blocks \('BEGIN' lines\), wanted block 3"):
         read_trace(path, None, Selection(trace=3))
+
+
+def test_names_of_keysight_and_of_others_are_understood(tmp_path: Path) -> None:
+    """Of the PNA's front panel, of the ENA (one name for both columns), of Rohde & Schwarz' ZNB."""
+    path = tmp_path / "a.csv"
+    rows = "\n".join(lines(AXIS_HZ, DB, DEGREES, between=","))
+    path.write_text(
+        f"{KEYSIGHT}BEGIN CH1_DATA\nFreq(Hz),S21 Log Mag(dB),S21 Phase(deg)\n{rows}\nEND\n"
+    )
+    found = recognised(path)
+    assert [(c.unit, c.role) for c in found.columns] == [
+        ("Hz", "frequency"),
+        ("dB", "amplitude"),
+        ("deg", "phase"),
+    ]
+    path.write_text(
+        f'"# Channel 1"\n"# Trace 1"\nFrequency, Formatted Data, Formatted Data\n{rows}\n'
+    )
+    found = recognised(path)
+    assert [c.name for c in found.columns] == ["Frequency", "Formatted Data", "Formatted Data 2"]
+    assert found.is_sweep
+    rows = "\n".join(lines(AXIS_HZ, VALUES.real, VALUES.imag, between=";"))
+    path.write_text(f"# Version 1.00\nfreq[Hz];re:Trc1_S11;im:Trc1_S11;\n{rows}\n")
+    found = recognised(path)
+    assert [c.role for c in found.columns] == ["frequency", "re", "im"]
+    assert found.without_unit == ("re", "im")
 
 
 OVER_TIME: dict[str, tuple[str, Callable[[Path], object]]] = {
@@ -402,6 +430,15 @@ def test_a_recording_over_time_is_no_sweep(name: str, tmp_path: Path) -> None:
             hdf5_two,
             r"holds 2 sweeps: cold/frequency \(Hz\) .*warm.* as columns = \{ frequency = \"cold",
         ),
+        (
+            "a.dat",
+            lambda p: p.write_text(
+                "Experiment\tbias spectroscopy\t\n[DATA]\nBias calc (V)\tCurrent (A)\n1\t2\n2\t3\n"
+            ),
+            "is a Nanonis file of the experiment 'bias spectroscopy', not a sweep",
+        ),
+        ("a.txt", lambda p: p.write_text("(1+2j)\n(2+3j)\n3\n"), "holds one column of numbers"),
+        ("a.txt", lambda p: p.write_text("Dear all,\nsee below\n"), "holds no table of numbers"),
         ("a.s1p", lambda p: p.write_text("# GHz Z RI R 50\n1 2 3\n2 3 4\n3 4 5\n"), "of Z param"),
         ("a.s1p", lambda p: p.write_text("# GHz S RI R 50\n1 2\n"), "cannot be read as a Touch"),
         ("a.uff", lambda p: p.write_text("    -1\n    58\nnonsense\n    -1\n"), "as a Universal"),
@@ -466,3 +503,26 @@ def test_a_ratio_is_declared_as_one(tmp_path: Path) -> None:
 def test_every_layout_is_tried_here() -> None:
     here = {layout for layout, *_ in FILES.values()} | {layout for layout, _ in OVER_TIME.values()}
     assert set(LAYOUTS) - here == {"rohde-schwarz", "zurich"}  # of test_instruments
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_damaged_file_is_read_or_refused(name: str, tmp_path: Path) -> None:
+    """Cut anywhere, or with bytes exchanged: never anything else than columns or one complaint."""
+    _, file, write, columns = FILES[name]
+    whole = tmp_path / file
+    write(whole)
+    data = whole.read_bytes()
+    draw = np.random.default_rng(7)
+    folder = tmp_path / "damaged"
+    folder.mkdir()
+    for k in range(24):
+        damaged = bytearray(data)
+        for at in draw.integers(0, min(len(data), 2000), 1 + k % 5):
+            damaged[at] = draw.integers(0, 256)
+        cut = int(draw.integers(1, len(data))) if k % 3 == 0 else len(data)
+        path = folder / file
+        path.write_bytes(damaged[:cut])
+        told = WrittenComplexColumns(**columns)
+        said = complaints(partial(recognised, path))
+        said += complaints(partial(read_complex, path, None, told))
+        assert all(str(path) in line for line in said)

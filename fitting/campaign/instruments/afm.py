@@ -15,6 +15,9 @@ from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
 from fitting.text.tables import Table, parse_table, read_text
 
+#: Columns in a complaint.
+MOST_NAMES = 8
+
 
 def _read_afm(path: Path, _: Selection) -> Recording:
     """Header lines ``name<tab>value``, ``[DATA]``, a header with units, tab separated columns.
@@ -30,8 +33,16 @@ def _read_afm(path: Path, _: Selection) -> Recording:
     head = [text.split("\t") for _, text in lines[:begin]]
     notes = {cells[0]: cells[1].strip() for cells in head if len(cells) > 1 and cells[1].strip()}
     made = of_table(table, f"Nanonis, {notes.get('Experiment', 'experiment not told')}", notes)
-    if table.find("Frequency Shift") is None and made.find("Frequency") is not None:
+    if made.find("Frequency") is not None:
         return made
+    if not any(c.name.lower().startswith("center freq") for c in table.columns):
+        names = [c.name for c in table.columns]
+        there = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
+        raise BadInput(
+            f"{path}: is a Nanonis file of the experiment '{notes.get('Experiment', 'not told')}', "
+            "not a sweep of the frequency; wanted columns 'Frequency', or 'Center Frequency' and "
+            f"'Frequency Shift', there is: {there}"
+        )
     return Recording(
         path=path,
         channels=(_sum_of_frequencies(table), *made.channels),

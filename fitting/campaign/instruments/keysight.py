@@ -14,9 +14,9 @@ from fitting.text.tables import Column, Table, parse_number, read_text, split_li
 _KINDS = {
     **dict.fromkeys(("real", "re"), "real"),
     **dict.fromkeys(("imag", "im", "imaginary"), "imag"),
-    **dict.fromkeys(("db", "log mag(db)", "logmag"), "dB"),
+    **dict.fromkeys(("db", "logmag"), "dB"),
     **dict.fromkeys(("mag", "lin mag", "linmag", "lin", "u"), "1"),
-    **dict.fromkeys(("deg", "phase", "phase(deg)", "ang", "degrees"), "deg"),
+    **dict.fromkeys(("deg", "phase", "ang", "degrees", "°"), "deg"),
 }
 _NAMED = re.compile(r"(?P<name>[^(]*?)\s*\((?P<kind>.*)\)")
 
@@ -53,7 +53,8 @@ def _block(path: Path, lines: Sequence[str], begin: int) -> Table:
             body.append((n, line))
     if len(body) < 2:
         raise BadInput(f"{path}: row {begin + 1}: no rows of numbers below 'BEGIN'")
-    names, rows = split_line(body[0][1], ","), [split_line(t, ",") for _, t in body[1:]]
+    delimiter = next((d for d in ";\t" if d in body[0][1]), ",")
+    names, rows = split_line(body[0][1], delimiter), [split_line(t, delimiter) for _, t in body[1:]]
     for (n, _), row in zip(body[1:], rows, strict=True):
         if len(row) != len(names):
             raise BadInput(f"{path}: row {n} has {len(row)} cells, the names {len(names)}")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from fitting.campaign.instruments.recording import Recording, of_table
 from fitting.campaign.instruments.trace import Layout, Selection
+from fitting.text.errors import BadInput, shown
 from fitting.text.loose_tables import (
     ENDS,
     UNITS,
@@ -26,13 +27,28 @@ from fitting.text.tables import Table, parse_table, read_text
 
 def _read_csv(path: Path, _: Selection) -> Recording:
     text = read_text(path)
-    found = None if _is_as_told(text) else find_table(path, text)
+    as_told = _is_as_told(text)
+    found = None if as_told else find_table(path, text)
+    if found is None and not as_told and len(_kept(text)) > 1:
+        raise _no_table(path, text)
     if found is None:
         lines = enumerate(text.splitlines(), start=1)
         table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
         delimiter = next((d for d in ";\t" if d in _kept(text)[0]), ",")
         return of_table(_with_suffixes(table), words_of(delimiter, table.lines[0] - 1))
     return replace(of_table(_with_suffixes(found.table), found.words), headed=found.headed)
+
+
+def _no_table(path: Path, text: str) -> BadInput:
+    first = _kept(text)[0].strip()
+    if is_number(first, decimal_comma=True):
+        return BadInput(
+            f"{path}: holds one column of numbers; wanted a column of frequencies beside it"
+        )
+    return BadInput(
+        f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line and "
+        "rows of numbers, a frequency in each"
+    )
 
 
 def _kept(text: str) -> list[str]:
@@ -53,6 +69,8 @@ def _is_as_told(text: str) -> bool:
         return False
     if any(mark in cell for cell in head for mark in "[(") and not head[0].startswith("%"):
         return True
+    if len({c.lower() for c in head}) < len(head):
+        return False  # as network analysers do: the values' columns have one name
     row = rows[0] if rows else ()
     units = bool(row) and all(c.lower() in UNITS or not c for c in row)
     return (

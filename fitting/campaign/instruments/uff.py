@@ -17,6 +17,16 @@ KIND = "a Universal File (UFF)"
 _TIME, _FREQUENCY = 17, 18
 #: Directions of a degree of freedom.
 _DIRECTIONS = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+_FUNCTIONS = {
+    1: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response function",
+    5: "transmissibility",
+    6: "coherence",
+    9: "power spectral density",
+    12: "spectrum",
+}
 _UNTOLD = ("", "NONE", "NULL", "?")
 
 
@@ -35,7 +45,7 @@ def _read_uff(path: Path, _: Selection) -> Recording:
     axis = np.asarray(first["x"], dtype=float)
     over = _over(first, axis)
     alike = [s for s in found if np.array_equal(np.asarray(s["x"]), axis)]
-    names = _names(alike)
+    names, others = _names(alike), len(found) - 1
     unit = _unit(first, "abscissa") or ("s" if over == "Time" else "Hz")
     return Recording(
         path=path,
@@ -47,9 +57,14 @@ def _read_uff(path: Path, _: Selection) -> Recording:
             ),
         ),
         places=tuple(f"point {k + 1}" for k in range(axis.size)),
-        words=f"UFF dataset 58, {len(found)} function{'s' if len(found) > 1 else ''}",
+        words=f"UFF dataset 58, {_kind_of(first)}{f' and {others} more' if others else ''}",
         notes={"id1": str(first.get("id1", "")).strip()},
     )
+
+
+def _kind_of(function: dict[str, Any]) -> str:
+    number = int(function.get("func_type") or 0)
+    return _FUNCTIONS.get(number, f"function of type {number}")
 
 
 def _over(function: dict[str, Any], axis: np.ndarray) -> str:
