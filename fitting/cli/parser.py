@@ -31,6 +31,7 @@ COMMANDS = {
     "calibrate": "a fit for other tools: the FMU with the fitted start values, .ssv, .ssp and a "
     "table",
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",
+    "completion": "completion of commands, options and file names by a shell: bash, zsh, tcsh",
 }
 PROGRAM = "fmu-fit"
 #: What the exit codes mean, for --help and the documentation.

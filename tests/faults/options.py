@@ -27,6 +27,7 @@ COMPLETE: Mapping[str, tuple[str, ...]] = {
     "calibrate": (ABSENT, *OUTPUT),
     "check": (f"{HERE}/{FMU}",),
     "example": ("string_q1", *OUTPUT),
+    "completion": ("bash",),
     "line": (f"{HERE}/sweep.csv", *OUTPUT),
     "init": (f"{HERE}/sweep.csv", "--fmu", f"{HERE}/{FMU}", *OUTPUT, "--yes"),
 }

@@ -471,7 +471,7 @@ def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     assert not (tmp_path / "killed" / "result.json").exists()
     stopped = go("stopped", signal.SIGINT)
     assert stopped.returncode == 1, stopped.stderr
-    assert "interrupted" in stopped.stdout
+    assert "Interrupted" in stopped.stdout
     assert read_result(tmp_path / "stopped" / "result.json").status == "interrupted"
     ends = []
     for folder in ("killed", "stopped"):
