@@ -1,0 +1,119 @@
+"""One alternative on double wells: which minima of the box are lowered, and which is reported."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitting.fit.alternative import Outcome, Solved, run_alternative, with_starts
+from fitting.fit.objective import Objective
+from fitting.fit.solver.continuation import Course, Journal, Schedule
+from fitting.fit.solver.interior_point import SolveSettings
+from fitting.text.arrays import FloatArray
+from tests.support.whitened import SIGMA, parameter, whitened
+
+SETTINGS = SolveSettings()
+
+
+def wells(left: float, right: float, start: float) -> Objective:
+    """Minima at -2 and 2, where so many sigmas are left in one row."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        # straight between the two heights: the first row holds p at its wells far more sharply
+        return np.array([300.0 * (p[0] ** 2 - 4.0), left + (right - left) * (p[0] + 2.0) / 4.0])
+
+    return whitened(rows, parameter("p", -6.0, 6.0, start=start, reference=0.0))
+
+
+def course(left: float, right: float, start: float, **told: int) -> Course:
+    schedule = Schedule(nu_start=1e-8, levels=1, **{"starts": 3, **told})
+    return Course(objective=wells(left, right, start), schedule=schedule, settings=SETTINGS)
+
+
+def ends(outcome: Outcome) -> list[float]:
+    return [round(chain.steps[-1].x[0], 2) for chain in outcome.chains]
+
+
+def test_a_lower_minimum_elsewhere_is_lowered_and_reported() -> None:
+    outcome = run_alternative(course(9.0, 5.0, -3.0))
+    assert ends(outcome) == [-2.0, 2.0]
+    assert outcome.best is outcome.chains[1]
+    assert outcome.best.steps[-1].j == pytest.approx(5.0 * SIGMA, rel=1e-3)
+    assert outcome.search is not None
+    assert outcome.further.evaluations >= outcome.search.evaluations
+    assert not outcome.interrupted
+
+
+def test_one_start_is_no_search() -> None:
+    outcome = run_alternative(course(9.0, 5.0, -3.0, starts=1))
+    assert ends(outcome) == [-2.0]
+    assert outcome.search is None
+
+
+@pytest.mark.parametrize(("right", "lowered"), [(9.0, True), (12.0, False)])
+def test_a_minimum_of_twice_the_least_is_not_lowered(right: float, lowered: bool) -> None:
+    """Twice 5 and a tenth of the noise of two rows: 10.2 sigmas."""
+    outcome = run_alternative(course(5.0, right, -3.0))
+    assert ends(outcome) == [-2.0, *([2.0] if lowered else [])]
+    assert outcome.best is outcome.chains[0]
+
+
+def test_two_starts_are_the_campaigns_own_and_one_more() -> None:
+    """Four wells at -3, -1, 1, 3: of three others two are lowered with three starts."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([30.0 * (p[0] ** 2 - 1.0) * (p[0] ** 2 - 9.0), 5.0 + 0.1 * p[0]])
+
+    objective = whitened(rows, parameter("p", -6.0, 6.0, start=1.2, reference=0.0))
+    for starts, count in ((2, 2), (3, 3)):
+        outcome = run_alternative(
+            Course(
+                objective=objective,
+                schedule=Schedule(nu_start=1e-8, levels=1, starts=starts),
+                settings=SETTINGS,
+            )
+        )
+        assert len(outcome.chains) == count
+        assert outcome.chains[0].steps[-1].x[0] == pytest.approx(1.0, abs=1e-2)
+        # the lowest of all: chi^2 of 4.7^2 at -3
+        assert outcome.chains[1].steps[-1].x[0] == pytest.approx(-3.0, abs=1e-2)
+
+
+def test_further_starts_join_what_is_known_or_are_chains_of_their_own() -> None:
+    own = course(9.0, 5.0, -3.0, starts=1)
+    outcome = run_alternative(own)
+    more = with_starts(own, outcome, [np.array([-2.1]), np.array([1.9])])
+    assert ends(more) == [-2.0, -2.0, 2.0]
+    assert [chain.joined for chain in more.chains] == [None, 0, None]
+    assert more.best is more.chains[2]
+
+
+def test_an_interruption_ends_with_what_is_done() -> None:
+    def entering(*key: int) -> None:
+        if key[1] == 1:
+            raise KeyboardInterrupt
+
+    whole = course(9.0, 5.0, -3.0)
+    outcome = run_alternative(
+        Course(
+            objective=whole.objective,
+            schedule=whole.schedule,
+            settings=SETTINGS,
+            journal=Journal(entering=entering),
+        )
+    )
+    assert outcome.interrupted
+    assert ends(outcome) == [-2.0]
+    assert outcome.search is not None
+
+
+def test_what_mirrors_a_solved_alternative_takes_its_minima_over() -> None:
+    first = course(9.0, 5.0, -3.0)
+    outcome = run_alternative(first)
+    again = run_alternative(first, [Solved(first.objective, outcome)])
+    assert again.search is not None
+    assert outcome.search is not None
+    assert again.search.mirrored
+    assert (again.search.evaluations, again.search.runs) == (0, 0)
+    assert len(again.search.minima) == len(outcome.search.minima)
+    assert ends(again) == ends(outcome)
