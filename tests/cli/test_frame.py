@@ -83,6 +83,18 @@ def test_help_takes_no_library(words: list[str]) -> None:
     assert told.stderr.splitlines()[-1] == "[]"
 
 
+def test_what_only_a_search_or_a_figure_needs_is_not_loaded_before() -> None:
+    """Each of them takes a third of a second of processor time, and more."""
+    heavy = ("scipy.stats", "matplotlib", "mpmath", "tqdm", "shtab")
+    script = (
+        "import sys, fitting.cli.reconstruct; "
+        f"print([name for name in {heavy!r} if name in sys.modules])"
+    )
+    asked = [sys.executable, "-c", script]
+    loaded = subprocess.run(asked, capture_output=True, text=True, cwd=ROOT, check=True)
+    assert loaded.stdout == "[]\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
