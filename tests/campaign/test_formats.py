@@ -193,6 +193,17 @@ def keysight_two(path: Path) -> None:
     path.write_text(KEYSIGHT + "".join(blocks))
 
 
+def fieldfox(path: Path) -> None:
+    """Names and units above each block, in lines of their own."""
+    blocks = [
+        f"! DATA Freq,S21\n! FREQ UNIT Hz\n! DATA UNIT {unit}\nBEGIN\n"
+        + "\n".join(lines(AXIS_HZ, values, between=","))
+        + "\nEND\n"
+        for unit, values in (("dB", DB), ("Degrees", DEGREES))
+    ]
+    path.write_text("! FILETYPE CSV\n! VERSION 1.0\n" + "".join(blocks))
+
+
 def bode(path: Path) -> None:
     """The Bode plot of an oscilloscope, numbered rows and a sign of a number above them."""
     count = np.arange(1.0, AXIS_HZ.size + 1)
@@ -367,6 +378,18 @@ def test_names_of_keysight_and_of_others_are_understood(tmp_path: Path) -> None:
     assert found.without_unit == ("re", "im")
 
 
+def test_each_block_of_a_fieldfox(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    fieldfox(path)
+    assert layout_of(path) == "keysight"
+    told = {1: ("S21", "dB", DB), 2: ("S21", "deg", DEGREES)}
+    for trace, (name, unit, values) in told.items():
+        found = recognised(path, Selection(trace=trace))
+        assert [(c.name, c.unit) for c in found.columns] == [("Freq", "Hz"), (name, unit)]
+        read = read_trace(path, None, Selection(trace=trace, amplitude=name))
+        np.testing.assert_allclose(read.amplitude, values, rtol=1e-11)
+
+
 OVER_TIME: dict[str, tuple[str, Callable[[Path], object]]] = {
     "Tektronix": (
         "oscilloscope",
@@ -436,6 +459,12 @@ def test_a_recording_over_time_is_no_sweep(name: str, tmp_path: Path) -> None:
                 "Experiment\tbias spectroscopy\t\n[DATA]\nBias calc (V)\tCurrent (A)\n1\t2\n2\t3\n"
             ),
             "is a Nanonis file of the experiment 'bias spectroscopy', not a sweep",
+        ),
+        ("a.cti", lambda p: p.write_text("CITIFILE A.01.00\n1,2\n2,3\n3,4\n"), "is a CITIfile; ex"),
+        (
+            "a.mdf",
+            lambda p: p.write_text("!\nBEGIN ACDATA\n1 2\n2 3\nEND\n"),
+            "is an MDIF file",
         ),
         ("a.txt", lambda p: p.write_text("(1+2j)\n(2+3j)\n3\n"), "holds one column of numbers"),
         ("a.txt", lambda p: p.write_text("Dear all,\nsee below\n"), "holds no table of numbers"),

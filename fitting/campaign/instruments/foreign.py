@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from fitting.campaign.instruments.trace import Head
 from fitting.text.errors import BadInput
 
 _AS_TEXT = "export the sweep as text (CSV) in the program that wrote it"
+_AS_TOUCHSTONE = "export it as Touchstone (.s2p) in the program that wrote it"
 _PICTURE = "a picture; wanted the numbers: " + _AS_TEXT
 
 #: First bytes, the kind that they tell, and what to do.
@@ -29,6 +32,9 @@ KINDS: tuple[tuple[bytes, str], ...] = (
     (b"<html", "a web page; wanted the numbers: download the data file itself"),
     (b"<!DOC", "a web page; wanted the numbers: download the data file itself"),
 )
+_MDIF = re.compile(r"BEGIN\s+[A-Z]\w*\s*", re.IGNORECASE)
+#: A CITIfile says so in its head, below remarks.
+FIRST_LINES = 50
 _ZIP = b"PK\x03\x04"
 
 
@@ -47,6 +53,18 @@ def refuse_foreign(head: Head) -> None:
 
 
 def _kind(head: Head) -> str:
+    return _kind_of_bytes(head) or _kind_of_text(head)
+
+
+def _kind_of_text(head: Head) -> str:
+    if any(line.upper().startswith("CITIFILE") for line in head.lines[:FIRST_LINES]):
+        return f"a CITIfile; {_AS_TOUCHSTONE}"
+    if any(_MDIF.fullmatch(line) for line in head.lines):
+        return f"an MDIF file; {_AS_TOUCHSTONE}"
+    return ""
+
+
+def _kind_of_bytes(head: Head) -> str:
     data = head.data
     if data.startswith(_ZIP):
         if b"xl/" in data or b"[Content_Types].xml" in data:

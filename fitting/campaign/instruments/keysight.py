@@ -9,7 +9,8 @@ from pathlib import Path
 from fitting.campaign.instruments.recording import Channel, Recording, channel_of, of_table
 from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.errors import BadInput
-from fitting.text.tables import Column, Table, parse_number, read_text, split_line
+from fitting.text.loose_tables import is_number
+from fitting.text.tables import Column, Table, read_text, split_line
 
 _KINDS = {
     **dict.fromkeys(("real", "re"), "real"),
@@ -18,13 +19,16 @@ _KINDS = {
     **dict.fromkeys(("mag", "lin mag", "linmag", "lin", "u"), "1"),
     **dict.fromkeys(("deg", "phase", "ang", "degrees", "°"), "deg"),
 }
+#: A block of one channel; other formats begin theirs otherwise (MDIF: "BEGIN ACDATA").
+_BEGIN = re.compile(r"\s*BEGIN(\s+CH\d+_DATA)?[\s,]*", re.IGNORECASE)
+_ABOVE = re.compile(r"!\s*(?P<key>FREQ UNIT|DATA UNIT|DATA)\s+(?P<value>.*)", re.IGNORECASE)
 _NAMED = re.compile(r"(?P<name>[^(]*?)\s*\((?P<kind>.*)\)")
 
 
 def _read_keysight(path: Path, selection: Selection) -> Recording:
     """A block ``BEGIN`` ... ``END`` of the file; real and imaginary part are one column."""
     lines = read_text(path).splitlines()
-    starts = [n for n, line in enumerate(lines) if line.strip().upper().startswith("BEGIN")]
+    starts = [n for n, line in enumerate(lines) if _BEGIN.fullmatch(line)]
     if not 0 < selection.trace <= len(starts):
         raise BadInput(
             f"{path}: {len(starts)} blocks ('BEGIN' lines), wanted block {selection.trace}; is it "
@@ -54,33 +58,36 @@ def _block(path: Path, lines: Sequence[str], begin: int) -> Table:
     if len(body) < 2:
         raise BadInput(f"{path}: row {begin + 1}: no rows of numbers below 'BEGIN'")
     delimiter = next((d for d in ";\t" if d in body[0][1]), ",")
-    names, rows = split_line(body[0][1], delimiter), [split_line(t, delimiter) for _, t in body[1:]]
-    for (n, _), row in zip(body[1:], rows, strict=True):
+    rows = [(n, split_line(text, delimiter)) for n, text in body]
+    names = rows[0][1]
+    if all(is_number(cell) for cell in names):
+        names = _names_above(path, lines[:begin], begin)
+    else:
+        rows = rows[1:]
+    for n, row in rows:
         if len(row) != len(names):
             raise BadInput(f"{path}: row {n} has {len(row)} cells, the names {len(names)}")
-    headed = [name for name in names if parse_is_text(name)]
-    if len(headed) < len(names):
-        raise BadInput(f"{path}: row {body[0][0]}: wanted the names of the columns")
     return Table(
         path=path,
         columns=tuple(Column(name, None, i) for i, name in enumerate(names)),
-        cells=tuple(rows),
-        lines=tuple(n for n, _ in body[1:]),
+        cells=tuple(row for _, row in rows),
+        lines=tuple(n for n, _ in rows),
         decimal_comma=False,
     )
 
 
-def parse_is_text(cell: str) -> bool:
-    """Whether a cell is a name and no number.
-
-    Args:
-        cell: of a head.
-    """
-    try:
-        parse_number(cell, "")
-    except BadInput:
-        return bool(cell)
-    return False
+def _names_above(path: Path, above: Sequence[str], begin: int) -> tuple[str, ...]:
+    """Names and units of a block in the lines above it, as FieldFox writes them."""
+    told = {}
+    for line in above:
+        match = _ABOVE.fullmatch(line.strip())
+        if match is not None:
+            told[match["key"].upper()] = match["value"].strip()
+    if "DATA" not in told:
+        raise BadInput(f"{path}: row {begin + 1}: wanted the names of the columns below 'BEGIN'")
+    first, *rest = split_line(told["DATA"], ",")
+    units = told.get("FREQ UNIT", ""), told.get("DATA UNIT", "")
+    return f"{first}({units[0]})", *(f"{name}({units[1]})" for name in rest)
 
 
 def _joined(recording: Recording) -> list[Channel]:
@@ -111,7 +118,7 @@ def _parted(head: str) -> tuple[str, str | None]:
 
 def _recognises(head: Head) -> bool:
     first = head.first_line.upper()
-    begins = any(line.strip().upper().startswith("BEGIN") for line in head.lines)
+    begins = any(_BEGIN.fullmatch(line) for line in head.lines)
     return begins and first.startswith(("!", "BEGIN"))
 
 
