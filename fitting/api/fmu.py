@@ -24,6 +24,7 @@ from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
+from fitting.fmu.tone_names import OtherTone, other_tones
 from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, pairs_table
 from fitting.simulate.drive import Drive
@@ -32,7 +33,6 @@ from fitting.simulate.frf import DIRECTIONS, USUAL_SWEEP_ACCURACY, SweepResponse
 from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan_drive, respond
-from fitting.simulate.tone_names import OtherTone, other_tones
 from fitting.simulate.unsteady import Sideband, sideband_of
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput

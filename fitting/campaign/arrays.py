@@ -27,6 +27,7 @@ from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
 from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
 from fitting.signal.scale import SCALES
@@ -480,6 +481,7 @@ class _Series:
             measurements=further,
         )
         check_conflicts(bound, self.places)
+        check_tones(bound, binder.variables, self.places)
         return with_laws(bound, binder, self.places)
 
     def _setup(self) -> Setup:

@@ -29,6 +29,7 @@ from fitting.campaign.noise import (
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
 from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -102,6 +103,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         measurements=further,
     )
     check_conflicts(bound, places)
+    check_tones(bound, variables, places)
     return with_laws(bound, binder, places)
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from fitting.fmu import FmuVariable
+from fitting.fmu.description import FmuVariable
 from fitting.text.arrays import Scalar
 
 TONE_NAME = re.compile(r"(.*?)(\d+)")
