@@ -23,7 +23,16 @@ from fitting.text.results_folder import results_folder
 __all__ = ["BUDGET", "RESULT_FILES", "draw_report", "identify", "report", "with_part"]
 
 #: What a report of a fit consists of.
-RESULT_FILES = ("result.json", "history.csv", "report.html", "figures/[0-9]*_*.*")
+RESULT_FILES = (
+    "result.json",
+    "history.csv",
+    "values.csv",
+    "values.tex",
+    "report.html",
+    "figures/[0-9]*_*.*",
+)
+#: Whether figures for print are written, too.
+STYLES = ("report", "paper")
 
 
 def identify(
@@ -128,37 +137,48 @@ def check_problem(verb: str, problem: object) -> None:
         raise BadInput(f"{verb}: found a {type(problem).__name__}, wanted a Problem")
 
 
-def report(found: Valued, out: str | Path, *, external: Sequence[str] = ()) -> Path:
-    """Write what the command line writes: result.json, history.csv, figures, report.html.
+def report(
+    found: Valued, out: str | Path, *, external: Sequence[str] = (), style: str = "report"
+) -> Path:
+    """Write what the command line writes: result.json, history.csv, values, figures, report.html.
 
     Args:
         found: A fit, or what was inferred of one.
         out: Folder, made where there is none.
         external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
+        style: "paper" writes the figures as PDF for print, too: no title, one column or two wide.
 
     Returns:
         The path of report.html.
 
     Raises:
-        BadInput: the folder cannot be written, or a value that the result has not.
+        BadInput: the folder cannot be written, another style, or a value that the result has not.
     """
+    if style not in STYLES:
+        raise BadInput(f"report: style is {style!r}, wanted one of {', '.join(STYLES)}")
     if not isinstance(found, Valued):
         raise BadInput(f"report: found a {type(found).__name__}, wanted a Fit or an Inference")
     result = with_external(found.result, external)
     with results_folder(Path(out), "reconstruct", RESULT_FILES):
         write_result(result, Path(out))
-        return draw_report(found, result, Path(out))
+        return draw_report(found, result, Path(out), style)
 
 
-def draw_report(found: Valued, result: Result, out: Path) -> Path:
+def draw_report(found: Valued, result: Result, out: Path, style: str = "report") -> Path:
     """Figures and report.html of a result; the path of the page.
 
     Args:
         found: A fit, or what was inferred of one.
         result: Its result, with what was added to it.
         out: Folder.
+        style: One of STYLES.
     """
     # matplotlib takes a second to import: only where something is drawn
     page = importlib.import_module("fitting.report.reconstruction")
-    written: Path = page.write_report(result, shown_fit(found.source.record), out)
+    shown = shown_fit(found.source.record)
+    if style == "paper":
+        importlib.import_module("fitting.report.figures.reconstruction").write_paper_figures(
+            result, shown, out
+        )
+    written: Path = page.write_report(result, shown, out)
     return written

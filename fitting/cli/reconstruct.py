@@ -20,7 +20,7 @@ from fitting.api.fitted import (
     kept_levels,
     search_options,
 )
-from fitting.api.jobs import RESULT_FILES, draw_report
+from fitting.api.jobs import RESULT_FILES, STYLES, draw_report
 from fitting.api.problem import Campaign
 from fitting.cli.campaign_fmu import fmu_for
 from fitting.cli.interrupts import to_the_end
@@ -104,6 +104,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
     parser.add_argument(
+        "--style", choices=STYLES, help="paper: figures as PDF for print, too, 3.4 and 7 in wide"
+    )
+    parser.add_argument(
         "--dry-run",
         action="store_true",
         help="only tell what it will cost: runs, seconds, memory; nothing is written",
@@ -163,15 +166,15 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> i
         print(f"go on with: {_command(args, resume=True)}")
         return 1
     if not args.no_report:
-        print(f"report: {_drawn(ended.found, result, out)}")
+        print(f"report: {_drawn(ended.found, result, out, args.style or STYLES[0])}")
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
 
 
-def _drawn(found: Valued, result: Result, out: Path) -> Path:
+def _drawn(found: Valued, result: Result, out: Path, style: str) -> Path:
     with status_line(NAME) as tell:
         tell("figures and report")
-        return draw_report(found, result, out)
+        return draw_report(found, result, out, style)
 
 
 def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
@@ -306,6 +309,7 @@ def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
         "seed",
         "starts",
         "bootstrap",
+        "style",
     ):
         value = getattr(args, name)
         if value is not None:

@@ -16,6 +16,8 @@ from fitting.text.files import write_whole
 NAME = "report.html"
 #: Bytes of an SVG from which a shorter PNG is embedded instead.
 LONG = 200_000
+#: Bytes of a figure's numbers that the page holds.
+LONGEST = 500_000
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,18 @@ class Page:
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """An embedded figure: its number in the report and the data URI of its drawing."""
+    """An embedded figure: its number in the report and the data URI of its drawing.
+
+    `numbers` is that of what is drawn, as CSV; empty where there is no such file, or a long one.
+    """
 
     number: int
     source: str
     alt: str
     title: str
     caption: str
+    name: str = ""
+    numbers: str = ""
 
 
 def write_page(page: Page, folder: Path) -> Path:
@@ -149,7 +156,16 @@ def _picture(figure: FigureFile, number: int) -> Picture:
         alt=figure.alt,
         title=figure.title,
         caption=figure.caption,
+        name=figure.name,
+        numbers=_numbers(figure),
     )
+
+
+def _numbers(figure: FigureFile) -> str:
+    """What a figure shows as a file to be downloaded from the page itself."""
+    if figure.csv is None or figure.csv.stat().st_size > LONGEST:
+        return ""
+    return f"data:text/csv;charset=utf-8;base64,{_base64(figure.csv)}"
 
 
 def _base64(path: Path) -> str:

@@ -19,6 +19,7 @@ from fitting.report.tables.fit import alternative_table, ending_table, history_t
 from fitting.report.tables.inference import knowledge_tables
 from fitting.report.tables.joint import joint_tables
 from fitting.report.tables.plan import plan_table
+from fitting.report.tables.published import write_values
 from fitting.report.tables.sweep import line_table
 from fitting.report.tables.tones import deviation_table, mean_deviation_table
 from fitting.report.tables.values import (
@@ -56,7 +57,9 @@ KNOWLEDGE_FIGURES = ("9_profiles", "10_together", "11_outputs", "12_nu")
 
 
 def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
-    """Draw the figures (`out_dir`/figures), write `report.html` and return its path.
+    """Draw the figures (`out_dir`/figures), write `report.html`, `values.csv` and `values.tex`.
+
+    Returns the path of the page.
 
     The same result gives the same bytes.
 
@@ -68,6 +71,7 @@ def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
     Raises:
         BadInput: the folder cannot be written.
     """
+    write_values(result, out_dir)
     return write_page(page_of(result, data, write_figures(result, data, out_dir)), out_dir)
 
 

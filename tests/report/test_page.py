@@ -340,7 +340,18 @@ def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
     assert path == tmp_path / "report.html"
     first = path.read_bytes()
     assert len(list(html.fromstring(first).iter("img"))) == 2
-    assert {p.name for p in tmp_path.iterdir()} == {"report.html", "figures"}
+    names = {"report.html", "figures", "values.csv", "values.tex"}
+    assert {p.name for p in tmp_path.iterdir()} == names
+    page = html.fromstring(first)
+    links = page.xpath("//figcaption/a")
+    assert {a.get("download") for a in links} == {
+        "5_convergence.csv",
+        "8_frequency_response.csv",
+    }
+    for a in links:
+        kind, _, text = a.get("href").partition(",")
+        assert kind == "data:text/csv;charset=utf-8;base64"
+        assert base64.b64decode(text) == (tmp_path / "figures" / a.get("download")).read_bytes()
     assert write_report(result, data, tmp_path).read_bytes() == first
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from fitting.report.figures.fit import draw_convergence, draw_derived, varying
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
+from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
 from fitting.report.figures.style import Drawing, FigureFile, save, style
 from fitting.report.figures.tones import (
     draw_drive,
@@ -26,7 +27,7 @@ ALONG_FREQUENCY = (draw_drive, draw_over_frequency, draw_improvement)
 
 
 def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[FigureFile]:
-    """Draw every figure that the campaign has data for, as SVG and PNG below `out_dir`/figures.
+    """Draw every figure that the campaign has data for, as SVG, PNG and CSV in `out_dir`/figures.
 
     The same result gives the same bytes.
 
@@ -39,17 +40,41 @@ def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Fi
         BadInput: the folder cannot be written.
     """
     with style():
-        parts = shares_of(result, data)
-        drawn = []
-        for draw in figures_of(result, data):
-            if parts and draw in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
-                drawn += [_named(draw(share, member), name) for name, share, member in parts]
-            else:
-                drawn.append(draw(result, data))
-        drawn += [draw_measurement(described, data) for described in data.figures]
-        if result.knowledge is not None:
-            drawn += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
-        return [save(drawing, out_dir / FOLDER) for drawing in sorted(drawn, key=_place)]
+        drawn = _drawings(result, data)
+        return [save(drawing, out_dir / FOLDER, numbers=True) for drawing in drawn]
+
+
+def write_paper_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Path]:
+    """The same figures as PDF for print, in the widths of one column and of two.
+
+    Args:
+        result: of a reconstruction.
+        data: what is shown of the campaign.
+        out_dir: where the files go.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    written = []
+    for width in (ONE_COLUMN, TWO_COLUMNS):
+        with style(paper_width=width):
+            written += save_pdf(_drawings(result, data), out_dir / FOLDER, width)
+    return written
+
+
+def _drawings(result: Result, data: ShownCampaign) -> list[Drawing]:
+    """Every figure that the campaign has data for, in order."""
+    parts = shares_of(result, data)
+    drawn = []
+    for draw in figures_of(result, data):
+        if parts and draw in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
+            drawn += [_named(draw(share, member), name) for name, share, member in parts]
+        else:
+            drawn.append(draw(result, data))
+    drawn += [draw_measurement(described, data) for described in data.figures]
+    if result.knowledge is not None:
+        drawn += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
+    return sorted(drawn, key=_place)
 
 
 def _place(drawing: Drawing) -> float:

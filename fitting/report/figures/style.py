@@ -12,6 +12,7 @@ import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,13 +21,17 @@ import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from fitting.report.figures.data import figure_csv
 from fitting.report.plot.axes import BLACK, RED
 from fitting.text.files import write_whole
 
 SYNTHETIC = "SYNTHETIC DATA"
 PNG_DPI = 160
 WIDTH = 7.2
+#: Room that the synthetic mark takes above a figure for print, inch.
+MARK_HEIGHT = 0.17
 
 _STYLE: Any = {  # matplotlib's stubs want every key as a literal
     "font.family": "sans-serif",
@@ -71,7 +76,7 @@ class Drawing:
 
 @dataclass(frozen=True, kw_only=True)
 class FigureFile:
-    """A saved figure: what a :class:`Drawing` says, and its two files."""
+    """A saved figure: what a :class:`Drawing` says, its two files, and one of its numbers."""
 
     name: str
     title: str
@@ -79,17 +84,45 @@ class FigureFile:
     alt: str
     svg: Path
     png: Path
+    csv: Path | None = None
+
+
+#: What a figure for print has otherwise: embedded outlines of letters, all of one small size.
+_PAPER: Any = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "legend.fontsize": 7.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "lines.linewidth": 1.0,
+    "lines.markersize": 4.0,
+    "axes.grid": False,
+    "pdf.fonttype": 42,
+}
+#: Width of figures for print, inch; zero: figures of a report.
+_paper_width: ContextVar[float] = ContextVar("paper_width", default=0.0)
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """The style of all figures; both drawing and saving belong inside."""
+def style(paper_width: float = 0.0) -> Iterator[None]:
+    """The style of all figures; both drawing and saving belong inside.
+
+    Args:
+        paper_width: of figures for print, inch, which then have no title; zero: of a report.
+    """
     with mpl.rc_context(), warnings.catch_warnings():
         mpl.rcdefaults()  # whatever style the caller draws in: a report always looks the same
         mpl.rcParams.update(_STYLE)
+        if paper_width:
+            mpl.rcParams.update(_PAPER)
         # a campaign may be titled in any script; a box instead of a letter is no reason to stop
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        yield
+        before = _paper_width.set(paper_width)
+        try:
+            yield
+        finally:
+            _paper_width.reset(before)
 
 
 def new_figure(
@@ -104,32 +137,49 @@ def new_figure(
         height: of the figure, inch.
         width: of the figure, inch.
     """
+    paper = _paper_width.get()
+    if paper:
+        height *= max(0.7, paper / width)
+        width = paper
     figure = Figure(figsize=(width, height), layout="constrained")
-    room = int(width * 13) - (24 if synthetic else 0)
-    shown = textwrap.shorten(campaign, room, placeholder=" …").replace("$", r"\$")
-    figure.suptitle(f"{title}\n{shown}", x=0.012, ha="left", linespacing=1.35)
+    if not paper:
+        _entitle(figure, title, campaign, synthetic=synthetic)
     if synthetic:
-        figure.text(
-            0.988,
-            0.985,
-            SYNTHETIC,
-            ha="right",
-            va="top",
-            fontsize=8,
-            weight="bold",
-            color=RED,
-            bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": RED},
-            transform=figure.transFigure,
-        )
+        _mark_synthetic(figure, small=bool(paper))
+    engine = figure.get_layout_engine()
+    if synthetic and paper and isinstance(engine, ConstrainedLayoutEngine):  # it hides nothing
+        engine.set(rect=(0.0, 0.0, 1.0, 1.0 - MARK_HEIGHT / height))
     return figure
 
 
-def save(drawing: Drawing, folder: Path) -> FigureFile:
+def _entitle(figure: Figure, title: str, campaign: str, *, synthetic: bool) -> None:
+    room = int(figure.get_figwidth() * 13) - (24 if synthetic else 0)
+    shown = textwrap.shorten(campaign, room, placeholder=" …").replace("$", r"\$")
+    figure.suptitle(f"{title}\n{shown}", x=0.012, ha="left", linespacing=1.35)
+
+
+def _mark_synthetic(figure: Figure, *, small: bool) -> None:
+    figure.text(
+        0.988,
+        0.985,
+        SYNTHETIC,
+        ha="right",
+        va="top",
+        fontsize=5 if small else 8,
+        weight="bold",
+        color=RED,
+        bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": RED},
+        transform=figure.transFigure,
+    )
+
+
+def save(drawing: Drawing, folder: Path, *, numbers: bool = False) -> FigureFile:
     """Write a drawing as SVG and PNG, whole or not at all.
 
     Args:
         drawing: figure with its name, title and caption.
         folder: where the files go.
+        numbers: whether a CSV file of what is drawn goes with them.
 
     Raises:
         BadInput: the folder cannot be written.
@@ -144,6 +194,9 @@ def save(drawing: Drawing, folder: Path) -> FigureFile:
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
     write_whole(svg, vector.getvalue())
+    table = folder / f"{drawing.name}.csv" if numbers else None
+    if table is not None:
+        write_whole(table, figure_csv(drawing.figure))
     return FigureFile(
         name=drawing.name,
         title=drawing.title,
@@ -151,6 +204,7 @@ def save(drawing: Drawing, folder: Path) -> FigureFile:
         alt=drawing.alt,
         svg=svg,
         png=png,
+        csv=table,
     )
 
 

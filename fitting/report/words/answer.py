@@ -131,9 +131,9 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     """A value that is known, by the sweep's line where that knows it better; else None."""
     verdict = found.identifiable
     own = reported_words(found)
-    by_line = _by_line(name, found, line)
-    if by_line is not None:
-        value, std = by_line
+    better = by_line(name, found, line)
+    if better is not None:
+        value, std = better
         fitted, apart = "", math.nan
         if verdict.has_value:
             fitted, apart = own, abs(_likely(found) - value) / math.hypot(std, found.std)
@@ -152,8 +152,14 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
     return Known(name, words[verdict], share=math.inf)
 
 
-def _by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, float] | None:
-    """Value and error of the sweep's line, where they are of this value and the better ones."""
+def by_line(name: str, found: Found, line: SweepLine | None) -> tuple[float, float] | None:
+    """Value and error of the sweep's line, where they are of this value and the better ones.
+
+    Args:
+        name: of the value.
+        found: what the fit says of it.
+        line: that the sweep shows by itself.
+    """
     if line is None or name not in line.values or depends_on_background(line):
         return None
     value, std = PARTS[line.values[name]](line)

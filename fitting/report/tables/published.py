@@ -1,0 +1,186 @@
+"""The values as files for a publication: CSV with exact numbers, LaTeX with rounded ones."""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting.inference.values import OffsetResult
+from fitting.report.table import Cell, Column, csv_text, tabulate
+from fitting.report.tables.values import Value, values_of
+from fitting.report.words.answer import by_line
+from fitting.result.result import Result
+from fitting.text.files import write_whole
+from fitting.text.notation import span, symbol, unit_text, with_error
+
+CSV_NAME, LATEX_NAME = "values.csv", "values.tex"
+#: Letters that LaTeX takes for commands, and how they are written.
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{sign: f"\\{sign}" for sign in "&%$#_"},
+}
+_SIGNS = {
+    "±": r"$\pm$",
+    "−": "$-$",
+    "×": r"$\times$",
+    "\u00a0": "~",
+    "µ": r"\textmu{}",
+}
+_GREEK = re.compile(r"[\u0370-\u03ff]")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One value for print: NaN is what there is not; `source` says whose number it is."""
+
+    name: str
+    value: float
+    unit: str
+    std: float
+    low: float
+    high: float
+    verdict: str
+    source: str = "fit"
+
+
+COLUMNS: tuple[Column[Row], ...] = (
+    Column("name", lambda r: r.name, role="name"),
+    Column("value", lambda r: _number(r.value)),
+    Column("unit", lambda r: r.unit),
+    Column("std", lambda r: _number(r.std)),
+    Column("ci95 low", lambda r: _number(r.low)),
+    Column("ci95 high", lambda r: _number(r.high)),
+    Column("by the data", lambda r: r.verdict, role="words"),
+    Column("source", lambda r: r.source),
+)
+
+
+def write_values(result: Result, folder: Path) -> tuple[Path, Path]:
+    """Write `values.csv` and `values.tex` into a folder; their paths.
+
+    Args:
+        result: of a reconstruction.
+        folder: where the files go.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    rows = rows_of(result)
+    table, text = folder / CSV_NAME, folder / LATEX_NAME
+    write_whole(table, csv_text(tabulate("", COLUMNS, rows)))
+    write_whole(text, latex(rows))
+    return table, text
+
+
+def rows_of(result: Result) -> list[Row]:
+    """Every value of the fit; those that the sweep by itself knows better once more, by it.
+
+    Args:
+        result: of a reconstruction.
+    """
+    rows = []
+    for value in values_of(result):
+        rows.append(_row(value))
+        if isinstance(value.found, OffsetResult):
+            continue
+        better = by_line(value.name, value.found, result.line)
+        if better is not None:
+            rows.append(_row_of_line(value, *better))
+    return rows
+
+
+def _row(value: Value) -> Row:
+    found, shown = value.found, value.value.value
+    return Row(
+        name=value.name,
+        value=math.nan if shown is None else shown,
+        unit=unit_text(found.unit),
+        std=math.nan if value.open else found.std,
+        low=found.ci95[0],
+        high=found.ci95[1],
+        verdict=str(found.identifiable),
+        source="fit" if found.is_most_likely else "Algorithm 2, std and interval of the likelihood",
+    )
+
+
+def _row_of_line(value: Value, best: float, std: float) -> Row:
+    half = 1.96 * std
+    return Row(
+        name=value.name,
+        value=best,
+        unit=unit_text(value.found.unit),
+        std=std,
+        low=best - half,
+        high=best + half,
+        verdict="determined",
+        source="line of the sweep alone",
+    )
+
+
+def latex(rows: Sequence[Row]) -> str:
+    """The rows as a LaTeX tabular, which needs no package but textcomp.
+
+    Args:
+        rows: of the table.
+    """
+    lines = [
+        "% written by fmu-fit; +- is one standard deviation, intervals hold 95 %",
+        r"\begin{tabular}{lllll}",
+        r"\hline",
+        r"quantity & value & 95\,\% interval & by the data & from \\",
+        r"\hline",
+    ]
+    for row in rows:
+        known = math.isfinite(row.value)
+        shown = with_error(row.value, row.std, row.unit) if known else "--"
+        wide = span(row.low, row.high, row.unit) if math.isfinite(row.low) else "--"
+        cells = (latex_name(row.name), *map(latex_text, (shown, wide, row.verdict, row.source)))
+        lines.append(" & ".join(cells) + r" \\")
+    return "\n".join([*lines, r"\hline", r"\end{tabular}", ""])
+
+
+def latex_name(name: str) -> str:
+    """A name as LaTeX sets it: a symbol as such, others as words.
+
+    Args:
+        name: of a quantity.
+    """
+    parts = symbol(name)
+    if parts is None:
+        return latex_text(name)
+    letter, index = parts
+    word = _greek(letter)
+    return f"${word}_{{{index.replace('−', '-')}}}$" if index else f"${word}$"
+
+
+def latex_text(text: str) -> str:
+    """Text with the letters that LaTeX takes for commands written out.
+
+    Args:
+        text: as it was written.
+    """
+    written = "".join(_LATEX.get(letter, letter) for letter in text)
+    for sign, there in _SIGNS.items():
+        written = written.replace(sign, there)
+    return written
+
+
+def _greek(letter: str) -> str:
+    """A Greek letter by its command; others as they are."""
+    if not _GREEK.fullmatch(letter):
+        return letter
+    size, _, word = unicodedata.name(letter).removeprefix("GREEK ").partition(" LETTER ")
+    word = word.lower().replace("lamda", "lambda")
+    return f"\\{word.capitalize() if size == 'CAPITAL' else word}"
+
+
+def _number(value: float) -> Cell:
+    return Cell(repr(value), value=value) if math.isfinite(value) else Cell("–")
