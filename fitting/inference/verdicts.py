@@ -45,6 +45,8 @@ ENDS_IN_WORDS = {
 }
 #: Ends of branches that say nothing of what lies beyond.
 CUT = ("lost", "cost")
+#: A walk has gone through the box where it comes this close to its end, as a share of it.
+NEAR_BOX = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,6 +173,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     goes_round = quantity.round and all(branch.end == "bound" for branch in branches)
     fits, ends = _ends_of(branches, range_ends, goes_round)
     fits, ends = _beyond_the_simulation(quantity, branches, fits, ends)
+    ends = _over_the_box(subject, branches, ends)
     if quantity.round and "bound" in ends:  # half a period up and down is one and the same system
         ends = (
             "bound" if ends[0] == "lost" else ends[0],
@@ -239,6 +242,24 @@ def _beyond_the_simulation(
     moved = [far and end == "crossed" for far, end in zip(away, ends, strict=True)]
     words = ["bound" if gone else end for gone, end in zip(moved, ends, strict=True)]
     return (fits[0] or moved[0], fits[1] or moved[1]), (words[0], words[1])
+
+
+def _over_the_box(subject: _Subject, branches: Branches, ends: tuple[str, str]) -> tuple[str, str]:
+    """The same; a walk that ended beyond the box, or close to its end, all of which fits, is whole.
+
+    Models end there often: laws have no value beyond, an output is the largest that it can be.
+    """
+    low, high = subject.box
+    near = NEAR_BOX * (high - low)
+    words = list(ends)
+    for side, branch in enumerate(branches):
+        values = [subject.shown(point.value) for point in branch.points]
+        fits = all(point.root <= ROOT_95 for point in branch.points)
+        if words[side] not in CUT or not values or not fits:
+            continue
+        if (min(values) <= low + near) if side == 0 else (max(values) >= high - near):
+            words[side] = "bound"
+    return words[0], words[1]
 
 
 def _interval(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,10 +11,15 @@ import numpy as np
 
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, listed, unit_text
 
 if TYPE_CHECKING:  # the sweep draws itself by these
     from fitting.measurements.control_sweep import ControlSweep
+
+#: Texts along a map of numbered spectra.
+MOST_TICKS = 10
+#: Letters of a value there, from which a small one is written with a power of ten.
+MOST_LETTERS, SMALL = 4, 0.01
 
 
 @dataclass(frozen=True)
@@ -38,10 +44,39 @@ class ControlMaps:
         values = [s.settings.get(self.control) for s in self.sweep.spectra]
         return len(set(values)) < len(values)
 
+    @cached_property
+    def _told(self) -> tuple[str, ...]:
+        """The controls that tell numbered spectra apart for a reader: those whose values repeat.
+
+        Of the others each spectrum has its own value, as of the time.
+        """
+        spectra = self.sweep.spectra
+        counts = {n: len({s.settings.get(n) for s in spectra}) for n in spectra[0].settings}
+        return tuple(n for n, count in counts.items() if 1 < count < len(spectra))
+
     @property
     def over(self) -> str:
         """What the maps are drawn over."""
-        return "spectrum" if self.numbered else self.control
+        return listed(self._told) if self.numbered else self.control
+
+    @property
+    def _all_over(self) -> str:
+        return listed((*(self._told if self.numbered else (self.control,)), "drive frequency"))
+
+    @cached_property
+    def _axis(self) -> Axis:
+        """The control; of numbered spectra a text for each, or for some where there are many."""
+        if not self.numbered:
+            return Axis(self.control, self._unit)
+        units = [unit_text(self.sweep.units.get(name, "")) for name in self._told]
+        heads = [f"{n} ({u})" if u else n for n, u in zip(self._told, units, strict=True)]
+        spectra = self.sweep.spectra
+        every = math.ceil(len(spectra) / MOST_TICKS)
+        ticks = tuple(
+            (at, "\n".join(_written(s.settings.get(name)) for name in self._told))
+            for at, s in list(zip(self._at, spectra, strict=True))[::every]
+        )
+        return Axis(" above ".join(heads), ticks=ticks)
 
     @property
     def _unit(self) -> str:
@@ -87,17 +122,14 @@ class ControlMaps:
 
     @property
     def _order(self) -> str:
-        """What the numbers mean, where spectra are numbered."""
-        if not self.numbered:
-            return ""
-        first = self.sweep.spectra[0]
-        return f" number in the order of the data (1: {', '.join(first.settings)} = {first.label})"
+        """How spectra follow each other, where no control orders them."""
+        return ", in the order of the data" if self.numbered else ""
 
     def _panel(self, title: str, z: FloatArray, axis: Axis, *further: Layer) -> Panel:
         drawn = Layer(Role.MEASURED, Form.MAP, self._x, self._f, z=z)
         return Panel(
-            x=Axis(self.over, self._unit),
-            y=Axis("drive frequency", "Hz"),
+            x=self._axis,
+            y=Axis("frequency", "Hz"),
             z=axis,
             layers=(drawn, *further),
             title=title,
@@ -131,7 +163,7 @@ class ControlMaps:
         spectra = len(sweep.spectra)
         return Figure(
             name="8_control_sweep",
-            title=f"Response over {self.over} and drive frequency",
+            title=f"Response over {self._all_over}",
             caption=(
                 f"Amplitudes of {spectra} spectra over {self.over}{self._order}, measured, "
                 f"simulated with the fitted parameters, and what is left.{self.gap}"
@@ -146,6 +178,17 @@ class ControlMaps:
             ),
             series=sweep.series,
         )
+
+
+def _written(value: object) -> str:
+    """A value of a control in few letters, as −250 and 3e−4."""
+    if not isinstance(value, float):
+        return str(value)
+    text = f"{value:g}"
+    if len(text) > MOST_LETTERS and 0.0 < abs(value) < SMALL:
+        digits, _, power = f"{value:.2e}".partition("e")
+        text = f"{float(digits):g}e{int(power)}"
+    return text.replace("-", "−")
 
 
 def _decibels(a: FloatArray) -> FloatArray:

@@ -75,8 +75,9 @@ class Layer:
 class Axis:
     """What stands on an axis: ``label`` and ``unit``, which may get a prefix; linear, or ``log``.
 
-    It goes from ``low`` to ``high``, in its unit; None: as the layers need. Panels of one figure
-    whose axes are equal share them.
+    It goes from ``low`` to ``high``, in its unit; None: as the layers need. ``ticks`` are places
+    with their own texts, where numbers mean nothing. Panels of one figure whose axes are equal
+    share them.
     """
 
     label: str
@@ -85,6 +86,7 @@ class Axis:
     log: bool = False
     low: float | None = None
     high: float | None = None
+    ticks: tuple[tuple[float, str], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
 
 import fitting as ff
 from fitting.campaign import bind
@@ -12,6 +15,8 @@ from fitting.inference.likelihood.knowledge import Identification, PartAlone
 from fitting.inference.verdict import Verdict
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.report.plot import measurement
 from fitting.report.words.identification import identification_lines
 from fitting.text.errors import BadInput
 from tests.support.pumped_line import SidebandLine
@@ -68,6 +73,9 @@ def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.
         assert not part.profiles[name].verdict.has_value
     low, high = part.profiles["lambda12"].interval95
     assert high - low > 1e5
+    # pi/2, where laws and model end, lies just below the box: what fits up to there is not open
+    assert part.profiles["theta"].verdict is Verdict.OPEN
+    assert part.profiles["lambda12"].verdict is Verdict.OPEN
     both = PartAlone(settings={"depth": 0.0}, places=2, total=4, knowledge=part)
     said = "\n".join(
         identification_lines(
@@ -82,4 +90,23 @@ def test_pumped_sweeps_determine_the_angle_and_unpumped_ones_do_not(problem: ff.
         )
     )
     assert "Measured at depth = 0 (2 of 4 places) alone: " in said
+    assert re.search("Both ends of the range of theta, d1, d2.* and lambda12 fit there", said)
     assert "All 4 places together determine theta, d1, d2" in said
+
+
+def test_maps_go_by_the_controls_that_repeat(problem: ff.Problem) -> None:
+    """A text for each sweep: detuning above depth; its own time tells a reader nothing."""
+    [sweep] = problem.record.measurements
+    assert isinstance(sweep, ControlSweep)
+    [figure] = sweep.figures(sweep.measured, sweep.measured)
+    for panel in figure.panels:
+        assert panel.x.label == "detuning (Hz) above depth"
+        texts = [text.splitlines() for _, text in panel.x.ticks]
+        told = [[float(part.replace("−", "-")) for part in text] for text in texts]
+        assert told == [[s.settings["detuning"], s.settings["depth"]] for s in sweep.spectra]
+    axes = Canvas().subplots()
+    measurement.panel(figure.panels[0], ax=axes)
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == [
+        text for _, text in figure.panels[0].x.ticks
+    ]
+    assert not any(line.get_visible() for line in axes.get_xgridlines() + axes.get_ygridlines())

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.campaign.parameters import search_bounds
 from fitting.fit.likelihood.descent import (
     Constraint,
     Expansion,
@@ -214,7 +215,7 @@ class _BranchTracer:
             step = left if step > 0.8 * left else step
             if not (yield from self._stride(step)):
                 misses += 1
-                if misses > 4:
+                if misses > 4 or self._flat_over_box():
                     return "bound" if self._at_limit() else "lost"
                 step *= 0.25
                 continue
@@ -234,6 +235,20 @@ class _BranchTracer:
         if self.quantity.index >= 0:
             at[self.quantity.index] = False
         return bool(np.any(at))
+
+    def _flat_over_box(self) -> bool:
+        """Whether the data see nothing up to the end of a parameter's own box, and this is beyond.
+
+        A walk that goes no further there has come to where the model ends: nothing is decided by
+        how far that is.
+        """
+        index = self.quantity.index
+        if index < 0 or self.quantity.round or not self.points:
+            return False
+        farthest = max(self.points, key=lambda point: self.direction * point.value)
+        limits = search_bounds(self.optimum.likelihood.parameters)
+        end = float(limits[1 if self.direction > 0.0 else 0][index])
+        return self.direction * (farthest.value - end) >= 0.0 and farthest.delta < ENOUGH
 
     def _stride(self, step: float) -> Task[bool]:
         """One step along the profile; whether it led anywhere."""

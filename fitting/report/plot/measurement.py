@@ -64,6 +64,8 @@ def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) 
     for layer in shown.layers:
         if layer.form is Form.MAP:
             _map(axes, layer, scales, shown.z or Axis(""))
+        elif shown.z is not None and layer.form is Form.POINTS:
+            _marks(axes, layer, scales)
         else:
             _LOOKS[layer.form](axes, layer, scales, shown.shape)
     if shown.joined:
@@ -211,8 +213,25 @@ def _map(axes: Axes, layer: Layer, scales: Scales, z: Axis) -> None:
             rasterized=True,  # thousands of cells
             zorder=0,
         )
+    axes.grid(visible=False)  # lines of a grid would cut the cells
     if drawn is not None:
         axes.figure.colorbar(drawn, ax=axes, label=scaling.label(z.label))
+
+
+def _marks(axes: Axes, layer: Layer, scales: Scales) -> None:
+    """Light dots with a dark rim: they stand out on every colour of a map."""
+    x, y, _ = _scaled(layer, scales)
+    axes.plot(
+        x,
+        y,
+        linestyle="none",
+        marker="o",
+        markersize=3.4,
+        markerfacecolor="white",
+        markeredgecolor="black",
+        markeredgewidth=0.6,
+        label=layer.label,
+    )
 
 
 def _edges(places: FloatArray) -> FloatArray:
@@ -262,6 +281,9 @@ def _limit(axes: Axes, shown: Panel, panels: Sequence[Panel], scales: Scales) ->
     """Ends and ticks of both axes."""
     narrow = width_inches(axes) < NARROW_INCHES
     plain_ticks(axes, x=4 if narrow else 8, y=5 if shown.height >= 1.0 else 4)
+    if shown.x.ticks:
+        places, texts = zip(*shown.x.ticks, strict=True)
+        axes.set_xticks([scales.x(place) for place in places], texts, fontsize="x-small")
     if shown.x.log:
         log_axis(axes, "x")
     if shown.y.log:

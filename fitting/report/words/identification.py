@@ -51,6 +51,28 @@ def part_sentences(whole: Knowledge, part: PartAlone) -> tuple[str, ...]:
         if more
         else f"All {part.total} places together determine nothing beyond that.",
     ]
+    said += _open_sentences(part)
     if fewer:
         said.append(f"With all of them {listed(fewer)} is no longer determined.")
     return tuple(said)
+
+
+def _open_sentences(part: PartAlone) -> list[str]:
+    """Why the rest is not determined by a part alone: what fits, or what was not searched."""
+    profiles = part.knowledge.profiles
+    free = [n for n, p in profiles.items() if p.ends == ("bound", "bound")]
+    cut = [n for n, p in profiles.items() if "cost" in p.ends]
+    lost = [n for n, p in profiles.items() if "lost" in p.ends and n not in cut]
+    said = []
+    if free:
+        said.append(
+            f"Both ends of the range of {listed(free)} fit there, with the others adapted: these "
+            "places alone do not see them."
+        )
+    if cut:
+        said.append(
+            f"For {listed(cut)} the search was cut for its cost: a larger --budget would tell."
+        )
+    if lost:
+        said.append(f"For {listed(lost)} the search lost its way: nothing is said of them.")
+    return said
