@@ -1,13 +1,16 @@
-"""Run the blocks of the pages and paste what they print below them.
+"""Run the blocks of the pages, paste what they print below them, and copy what they draw.
 
     python docs/paste_outputs.py [PAGE ...]
 
 All pages take about half an hour. `docs/site/blocks.py` tells what a page says of its blocks.
+A remark above an image, `<!-- drawn: FILE -->`, says which file of the blocks it is.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -16,6 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import build_fmu
 from docs.site.blocks import ROOT, blocks, pages, pasted, prepare, run
+
+#: What is drawn, and where the page has it.
+IMAGE = re.compile(r"<!-- drawn: (.*?) -->\n!\[[^]]*\]\((.*?)\)")
 
 
 def main() -> int:
@@ -27,17 +33,18 @@ def main() -> int:
         print(page.relative_to(ROOT), file=sys.stderr)
         text = page.read_text("utf-8")
         if any("output" in block.remarks for block in blocks(text)):
-            new = with_outputs(text)
+            new = with_outputs(text, page.parent)
             page.write_text(new, "utf-8")
             print(f"{page.relative_to(ROOT)}: {'new outputs' if new != text else 'as it was'}")
     return 0
 
 
-def with_outputs(text: str) -> str:
-    """The page with what its blocks print.
+def with_outputs(text: str, beside: Path) -> str:
+    """The page with what its blocks print; its images are copied.
 
     Args:
         text: of the page.
+        beside: folder of the page, from which it names its images.
     """
     found = blocks(text)
     with tempfile.TemporaryDirectory() as name:
@@ -46,6 +53,9 @@ def with_outputs(text: str) -> str:
         for model in ("CoupledOscillator", "DuffingOscillator"):
             build_fmu.build(model, folder / "build")
         printed = {block.start: output for block, output in run(found, folder, tested=False)}
+        for drawn, image in IMAGE.findall(text):
+            [source] = folder.glob(drawn)
+            shutil.copyfile(source, beside / image)
     made, end, output = [], 0, ""
     for block in found:
         output = printed.get(block.start, output)

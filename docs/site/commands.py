@@ -20,7 +20,9 @@ With `--json` the result stands on stdout as one document, and nothing else does
 `--verbose` go to stderr."""
 BELOW_THE_CODES = """\
 Bad input is told on stderr, a line for each complaint: file, row, column or key, what was found,
-what is wanted. [Interrupt and resume](../how-to/resume.md) tells what is kept."""
+what is wanted. Where an FMU failed, its own words and the parameters are told. The traceback of a
+fault is kept in `--out`, where that is there, else among the temporary files.
+[Interrupt and resume](../how-to/resume.md) tells what is kept."""
 
 
 def page() -> str:
