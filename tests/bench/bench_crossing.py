@@ -1,38 +1,40 @@
 """Avoided crossings at laboratory size: is the coupling found, and does its interval hold it?
 
-    python -m tests.bench.bench_crossing [--laboratories 200] [--three 50] [--rising 20] [--fmu 2]
-        [--workers 2] [--record crossing.jsonl]
+    python -m tests.bench.bench_crossing [--laboratories 200] [--modes 2 3] [--rising 20]
+        [--noise 0.03 0.1 0.3 1 3] [--fmu 2] [--workers 2] [--record crossing.jsonl]
 
 Virtual laboratories of `tests.support.virtual.crossing`, each with numbers, boxes and starts of its
 own: 41 voltages in random order, 401 points each, drift of all frequencies, a wandering gain, noise
 on both quadratures of which the magnitude is measured. Whole spectra are fitted by ``ff.fit`` and
 profiled by ``ff.profile``. The closed form stands in place of the FMU, with --fmu so many
 laboratories go through the FMU itself, one after the other, and tell the processor time of caller
-and worker together. With --record finished laboratories are kept and not done again. Prints
-Markdown tables.
+and worker together. --rising laboratories at each --noise tell verdicts and what of them is false.
+Of three modes both neighbouring couplings are told. With --record finished laboratories are kept
+and not done again. Prints Markdown tables.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import resource
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import fitting as ff
+from tests.bench.records import Records
 from tests.support.virtual.crossing import CrossingLaboratory, laboratory
 
 METHOD = ff.Tikhonov(nu=1e-6, beta=0.01, levels=2, misfit="squares")
-#: Seed, number of modes, and noise (None: the laboratory's own).
-Wanted = tuple[int, int, float | None]
+#: Seed, number of modes, noise (None: the laboratory's own), whether it goes through the FMU.
+Wanted = tuple[int, int, float | None, bool]
 #: Noise of the second table, as a share of the largest amplitude of each spectrum.
 RISING = (0.03, 0.1, 0.3, 1.0, 3.0)
 
@@ -94,38 +96,20 @@ def told(lab: CrossingLaboratory, problem: ff.Problem) -> tuple[Coupling, ...]:
 
 def by_closed_form(wanted: Wanted) -> Told:
     """One laboratory of a seed, a number of modes and a noise, in a process of its own."""
-    seed, modes, noise = wanted
+    seed, modes, noise, _ = wanted
     lab = laboratory(seed, modes=modes, noise=noise)
     begun = time.process_time()
     couplings = told(lab, lab.by_closed_form(_fmu(modes)))
     return Told(couplings=couplings, seconds=time.process_time() - begun)
 
 
-class Records:
-    """Laboratories that are finished, in a file of JSON lines where one is named."""
-
-    def __init__(self, path: Path | None, workers: int) -> None:
-        self.path, self.workers = path, workers
-        self.known: dict[Wanted, Told] = {}
-        if path is not None and path.exists():
-            for line in path.read_text(encoding="utf-8").splitlines():
-                entry = json.loads(line)
-                couplings = tuple(Coupling(**c) for c in entry["couplings"])
-                seed, modes, noise = entry["wanted"]
-                self.known[seed, modes, noise] = Told(couplings=couplings, seconds=entry["seconds"])
-
-    def of(self, wanted: Sequence[Wanted]) -> list[Told]:
-        """What was said of some laboratories; those that are not known yet are fitted."""
-        with ProcessPoolExecutor(self.workers) as pool:
-            missing = [key for key in wanted if key not in self.known]
-            pending = {pool.submit(by_closed_form, key): key for key in missing}
-            for future in as_completed(pending):
-                key, found = pending[future], future.result()
-                self.known[key] = found
-                if self.path is not None:
-                    with self.path.open("a", encoding="utf-8") as file:
-                        file.write(json.dumps({"wanted": key, **asdict(found)}) + "\n")
-        return [self.known[key] for key in wanted]
+def by_fmu(wanted: Wanted) -> Told:
+    """One laboratory through the FMU, whose worker ends with it and is counted."""
+    seed, modes, noise, _ = wanted
+    lab, begun = laboratory(seed, modes=modes, noise=noise), spent_s()
+    with ff.Fmu(f"CoupledModes{modes}", workers=1) as fmu:
+        couplings = told(lab, lab.through(fmu))
+    return Told(couplings=couplings, seconds=spent_s() - begun)
 
 
 def spent_s() -> float:
@@ -134,12 +118,21 @@ def spent_s() -> float:
     return sum(used.ru_utime + used.ru_stime for used in both)
 
 
-def by_fmu(seed: int, modes: int) -> Told:
-    """One laboratory through the FMU, whose worker ends with it and is counted."""
-    lab, begun = laboratory(seed, modes=modes), spent_s()
-    with ff.Fmu(f"CoupledModes{modes}", workers=1) as fmu:
-        couplings = told(lab, lab.through(fmu))
-    return Told(couplings=couplings, seconds=spent_s() - begun)
+def all_told(wanted: Sequence[Wanted], records: Records, workers: int) -> list[Told]:
+    """What was said of some laboratories; those that are not known yet are fitted."""
+    missing = [key for key in wanted if key not in records.known]
+    for key in (k for k in missing if k[-1]):  # one after the other: their workers are timed
+        records.keep(key, asdict(by_fmu(key)))
+    with ProcessPoolExecutor(workers) as pool:
+        pending = {pool.submit(by_closed_form, key): key for key in missing if not key[-1]}
+        for future in as_completed(pending):
+            records.keep(pending[future], asdict(future.result()))
+    return [_told_of(records.known[key]) for key in wanted]
+
+
+def _told_of(answer: Mapping[str, Any]) -> Told:
+    couplings = tuple(Coupling(**each) for each in answer["couplings"])
+    return Told(couplings=couplings, seconds=answer["seconds"])
 
 
 HEAD = (
@@ -167,20 +160,21 @@ def row(title: str, name: str, found: Sequence[Told]) -> str:
         len(all_),
         len(values),
         f"{held} of {len(values)} ({100.0 * held / max(1, len(values)):.1f} %)",
-        f"{np.mean(apart):+.2f}, {np.std(apart):.2f}",
-        f"{np.median([c.std / c.truth for c in values]):.2g}",
+        f"{np.mean(apart):+.2f}, {np.std(apart):.2f}" if values else "–",
+        f"{np.median([c.std / c.truth for c in values]):.2g}" if values else "–",
         f"{np.median(seconds):.1f}, {max(seconds):.1f}",
     )
     return f"| {' | '.join(map(str, cells))} |"
 
 
-def rising_row(noise: float, found: Sequence[Told]) -> str:
+def rising_row(modes: int, noise: float, found: Sequence[Told]) -> str:
     """A line of the second table: verdicts at one noise, and what of them is false."""
     all_ = [c for t in found for c in t.couplings]
     values = [c for c in all_ if c.verdict == "determined"]
     bounds = [c for c in all_ if c.verdict.startswith("bounded")]
     std = f"{np.median([c.std / c.truth for c in values]):.2g}" if values else "–"
     cells = (
+        modes,
         f"{noise:g}",
         len(all_),
         len(values),
@@ -194,6 +188,7 @@ def rising_row(noise: float, found: Sequence[Told]) -> str:
 
 
 RISING_HEAD = (
+    "modes",
     "noise over largest amplitude",
     "couplings",
     "determined",
@@ -213,28 +208,35 @@ def _head(cells: Iterable[str]) -> str:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--laboratories", type=int, default=200, help="of two modes")
-    parser.add_argument("--three", type=int, default=50, help="laboratories of three modes")
+    parser.add_argument("--laboratories", type=int, default=200, help="of each number of modes")
+    parser.add_argument("--modes", type=int, nargs="+", default=[2, 3], choices=(2, 3))
     parser.add_argument("--rising", type=int, default=20, help="laboratories at each noise")
+    parser.add_argument(
+        "--noise", type=float, nargs="+", default=RISING, help="over the largest amplitude"
+    )
     parser.add_argument("--fmu", type=int, default=2, help="laboratories through the FMU")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--record", type=Path, help="JSON lines, to resume from")
     args = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    records = Records(args.record, args.workers)
+    records = Records(args.record)
     print(_head(HEAD), flush=True)
-    for modes, count in ((2, args.laboratories), (3, args.three)):
-        found = records.of([(seed, modes, None) for seed in range(count)])
-        for k in range(1, modes if found else 1):
-            print(row(f"{modes} modes", f"lambda{k}{k + 1}", found), flush=True)
-    if args.fmu:
-        through = [by_fmu(seed, 2) for seed in range(args.fmu)]
-        print(row("2 modes, through the FMU", "lambda12", through), flush=True)
+    for modes in args.modes:
+        for count, fmu, what in (
+            (args.laboratories, False, ""),
+            (args.fmu, True, ", through the FMU"),
+        ):
+            wanted = [(seed, modes, None, fmu) for seed in range(count)]
+            found = all_told(wanted, records, args.workers)
+            for k in range(1, modes if found else 1):
+                print(row(f"{modes} modes{what}", f"lambda{k}{k + 1}", found), flush=True)
     if args.rising:
         print("", _head(RISING_HEAD), sep="\n", flush=True)
-    for noise in RISING if args.rising else ():
-        found = records.of([(seed, 2, noise) for seed in range(args.rising)])
-        print(rising_row(noise, found), flush=True)
+    for modes in args.modes if args.rising else ():
+        for noise in args.noise:
+            wanted = [(seed, modes, noise, False) for seed in range(args.rising)]
+            found = all_told(wanted, records, args.workers)
+            print(rising_row(modes, noise, found), flush=True)
 
 
 if __name__ == "__main__":
