@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from fitting.measurements.control_spectrum import ControlSpectrum
     from fitting.measurements.control_sweep import ControlSweep
     from fitting.measurements.kinds import read_campaign
+    from fitting.measurements.traces.traces import Trace
+    from fitting.measurements.traces.waveform import Chirp, Pulse
     from fitting.measurements.wiring import Wiring
     from fitting.text.errors import BadInput, FmuFailure
 
@@ -64,6 +66,8 @@ _HOMES = {
     "campaign.noise": ("Noise",),
     "measurements.complex_curve": ("ComplexCurve",),
     "measurements.complex_sweep": ("ComplexSweep",),
+    "measurements.traces.traces": ("Trace",),
+    "measurements.traces.waveform": ("Chirp", "Pulse"),
     "measurements.wiring": ("Wiring",),
     "text.errors": ("BadInput", "FmuFailure"),
 }
@@ -71,6 +75,7 @@ _HOMES = {
 __all__ = [
     "Accuracy",
     "BadInput",
+    "Chirp",
     "Columns",
     "ComplexCurve",
     "ComplexSweep",
@@ -89,11 +94,13 @@ __all__ = [
     "Noise",
     "Parameter",
     "Problem",
+    "Pulse",
     "Setup",
     "StudyOptions",
     "Sweep",
     "Tikhonov",
     "Tones",
+    "Trace",
     "Value",
     "Wiring",
     "__version__",

@@ -204,7 +204,7 @@ def _bound(problem: Problem) -> list[BoundCampaign]:
 
 
 def _limits(problem: Problem, bound: BoundCampaign, table: DesignTable) -> Limits:
-    lines = problem.campaigns[0].file.drive.lines
+    lines = problem.campaigns[0].file.driven.lines
     return limits_of(bound, problem.fmu.variables, table, lines)
 
 

@@ -521,6 +521,8 @@ class _Series:
 
     def _drive(self, drive: Drive) -> Drive:
         where = f"{self.top}setup: drive"
+        if drive.kind == "none":
+            return drive
         if drive.input is not None:
             self.binder.real(drive.input, where, ("input",), "driven")
             return drive

@@ -161,6 +161,8 @@ def free_scale(sweep: SweepData | None, noise: Noise) -> list[Parameter]:
 
 def _bind_drive(campaign: Campaign, binder: Binder) -> Drive:
     choice, where = campaign.file.drive, f"{campaign.path}: [drive]"
+    if choice is None:
+        return Drive()
     if choice.kind == "input":
         target = binder.real(choice.input or "", f"{where} input", ("input",), "driven")
         units = ["Hz"]

@@ -203,7 +203,7 @@ def _read_experiments(
     """All experiments, or complaints of every row and spectrum that has one."""
     table = read_table(written.file)
     labels = _labels(table)
-    tones = _tones(table, file.drive.frequencies)
+    tones = _tones(table, file.driven.frequencies)
     for label in written.restarted:
         if label not in labels:
             raise BadInput(
@@ -346,7 +346,7 @@ class _Row:
 
     def lines_hz(self) -> tuple[float, ...]:
         """Frequencies of the lines that are read."""
-        lines = self.file.drive.lines
+        lines = self.file.driven.lines
         lines_hz = tuple(line.frequency_hz(self.tones_hz) for line in lines)
         for line, f in zip(lines, lines_hz, strict=True):
             if f <= 0.0:
@@ -359,8 +359,8 @@ class _Row:
     def settings(self) -> dict[str, Written]:
         """What the columns that are no data set of the FMU's variables."""
         data = {*self.written.data_columns, self.file.drift.time}
-        if self.file.drive.kind == "input":
-            data |= set(self.file.drive.frequencies)
+        if self.file.driven.kind == "input":
+            data |= set(self.file.driven.frequencies)
         return {
             column.name: self.setting(column)
             for column in self.table.columns

@@ -22,6 +22,7 @@ from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
+from fitting.text.errors import BadInput
 from fitting.text.keys import (
     Count,
     Counts,
@@ -612,8 +613,8 @@ class WrittenCampaign(Keys):
     """The FMU and its start values."""
     observe: WrittenObserve
     """The observed output."""
-    drive: WrittenDrive
-    """How the FMU is driven."""
+    drive: WrittenDrive | None = None
+    """How the FMU is driven; wanted but for traces, which have inputs of their own."""
     experiments: WrittenExperiments | None = None
     """Measurements under a few tones."""
     drift: Annotated[WrittenDrift, Rest("ends")] = WrittenDrift()
@@ -647,7 +648,15 @@ class WrittenCampaign(Keys):
             raise Refused(
                 'nothing to fit: wanted a table [experiments], or a [sweep] with use = "fit"'
             )
-        if not observe.steady_start and observe.line_width is None and self.sweep is None:
+        settles = experiments is not None or self.sweep is not None or self._settles
+        if settles and self.drive is None:
+            raise Refused("key 'drive' is missing")
+        if (
+            settles
+            and not observe.steady_start
+            and observe.line_width is None
+            and self.sweep is None
+        ):
             raise Refused(
                 "wanted line_width (a rough one sets the settling time), or steady_start = true if "
                 "the FMU starts on its periodic orbit, or a [sweep]",
@@ -655,7 +664,7 @@ class WrittenCampaign(Keys):
             )
         if self.drift.ends and experiments is None:
             raise Refused("drifts over experiments, but there are none", "drift")
-        lines = len(self.drive.lines)
+        lines = 0 if self.drive is None else len(self.drive.lines)
         keys = ("peaks", "peak_sigmas", "phases", "x", "y")
         for key in keys if experiments is not None else ():
             columns = getattr(experiments, key)
@@ -663,6 +672,22 @@ class WrittenCampaign(Keys):
                 raise Refused(
                     f"{len(columns)} columns, wanted {lines}, one per tone", "experiments", key
                 )
+
+    @property
+    def driven(self) -> WrittenDrive:
+        """How tones drive the FMU.
+
+        Raises:
+            BadInput: the campaign holds traces alone, and says nothing of tones.
+        """
+        if self.drive is None:
+            raise BadInput("the campaign has no [drive], wanted one: what is asked rests on tones")
+        return self.drive
+
+    @property
+    def _settles(self) -> bool:
+        """Whether a table of a further kind wants the FMU to have settled."""
+        return any(not table.TRANSIENT for tables in self.further.values() for table in tables)
 
     @property
     def further(self) -> Mapping[str, tuple[MeasurementTable, ...]]:

@@ -84,10 +84,12 @@ class MeasurementTable(Keys):
     """A table of campaign.toml that tells of one measurement: a frozen record of its keys.
 
     ``TABLE`` is its name in the file. With ``REPEATED`` it is an array of tables, [[TABLE]], which
-    are read and fitted together.
+    are read and fitted together. With ``TRANSIENT`` its runs begin with the record: they need
+    neither a [drive] nor time to settle.
     """
 
     TABLE: ClassVar[str]
+    TRANSIENT: ClassVar[bool] = False
     REPEATED: ClassVar[bool] = False
 
     def read(self) -> ReadMeasurement:

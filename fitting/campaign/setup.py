@@ -15,7 +15,9 @@ from fitting.text.errors import BadInput
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """How the FMU is driven: it drives itself by parameters of its own, or we drive an input.
+    """How tones drive the FMU: it drives itself by parameters of its own, or we drive an input.
+
+    Without either there are no tones, as where all that was measured are traces.
 
     Args:
         frequency_names: Parameters of the FMU that hold the frequencies, one per tone.
@@ -27,7 +29,7 @@ class Drive:
         highest_order: Combinations of tones up to this order may be in the response.
 
     Raises:
-        BadInput: neither parameters nor an input, or both; numbers that no drive has.
+        BadInput: both parameters and an input; numbers that no drive has.
     """
 
     frequency_names: tuple[str, ...] = ()
@@ -44,10 +46,6 @@ class Drive:
             if isinstance(value, str):
                 raise BadInput(f"drive: {name} is {value!r}, wanted a sequence of names")
             object.__setattr__(self, name, tuple(value))
-        if self.input is None and not self.frequency_names:
-            raise BadInput(
-                "drive: neither frequency_names nor an input; wanted what drives the FMU"
-            )
         if self.input is None and len(self.amplitude_names) != len(self.frequency_names):
             raise BadInput(
                 f"drive: {len(self.amplitude_names)} amplitude_names, wanted "
@@ -65,8 +63,10 @@ class Drive:
 
     @property
     def kind(self) -> str:
-        """Who makes the tones: "tones", the FMU; "input", its input is driven."""
-        return "tones" if self.input is None else "input"
+        """Who makes the tones: "tones", the FMU; "input", its input is driven; "none": nobody."""
+        if self.input is not None:
+            return "input"
+        return "tones" if self.frequency_names else "none"
 
 
 @dataclass(frozen=True)

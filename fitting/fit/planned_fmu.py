@@ -76,7 +76,11 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
     """
-    series = {name: problem.planned_together(name) for name in problem.data.series}
+    own_step_s = workers.description.step_s
+    series = {
+        name: replace(problem.planned_together(name), own_step_s=own_step_s)
+        for name in problem.data.series
+    }
     for each in series.values():
         refuse_other_drives(each, workers)
     variables, own = workers.description.variables, read_accuracy_annotation(workers.description)

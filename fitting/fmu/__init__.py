@@ -18,13 +18,13 @@ if TYPE_CHECKING:
         validation_problems,
     )
     from fitting.fmu.pool import FmuWorkers
-    from fitting.fmu.runs import Counts, InputSignal, Run, Segment, row_times
+    from fitting.fmu.runs import Counts, HeldSignal, InputSignal, Run, Segment, row_times
 else:
     _MODULES = {
         "annotation": ("read_accuracy_annotation",),
         "description": ("FmuDescription", "FmuVariable", "read_description", "validation_problems"),
         "pool": ("FmuWorkers",),
-        "runs": ("Counts", "InputSignal", "Segment", "Run", "row_times"),
+        "runs": ("Counts", "HeldSignal", "InputSignal", "Segment", "Run", "row_times"),
     }
 
     def __getattr__(name: str) -> object:
@@ -42,6 +42,7 @@ __all__ = [
     "FmuDescription",
     "FmuVariable",
     "FmuWorkers",
+    "HeldSignal",
     "InputSignal",
     "Run",
     "Segment",

@@ -60,7 +60,11 @@ class FmuVariable:
 
 @dataclass(frozen=True, kw_only=True)
 class FmuDescription:
-    """What an FMU file says of itself; ``variables`` by name in the order of the file."""
+    """What an FMU file says of itself; ``variables`` by name in the order of the file.
+
+    ``step_s`` is the step that it was made for: of its own solver where it tells that, else of its
+    default experiment; None where it tells neither.
+    """
 
     path: Path
     model_name: str
@@ -74,6 +78,7 @@ class FmuDescription:
     one_instance_per_process: bool
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
+    step_s: float | None = None
 
     def variable(self, name: str) -> FmuVariable:
         """The variable ``name``; BadInput with the nearest names if there is none."""
@@ -123,6 +128,7 @@ def read_description(path: Path | str) -> FmuDescription:
         one_instance_per_process=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
         needs_execution_tool=bool(model.coSimulation.needsExecutionTool),
         variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
+        step_s=_own_step_s(path, model),
     )
 
 
@@ -135,6 +141,13 @@ def validation_problems(path: Path | str) -> list[str]:
     from fmpy.validation import validate_fmu
 
     return [str(problem) for problem in validate_fmu(str(path))]
+
+
+def _own_step_s(path: Path, model: Any) -> float | None:
+    fixed = getattr(model.coSimulation, "fixedInternalStepSize", None)
+    usual = getattr(model.defaultExperiment, "stepSize", None)
+    found = _number(fixed or usual, f"{path}: step size")
+    return found if found is not None and found > 0.0 else None
 
 
 def _platforms(names: Iterable[str]) -> tuple[str, ...]:

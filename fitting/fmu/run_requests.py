@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.runs import Run, Segment, Tone
+from fitting.fmu.runs import HeldSignal, Run, Segment, Tone
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
 
@@ -59,6 +59,7 @@ class RunRequest(NamedTuple):
     tones: tuple[Tone, ...] = ()
     step_s: float = 0.0
     segments: tuple[Segment, ...] = ()
+    held: HeldSignal | None = None
 
     @property
     def rows(self) -> int:
@@ -66,7 +67,7 @@ class RunRequest(NamedTuple):
         return self.samples + sum(segment.samples for segment in self.segments)
 
 
-_Key = tuple[tuple[str, ...], tuple[str, ...], str | None, str]
+_Key = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], str]
 
 
 class RunRequests:
@@ -100,10 +101,12 @@ class RunRequests:
         read, and a value of the wrong type.
         """
         signal = run.input_signal
-        key = (tuple(run.start_values), run.outputs, signal.name if signal else None, run.moved)
+        key = (tuple(run.start_values), run.outputs, signal.names if signal else (), run.moved)
         number = self._numbers.get(key)
         if number is None:
             number = self._add(key, run.start_values)
+        held = signal if isinstance(signal, HeldSignal) else None
+        tones = () if signal is None or isinstance(signal, HeldSignal) else signal.tones
         given = run.start_values
         defaults = self._defaults
         values = tuple(
@@ -121,14 +124,15 @@ class RunRequests:
             samples=run.samples,
             start_time_s=run.start_time_s,
             allow_nan=run.allow_nan,
-            tones=signal.tones if signal else (),
+            tones=tones,
             step_s=signal.step_s if signal else 0.0,
             segments=run.segments,
+            held=held,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
-        names, outputs, input_name, moved = key
-        for name in (*names, *([input_name] if input_name else [])):
+        names, outputs, inputs, moved = key
+        for name in (*names, *inputs):
             if name not in self._defaults and self._remember(self._variable_to_set(name)):
                 self._numbers.clear()  # from now on every layout sets this one as well
                 self._grown = True
@@ -143,7 +147,7 @@ class RunRequests:
                 gets=gets,
                 columns=tuple(tuple(outputs.index(name) for name in g.names) for g in gets),
                 outputs=outputs,
-                input=self._input(input_name) if input_name else None,
+                input=self._inputs(inputs) if inputs else None,
                 moved=self._moved(moved) if moved else None,
             )
         )
@@ -156,14 +160,21 @@ class RunRequests:
         self._defaults[variable.name] = variable.start
         return True
 
-    def _input(self, name: str) -> Group:
-        variable = self._description.variable(name)
-        if variable.causality != "input" or variable.kind != "Real":
+    def _inputs(self, names: Sequence[str]) -> Group:
+        variables = [self._description.variable(name) for name in names]
+        for variable in variables:
+            if variable.causality != "input" or variable.kind != "Real":
+                raise BadInput(
+                    f"{self._description.path}: {variable.name!r} is a {variable.kind} "
+                    f"{variable.causality}, wanted a Real input for the drive"
+                )
+        groups = self._grouped(variables)
+        if len(groups) > 1:
             raise BadInput(
-                f"{self._description.path}: {name!r} is a {variable.kind} {variable.causality}, "
-                "wanted a Real input for the drive"
+                f"{self._description.path}: inputs {', '.join(names)} are of the types "
+                f"{', '.join(g.fmi_type for g in groups)}; wanted one type"
             )
-        return Group(variable.fmi_type, (name,), (variable.value_reference,))
+        return groups[0]
 
     def _moved(self, name: str) -> Group:
         variable = self._description.variable(name)

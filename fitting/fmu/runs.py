@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 Tone = tuple[float, float, float]  # frequency in Hz, amplitude, phase in rad
@@ -46,6 +48,50 @@ class InputSignal:
                     f"{self.step_s!r} s has {1 / (frequency_hz * self.step_s):.3g} steps in a "
                     "period, wanted at least 4"
                 )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The input that it drives."""
+        return (self.name,)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldSignal:
+    """Values of FMU inputs ``names`` over communication steps of ``step_s``.
+
+    ``held`` (steps, inputs) is held over each step; ``seen`` (samples, inputs) is set before a
+    sample is read, for outputs that see the input at once. Without names it is the steps alone.
+    Two of equal values are equal.
+
+    Raises BadInput for a step that is not positive and values that are not finite.
+    """
+
+    names: tuple[str, ...]
+    step_s: float
+    held: FloatArray
+    seen: FloatArray
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.step_s) and self.step_s > 0):
+            raise BadInput(f"inputs: step_s is {self.step_s!r}, wanted a positive time")
+        for values in (self.held, self.seen):
+            if values.shape[1:] != (len(self.names),):
+                raise BadInput(f"inputs: values {values.shape}, wanted {len(self.names)} columns")
+            if not all(map(math.isfinite, (float(values.sum()), float(abs(values).sum())))):
+                raise BadInput("inputs: values that are not finite numbers")
+
+    @cached_property
+    def key(self) -> tuple[tuple[str, ...], float, bytes]:
+        """What makes it equal to another one."""
+        digest = hashlib.sha256(self.held.tobytes())
+        digest.update(self.seen.tobytes())
+        return self.names, self.step_s, digest.digest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, HeldSignal) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +139,7 @@ class Run:
     samples: int
     outputs: tuple[str, ...]
     start_time_s: float = 0.0
-    input_signal: InputSignal | None = None
+    input_signal: InputSignal | HeldSignal | None = None
     allow_nan: bool = False
     moved: str = ""
     segments: tuple[Segment, ...] = ()
@@ -120,6 +166,17 @@ class Run:
             raise BadInput(f"outputs is {self.outputs!r}, wanted different names, one at least")
         if self.input_signal is not None:
             self._require_whole_steps(self.input_signal.step_s)
+        if isinstance(self.input_signal, HeldSignal):
+            self._require_values(self.input_signal)
+
+    def _require_values(self, signal: HeldSignal) -> None:
+        each = round(self.sample_step_s / signal.step_s) if self.samples > 1 else 0
+        steps = round(self.settle_s / signal.step_s) + each * (self.samples - 1)
+        if len(signal.held) != steps or len(signal.seen) != self.samples:
+            raise BadInput(
+                f"inputs: {len(signal.held)} values for {steps} steps, {len(signal.seen)} for "
+                f"{self.samples} samples"
+            )
 
     def _require_whole_steps(self, step_s: float) -> None:
         times = {"settle_s": self.settle_s}

@@ -107,7 +107,7 @@ def adequacy_sentences(
     Args:
         adequacy: of the rows of known noise.
         optimum: the most likely point and its likelihood.
-        widening: by how much the noise of a sweep was taken wider.
+        widening: by how much the noise of curves was taken wider.
     """
     inflation = optimum.likelihood.inflation
     said = f"χ² = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
@@ -115,8 +115,14 @@ def adequacy_sentences(
         return (misfit_sentence(adequacy),)
     if widening > 1.0:
         return (
+<<<<<<< HEAD
             f"The residuals of the sweep hang together: errors are {widening:.3g} times as wide, "
             "so that its points weigh as the independent ones they are worth.",
+=======
+            "The residuals of the curve hang together: its noise is taken "
+            f"{widening:.3g} times as wide, so that its points weigh as the independent ones "
+            "they are worth.",
+>>>>>>> e9d8e30 (Fit traces and ringdowns: time series of any output under a recorded or declared input)
         )
     if inflation > 1.0:
         return (f"{said}: all errors are {inflation:.3g} times as wide.",)

@@ -248,7 +248,7 @@ def _structure(solution: Solution) -> list[str]:
     count = solution.final.residuals[solution.objective.data.curve_rows].size
     if told is not None and told.widening > 1.5:
         said.append(
-            "The residuals of the fitted sweep are not noise, they hang together "
+            "The residuals of the fitted curve are not noise, they hang together "
             f"({probability(told.p_value)} for white noise): its "
             f"{count} points are worth {told.points:.2g} "
             f"independent ones, and errors are {told.widening:.3g} times as wide for it."

@@ -43,8 +43,8 @@ class Plan:
             )
         self.path, self._sweep = path, file.sweep
         self._table: Table = read_table(experiments.file)
-        self._frequencies = file.drive.frequencies
-        self._amplitudes = file.drive.amplitudes or ()
+        self._frequencies = file.driven.frequencies
+        self._amplitudes = file.driven.amplitudes or ()
         self._filled = experiments.data_columns
         self._refuse_unknown()
         self.rows = self._rows(design.averaged)

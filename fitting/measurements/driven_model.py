@@ -39,12 +39,16 @@ def _in_unit(tone_hz: float, unit: str) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class DrivenModel:
-    """How parameter vectors become runs of the FMU, for one series and one discrete alternative."""
+    """How parameter vectors become runs of the FMU, for one series and one discrete alternative.
+
+    `own_step_s` is the step that the FMU was made for, None where it tells none.
+    """
 
     setup: Setup
     parameters: tuple[Parameter, ...]
     plan: Plan
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
+    own_step_s: float | None = None
 
     @cached_property
     def _acting(self) -> dict[str | None, list[int]]:

@@ -44,11 +44,11 @@ def kinds_in(modules: Sequence[ModuleType]) -> tuple[type[MeasurementTable], ...
 
 
 def _modules() -> list[ModuleType]:
-    """All files of this folder but those that need this one."""
+    """All files of this folder, and of those in it, but those that need this one."""
     folder = fitting.measurements
-    names = (m.name for m in pkgutil.iter_modules(folder.__path__))
-    own = ("kinds", "schema")
-    return [importlib.import_module(f"{folder.__name__}.{n}") for n in names if n not in own]
+    names = (m.name for m in pkgutil.walk_packages(folder.__path__, f"{folder.__name__}."))
+    own = tuple(f"{folder.__name__}.{name}" for name in ("kinds", "schema"))
+    return [importlib.import_module(name) for name in names if name not in own]
 
 
 #: Kinds beside experiments and sweep.

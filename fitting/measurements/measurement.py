@@ -107,6 +107,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def settles(self) -> bool:
+        """Whether the FMU has settled when it is compared."""
+        ...
+
+    @property
     def is_curve(self) -> bool:
         """Whether its rows are points of one curve, whose residuals may hang together."""
         ...
@@ -320,6 +325,11 @@ class MeasurementKind:
     def measured_rows(self) -> FloatArray:
         """No row is multiplied by the scale."""
         return np.zeros(self.rows)
+
+    @property
+    def settles(self) -> bool:
+        """The FMU has settled when it is compared."""
+        return True
 
     @property
     def is_curve(self) -> bool:

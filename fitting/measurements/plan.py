@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.measurements.curve_plan import CurvePlan, Place, curve_decision
+from fitting.measurements.traces.step_plan import StepPlan, step_decision
 from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord, record_of
 from fitting.simulate.words import decision_in_words, sum_in_words
 from fitting.text.arrays import FloatArray, Scalar
@@ -20,7 +21,8 @@ class Plan:
     was decided; `remarks` are sentences beside them. A sweep whose maximum sets the scale is
     simulated at `nodes_hz`: `maximum_bias` is what the maximum may be off by, `maximum_bend` (1/Hz)
     the third derivative of 1/A^2 over its second, which bounds that from three points (None: not
-    known). `curves` tell how responses over frequency are simulated.
+    known). `curves` tell how responses over frequency are simulated, `steps` by which communication
+    steps traces are.
     """
 
     settle_s: float
@@ -33,6 +35,7 @@ class Plan:
     maximum_bias: float | None = None
     maximum_bend: float | None = None
     curves: tuple[CurvePlan, ...] = ()
+    steps: tuple[StepPlan, ...] = ()
 
     def curve(self, place: Place, frequency_hz: FloatArray) -> CurvePlan | None:
         """What was planned for a response at these frequencies; None: nothing was.
@@ -56,6 +59,27 @@ class Plan:
         others = tuple(d for d in self.budget.decisions if d.kind != Kind.CURVE)
         budget = Budget(self.budget.wanted, (*others, curve_decision(curves)))
         return replace(self, curves=curves, budget=budget)
+
+    def steps_of(self, label: str) -> int:
+        """Communication steps between two samples of a trace.
+
+        Args:
+            label: of the trace.
+        """
+        return next((plan.per_sample for plan in self.steps if plan.label == label), 1)
+
+    def with_steps(self, found: StepPlan) -> Plan:
+        """The plan with the steps of a further trace; one decision tells of all of them.
+
+        Args:
+            found: for the trace.
+        """
+        steps = (*self.steps, found)
+        if self.budget is None:
+            return replace(self, steps=steps)
+        others = tuple(d for d in self.budget.decisions if d.kind != Kind.STEP)
+        budget = Budget(self.budget.wanted, (*others, step_decision(steps)))
+        return replace(self, steps=steps, budget=budget)
 
     @property
     def decisions(self) -> tuple[Decision, ...]:

@@ -36,7 +36,8 @@ LESS_DAMPING = 2.0
 class Series:
     """Measurements that are planned together, and the parameters that they are fitted with.
 
-    `alternative` are start values of one discrete alternative; `seed` that of points of the box.
+    `alternative` are start values of one discrete alternative; `seed` that of points of the box;
+    `own_step_s` the step that the FMU was made for, None where it tells none.
     """
 
     measurements: tuple[Measurement, ...]
@@ -44,6 +45,7 @@ class Series:
     _: KW_ONLY
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
     seed: int = 1
+    own_step_s: float | None = None
 
     @property
     def setup(self) -> Setup:
@@ -69,6 +71,13 @@ def plan_series(series: Series) -> Plan:
         BadInput: no way to know how long the FMU takes to settle, or tones that cannot be told
             apart.
     """
+    if not any(m.settles for m in series.measurements):
+        return _planned(series, Plan(0.0, budget=Budget(series.setup.accuracy)))
+    if series.setup.drive.kind == "none":
+        raise BadInput(
+            f"{series.setup.source}: [drive] names neither frequencies nor an input; wanted what "
+            "drives the FMU"
+        )
     settle_s, decision = _settling(series)
     return _planned(series, Plan(settle_s, budget=Budget(series.setup.accuracy, (decision,))))
 
@@ -123,11 +132,15 @@ def measured_plan(
     """
     draft, setup = plan_series(series), series.setup
     model = DrivenModel(
-        setup=setup, parameters=series.parameters, plan=draft, alternative=series.alternative
+        setup=setup,
+        parameters=series.parameters,
+        plan=draft,
+        alternative=series.alternative,
+        own_step_s=series.own_step_s,
     )
     drives = _drives(series, model, workers)
     if not drives:
-        return draft
+        return _refined(series, model, workers)
     annotation = _applicable(series, setup.annotation.over(own or AccuracyAnnotation()))
     found = plan_drives(
         drives,
@@ -143,8 +156,13 @@ def measured_plan(
         order=found.order,
         settings=found.settings,
     )
-    plan = _planned(series, measured)
+    return _refined(series, replace(model, plan=_planned(series, measured)), workers)
+
+
+def _refined(series: Series, model: DrivenModel, workers: Workers) -> Plan:
+    """The model's plan with what its measurements find with the FMU at start and reference."""
     points = [starts(series.parameters), _reference(series.parameters)]
+    plan = model.plan
     for measurement in series.measurements:
         plan = measurement.refined(replace(model, plan=plan), points, workers)
     return plan

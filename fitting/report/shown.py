@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.campaign import BoundCampaign, Drive, Experiment, SweepData
+from fitting.campaign import BoundCampaign, Drive, Experiment, Setup, SweepData
 from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
 from fitting.measurements.figure import Figure
@@ -172,9 +172,7 @@ def _settings(bound: BoundCampaign) -> dict[str, str]:
         "drive": _drive_words(bound.setup.drive),
         "experiments": str(len(bound.experiments)),
         "start values of the FMU": settings_words(bound.setup.start_values) or "its own",
-        "settling": "declared to start on its periodic orbit"
-        if bound.setup.steady_start
-        else "settles before it is sampled",
+        "settling": _settling_words(bound.setup),
         "wanted accuracy of amplitudes": number(bound.setup.accuracy),
     }
     for name, (before, after) in bound.drift.ends.items():
@@ -186,6 +184,14 @@ def _settings(bound: BoundCampaign) -> dict[str, str]:
     return settings
 
 
+def _settling_words(setup: Setup) -> str:
+    if setup.drive.kind == "none":
+        return "none: runs begin with what was recorded"
+    if setup.steady_start:
+        return "declared to start on its periodic orbit"
+    return "settles before it is sampled"
+
+
 def _drive_words(drive: Drive) -> str:
     how = {
         "tones": f"tones set by the FMU's {listed(drive.frequency_names)}, level "
@@ -193,7 +199,7 @@ def _drive_words(drive: Drive) -> str:
         "input": f"signal on the FMU's input {drive.input}, level {number(drive.amplitude)}, held "
         f"{drive.samples_per_period} times per period",
     }
-    return how.get(drive.kind, drive.kind)
+    return how.get(drive.kind, "no tones")
 
 
 def _sweep_words(sweep: SweepData) -> str:

@@ -11,9 +11,12 @@ from typing import Protocol
 
 import numpy as np
 
-from fitting.fmu import InputSignal, Run
+from fitting.fmu import HeldSignal, InputSignal, Run
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
+
+#: What the tool applies to inputs during a run.
+Signal = InputSignal | HeldSignal | None
 
 
 class Workers(Protocol):
@@ -46,7 +49,7 @@ class Batch:
 
     def __init__(self) -> None:
         self._index: dict[tuple[object, ...], int] = {}
-        self._runs: list[tuple[dict[str, Scalar], Window, InputSignal | None, list[str]]] = []
+        self._runs: list[tuple[dict[str, Scalar], Window, Signal, list[str]]] = []
         self.owners: list[int] = []
         self._answers: list[FloatArray] = []
         self._phasors: dict[tuple[int, str, tuple[float, ...]], ComplexArray] = {}
@@ -55,7 +58,7 @@ class Batch:
         self,
         values: Mapping[str, Scalar],
         window: Window,
-        signal: InputSignal | None,
+        signal: Signal,
         output: str,
         owner: int = 0,
     ) -> int:

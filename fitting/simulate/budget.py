@@ -28,6 +28,7 @@ class Kind(StrEnum):
     ROUNDING = "rounding"
     MAXIMUM = "maximum"
     CURVE = "curve"
+    STEP = "step"
 
 
 class Basis(StrEnum):
@@ -52,6 +53,7 @@ class Basis(StrEnum):
     POLYNOMIAL = "polynomial"  # maximum: the remainder of an interpolation
     RATIONAL = "rational"  # curve: a rational function, checked in every evaluation
     NONLINEAR = "nonlinear"  # curve: half the drive does not give half the response
+    HALVED = "halved"  # step: the change that half of it makes
     IRREGULAR = "irregular"  # curve: no rational function of low degree
 
 

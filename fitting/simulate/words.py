@@ -12,7 +12,11 @@ from fitting.simulate.response import Remainder, RemainderKind, Spectrum
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 
-SUBJECTS = {Kind.MAXIMUM: "maximum of the sweep", Kind.CURVE: "response curve"}
+SUBJECTS = {
+    Kind.MAXIMUM: "maximum of the sweep",
+    Kind.CURVE: "response curve",
+    Kind.STEP: "communication step",
+}
 
 
 def plan_in_words(budget: Budget, of: str = "themselves") -> tuple[str, ...]:
@@ -240,6 +244,15 @@ def _curve(decision: Decision) -> str:
     return f"a run for each of {n['points']} points{among}"
 
 
+def _step(decision: Decision) -> str:
+    shortest, longest = (float(decision.numbers[key]) for key in ("step_s", "longest_s"))
+    factor, unit = prefixed(shortest, "s")
+    count = int(decision.numbers["per_sample"])
+    if longest > shortest:
+        return f"{number(shortest / factor, 4)} {unit} and longer, up to {count} in a sample"
+    return f"{number(shortest / factor, 4)} {unit}, {count} in a sample"
+
+
 _CHOICES: Mapping[Kind, Callable[[Decision], str]] = {
     Kind.MODEL: _settings,
     Kind.SETTLING: _time,
@@ -251,6 +264,7 @@ _CHOICES: Mapping[Kind, Callable[[Decision], str]] = {
     Kind.SAMPLES: _samples,
     Kind.ROUNDING: lambda d: "double precision",
     Kind.CURVE: _curve,
+    Kind.STEP: _step,
     Kind.MAXIMUM: lambda d: (
         f"{d.numbers['points']} points {float(d.numbers['spacing_hz']):.4g} Hz apart"
     ),
@@ -329,6 +343,17 @@ def _rational(decision: Decision) -> str:
     )
 
 
+def _halved(decision: Decision) -> str:
+    own_s = float(decision.numbers["own_s"])
+    said = (
+        f"half of it changes a trace by {float(decision.numbers['change']):.1e} of its largest "
+        f"value, in {decision.numbers['runs']} runs"
+    )
+    if own_s:
+        said += f"; the FMU's own step of {own_s:.4g} s is longer than the sampling interval"
+    return said
+
+
 _REASONS: Mapping[Basis, Callable[[Decision], str]] = {
     Basis.STEADY: lambda d: (
         "the response is steady from the start: amplitudes do not change with time"
@@ -350,6 +375,7 @@ _REASONS: Mapping[Basis, Callable[[Decision], str]] = {
         "either"
     ),
     Basis.COMPARED: _compared,
+    Basis.HALVED: _halved,
     Basis.DOUBLE: lambda d: "samples of the weakest tone beside the strongest value",
     Basis.POLYNOMIAL: _maximum,
     Basis.RATIONAL: _rational,

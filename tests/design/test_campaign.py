@@ -152,8 +152,8 @@ def check(text: str, bound: BoundCampaign, tones: int) -> None:
     assert old.fmu.file is not None
     assert new.fmu.file.resolve() == old.fmu.file.resolve()
     assert plain(new.fmu.start) == plain(old.fmu.start)
-    assert new.drive.frequencies == ("u1", "u2")[:tones]
-    assert [line.text for line in new.drive.lines] == ["u1", "u2"][:tones]
+    assert new.driven.frequencies == ("u1", "u2")[:tones]
+    assert [line.text for line in new.driven.lines] == ["u1", "u2"][:tones]
     assert new.sweep is not None
     assert old.sweep is not None
     assert (new.sweep.use, new.sweep.file.name) == ("scale", "sweep.csv")

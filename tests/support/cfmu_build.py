@@ -49,6 +49,17 @@ def build_c_fmu(
     return path
 
 
+def build_lag_fmu(folder: Path) -> Path:
+    """The lag tau x' + x = gain u, y = x + through u as an FMU in ``folder``."""
+    library = folder / f"lag{fmpy.sharedLibraryExtension}"
+    compile_library(SOURCES / "lag2.c", library)
+    path = folder / "lag.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(SOURCES / "lag2.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    return path
+
+
 def compile_library(source: Path, library: Path, options: Sequence[str] = ()) -> None:
     """Shared library of one C file, with the compiler that ``cc`` is here."""
     compiler = shutil.which("cc") or sysconfig.get_config_var("CC").split()[0]

@@ -111,7 +111,7 @@ def _difference_after_reset(
 
 
 def _differing(a: RunRequest, b: RunRequest) -> set[Place]:
-    if a.values == b.values and a.tones == b.tones and a.segments == b.segments:
+    if (a.values, a.tones, a.segments, a.held) == (b.values, b.tones, b.segments, b.held):
         return set()
     places: set[Place] = {
         (group, position)
@@ -124,6 +124,8 @@ def _differing(a: RunRequest, b: RunRequest) -> set[Place]:
         places.add("tones")
     if a.segments != b.segments:
         places.add("segments")
+    if a.held != b.held:
+        places.add("held")
     return places
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from fitting.text.arrays import FloatArray
 Reader = Callable[[int], None]
 
 DOUBLE = 8  # bytes
+BLOCK = 4096  # rows of inputs at a time
 
 
 class Binding(NamedTuple):
@@ -62,7 +63,9 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
         fmu.set(access, values)
     read = _reader(fmu, binding, result)
     fmu.enter_initialisation(request.start_time_s)
-    if binding.input is None:
+    if request.held is not None:
+        _stride_in_steps(fmu, binding.input, request, read)
+    elif binding.input is None:
         fmu.leave_initialisation()
         now = _stride(fmu, request, read)
         if binding.moved is not None:
@@ -138,6 +141,45 @@ def _stride_with_input(
         now = then
         if k >= lead and (k - lead) % each == 0:
             read((k - lead) // each)
+
+
+def _stride_in_steps(
+    fmu: FmuInstance, inputs: VariableAccess | None, request: RunRequest, read: Reader
+) -> None:
+    """Steps of one length, with values of the inputs over each and at each sample."""
+    assert request.held is not None  # noqa: S101  # the caller asked
+    start, step = request.start_time_s, request.step_s
+    lead, each = _whole_steps(request)
+    held, seen = _rows(request.held.held), _rows(request.held.seen)
+
+    def put(rows: Iterator[tuple[float, ...]]) -> None:
+        values = next(rows)
+        if inputs is not None:
+            fmu.set(inputs, values)
+
+    if lead == 0:
+        put(seen)
+        fmu.leave_initialisation()
+        read(0)
+    else:
+        if inputs is not None:
+            fmu.set(inputs, tuple(request.held.held[0].tolist()))
+        fmu.leave_initialisation()
+    now = start
+    for k in range(1, steps_of(request) + 1):
+        put(held)
+        then = start + k * step
+        fmu.step(now, then - now)
+        now = then
+        if k >= lead and (k - lead) % each == 0:
+            put(seen)
+            read((k - lead) // each)
+
+
+def _rows(table: FloatArray) -> Iterator[tuple[float, ...]]:
+    """Rows of numbers of Python, a block at a time: all of them would take ten times the memory."""
+    for begin in range(0, len(table), BLOCK):
+        yield from map(tuple, table[begin : begin + BLOCK].tolist())
 
 
 def _whole_steps(request: RunRequest) -> tuple[int, int]:

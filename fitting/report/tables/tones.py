@@ -74,7 +74,7 @@ def mean_deviation_table(result: Result, data: ShownCampaign) -> Table:
         data: what is shown of the campaign.
     """
     first, last = result.deviations.initial, result.deviations.final
-    labels = data.labels or ("sweep",)
+    labels = data.labels or ("curve",)
     means = [*zip(labels, first.per_experiment, last.per_experiment, strict=False)]
     if len(means) > 1:
         means.append(("all", first.mean, last.mean))

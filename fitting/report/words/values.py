@@ -104,7 +104,7 @@ def deviation_sentence(result: Result) -> str:
         result: of a reconstruction.
     """
     first, last = result.deviations.initial.mean, result.deviations.final.mean
-    what = f"{len(result.peaks)} peaks" if result.peaks else "the sweep"
+    what = f"{len(result.peaks)} peaks" if result.peaks else "the curve"
     share = f" ({number(100.0 * last / first, 3)} % of it)" if first > 0.0 else ""
     return (
         f"The mean relative deviation between simulation and laboratory over {what} is "

@@ -1,0 +1,1 @@
+"""Traces: time series of an FMU's output, with the input that was recorded or declared, or none."""

@@ -1,0 +1,231 @@
+"""Trace record: a time series as measured, its input, and the samples and steps that suit it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.fmu import HeldSignal
+from fitting.measurements.traces.grid import refuse_clipped, spacing_s
+from fitting.measurements.traces.waveform import LINEAR, Recorded, Waveform
+from fitting.signal.window import Window
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput
+
+ONE, FIT = GAINS = ("one", "fit")
+REST, UNKNOWN = STARTS = ("rest", "unknown")
+#: Shifts of the response to a pulse, for each state that is to be spanned.
+SHIFTS = 4
+#: Singular values below this share of the largest are rounding.
+ROUNDING = 1e-12
+#: Crossings of its mean that a trace of unknown start needs, for a period.
+CROSSINGS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class TraceRecord:
+    """A time series of one output of the FMU, and what is known of how it came about.
+
+    Args:
+        time_s: Times of the samples, shape (n,), s, evenly spaced.
+        values: Of the output, shape (n,), in ``unit``.
+        input: The FMU's input that is driven; empty: none is.
+        driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
+            ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
+        interpolation: Recorded inputs are "held" until the next value or joined ("linear").
+        output: The FMU's output that is seen; empty: the setup's.
+        gain: "one": the output as it is; "fit": times a gain that is solved for.
+        offset: Whether an offset is solved for.
+        sigma: Standard deviation of the values, in ``unit``; 0: the residuals tell it.
+        lead_s: Time before the first sample at which the FMU starts, s.
+        start: "rest": the FMU begins with its start values; "unknown": with a state that is solved
+            for, by the free responses of a linear FMU.
+        states: Number of states that decay, two for each mode.
+        settings: Start values of the FMU during the trace by variable, in the FMU's units.
+        label: Name of the trace, for values of its own; wanted where there are several.
+        unit: Of the values.
+        source: What complaints name it by.
+
+    Raises:
+        BadInput: shapes that differ, times that do not rise or are not even, values that are not
+            finite or are clipped, an unknown start without an input or without a whole period.
+    """
+
+    time_s: npt.ArrayLike
+    values: npt.ArrayLike
+    _: KW_ONLY
+    input: str = ""
+    driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform | None = None
+    interpolation: str = LINEAR
+    output: str = ""
+    gain: str = ONE
+    offset: bool = False
+    sigma: float = 0.0
+    lead_s: float = 0.0
+    start: str = REST
+    states: int = 2
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str = ""
+    unit: str = "V"
+    source: str = "trace"
+    t: FloatArray = field(init=False)
+    y: FloatArray = field(init=False)
+    spacing_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        t, y = (np.asarray(v, dtype=float) for v in (self.time_s, self.values))
+        if t.shape != y.shape:
+            raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
+        if not (np.isfinite(t).all() and np.isfinite(y).all()):
+            raise BadInput(f"{self.source}: wanted finite numbers")
+        object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "y", y)
+        refuse_clipped(y, self.source)
+        self._check_words()
+        if self.driven is not None and not self.input:
+            raise BadInput(f"{self.source}: is driven, but by no input; wanted the FMU's input")
+        if self.start == UNKNOWN:
+            self._check_unknown_start()
+        elif self.driven is None and self.input:
+            raise BadInput(
+                f"{self.source}: nothing drives the input '{self.input}'; wanted what does, or "
+                'start = "unknown"'
+            )
+        if not (self.sigma >= 0.0 and self.lead_s >= 0.0):
+            raise BadInput(f"{self.source}: sigma and lead_s are wanted as zero or more")
+
+    def _check_words(self) -> None:
+        for name, known in (("gain", GAINS), ("start", STARTS)):
+            if getattr(self, name) not in known:
+                raise BadInput(
+                    f"{self.source}: {name} is {getattr(self, name)!r}, wanted "
+                    f"{' or '.join(repr(word) for word in known)}"
+                )
+
+    def _check_unknown_start(self) -> None:
+        if not self.input:
+            raise BadInput(
+                f'{self.source}: start = "unknown" takes the response to a pulse: wanted the '
+                "input of the FMU that excites it"
+            )
+        if self.states < 1 or self.states > self.y.size // 4:
+            raise BadInput(
+                f"{self.source}: {self.states} states for {self.y.size} samples; wanted four "
+                "samples at least for each of one state or more"
+            )
+        crossings = np.count_nonzero(np.diff(np.sign(self.y - np.mean(self.y))))
+        if self.states > 1 and crossings < CROSSINGS:
+            raise BadInput(
+                f"{self.source}: crosses its mean {crossings} times, which is less than a period; "
+                "wanted a longer trace"
+            )
+
+    @cached_property
+    def waveform(self) -> Waveform | None:
+        """What drives the input; times on the clock of the trace."""
+        if isinstance(self.driven, tuple):
+            time_s, values = (np.asarray(v, dtype=float) for v in self.driven)
+            return Recorded(time_s, values, self.interpolation)
+        return self.driven
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest distance from the mean, in ``unit``."""
+        return float(np.max(np.abs(self.y - np.mean(self.y)))) or 1.0
+
+    @property
+    def solved_inside(self) -> int:
+        """Number of unknowns that are solved for."""
+        free = self.states if self.start == UNKNOWN else 0
+        return free + (self.is_driven and self.gain == FIT) + self.offset
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the FMU answers to more than its unknown start."""
+        return self.driven is not None or self.start == REST
+
+    def lead_steps(self) -> int:
+        """Spacings before the first sample."""
+        return round(self.lead_s / self.spacing_s)
+
+    def window(self, samples: int | None = None, lead: int | None = None) -> Window:
+        """Its samples: their times from the start of a run.
+
+        Args:
+            samples: how many; None: as many as were measured.
+            lead: spacings before them; None: as many as the trace wants.
+        """
+        spacings = self.lead_steps() if lead is None else lead
+        return Window(
+            tones_hz=(),
+            settle_s=spacings * self.spacing_s,
+            step_s=self.spacing_s,
+            samples=self.y.size if samples is None else samples,
+        )
+
+    @cached_property
+    def _signals(self) -> dict[int, HeldSignal]:
+        return {}
+
+    def signal(self, per_sample: int) -> HeldSignal:
+        """What is held over the communication steps of its run.
+
+        Args:
+            per_sample: steps between two samples.
+        """
+        if per_sample not in self._signals:
+            lead, count = self.lead_steps(), self.y.size
+            steps = (lead + count - 1) * per_sample
+            edges = self.t[0] + (np.arange(steps + 1) / per_sample - lead) * self.spacing_s
+            times = self.t[0] + np.arange(count) * self.spacing_s
+            held, seen = np.empty((steps, 0)), np.empty((count, 0))
+            if self.waveform is not None:
+                held, seen = self.waveform.means(edges)[:, None], self.waveform.at(times)[:, None]
+            names = () if self.waveform is None else (self.input,)
+            self._signals[per_sample] = HeldSignal(names, self.spacing_s / per_sample, held, seen)
+        return self._signals[per_sample]
+
+    @cached_property
+    def shifts(self) -> npt.NDArray[np.intp]:
+        """Samples by which the responses to a pulse are shifted against each other."""
+        count = SHIFTS * self.states
+        spread = np.geomspace(1.0, max(2.0, 0.5 * self.y.size), count - 1)
+        return np.unique(np.concatenate([[0], np.round(spread)])).astype(np.intp)
+
+    def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
+        """One spacing of the input at a level, then nothing.
+
+        Args:
+            per_sample: steps between two samples.
+            level: of the pulse, in the FMU's unit.
+        """
+        samples = self.pulse_window.samples
+        held = np.zeros((per_sample * samples, 1))
+        held[:per_sample] = level
+        return HeldSignal((self.input,), self.spacing_s / per_sample, held, np.zeros((samples, 1)))
+
+    @property
+    def pulse_window(self) -> Window:
+        """Samples of the response to a pulse, as long as the trace and its shifts."""
+        return self.window(self.y.size + int(self.shifts[-1]), lead=1)
+
+    def free_responses(self, decay: FloatArray) -> FloatArray:
+        """Orthonormal basis (n, states) of free responses; of fewer where the FMU has fewer.
+
+        Args:
+            decay: response to a pulse, as long as `pulse_window`.
+        """
+        n = self.y.size
+        moved = np.stack([decay[k : k + n] for k in self.shifts], axis=1)
+        sizes = np.linalg.norm(moved, axis=0)
+        left, singular, _ = np.linalg.svd(
+            moved / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
+        )
+        basis = np.array(left[:, : self.states])
+        basis[:, singular[: self.states] <= ROUNDING * singular[0]] = 0.0
+        return basis

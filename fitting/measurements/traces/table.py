@@ -1,0 +1,310 @@
+"""The table [[trace]] of a campaign, and the columns that its files hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, ClassVar, Self
+
+import numpy as np
+
+from fitting.campaign import Setup
+from fitting.campaign.binder import Binder
+from fitting.campaign.instruments import unit_of
+from fitting.campaign.kind import MeasurementTable
+from fitting.fmu.variables import READABLE, VariableLike
+from fitting.measurements.traces.grid import spacing_s
+from fitting.measurements.traces.record import GAINS, ONE, REST, STARTS, UNKNOWN, TraceRecord
+from fitting.measurements.traces.traces import Traces
+from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, gathered
+from fitting.text.keys import (
+    Count,
+    FileName,
+    Keys,
+    Missing,
+    OneOf,
+    Refused,
+    Switch,
+    Text,
+    Usually,
+    Value,
+)
+from fitting.text.tables import Table, read_table
+from fitting.text.units import convert
+from fitting.text.written import Written, in_unit
+
+STEP, PULSE, CHIRP = SIGNALS = ("step", "pulse", "chirp")
+#: States that decay after an unknown start, where nothing is written: one mode.
+ONE_MODE = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenTraceColumns(Keys):
+    """Names of a trace's columns where they are not the usual ones (empty)."""
+
+    time: Text = ""
+    """Column of times; without it "time"."""
+    input: Text = ""
+    """Column of the input; without it the name of the input, where there is such a column."""
+    output: Text = ""
+    """Column of the output; without it the name of the output."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenSignal(Keys):
+    """An input that is declared instead of recorded."""
+
+    kind: Annotated[Text, OneOf(SIGNALS)]
+    """As "step": a level from a time on; "pulse": for a while; "chirp": a sine through
+    frequencies."""
+    level: Value
+    """Height of the step or pulse, amplitude of the chirp."""
+    at: Value | None = None
+    """When it begins, on the clock of the trace; without it 0 s."""
+    length: Value | None = None
+    """(pulse, chirp) how long it lasts."""
+    start: Value | None = None
+    """(chirp) first frequency."""
+    stop: Value | None = None
+    """(chirp) last frequency."""
+
+    def __post_init__(self) -> None:
+        own = {STEP: (), PULSE: ("length",), CHIRP: ("length", "start", "stop")}[self.kind]
+        for key in ("length", "start", "stop"):
+            if key in own and getattr(self, key) is None:
+                raise Refused(f"key '{key}' is missing, wanted for a {self.kind}")
+            if key not in own and getattr(self, key) is not None:
+                raise Refused(f'has no meaning with kind = "{self.kind}"', key)
+
+    def waveform(self, unit: str | None) -> Waveform:
+        """The input in a unit.
+
+        Args:
+            unit: of the FMU's input; None: it has none.
+        """
+        level, at_s = in_unit(self.level, unit), _in(self.at, "s")
+        if self.kind == STEP:
+            return Pulse(level=level, at_s=at_s)
+        if self.kind == PULSE:
+            return Pulse(level=level, at_s=at_s, length_s=_in(self.length, "s"))
+        return Chirp(
+            start_hz=_in(self.start, "Hz"),
+            stop_hz=_in(self.stop, "Hz"),
+            length_s=_in(self.length, "s"),
+            level=level,
+            at_s=at_s,
+        )
+
+
+def _in(written: Written | None, unit: str) -> float:
+    return 0.0 if written is None else in_unit(written, unit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TraceTable(MeasurementTable):
+    """A time series of one output of the FMU, under a recorded or declared input, or none.
+
+    Several of these tables are fitted together.
+    """
+
+    TABLE: ClassVar[str] = "trace"
+    REPEATED: ClassVar[bool] = True
+    TRANSIENT: ClassVar[bool] = True
+
+    file: Annotated[FileName, Missing("wanted a table of times and values, each with its unit")]
+    """Columns time, output and, where it was recorded, input, each with its unit."""
+    columns: WrittenTraceColumns = field(default_factory=WrittenTraceColumns)
+    """Names of columns, where they are not the usual ones."""
+    output: Text | None = None
+    """The FMU output that is seen; without it that of [observe]."""
+    input: Text | None = None
+    """The FMU input that is driven; without it none is."""
+    signal: WrittenSignal | None = None
+    """A declared input, instead of a column of the file."""
+    interpolation: Annotated[Text | None, OneOf(INTERPOLATIONS), Usually(LINEAR)] = None
+    """Of a recorded input: "linear" between the samples, or "held" from each to the next."""
+    gain: Annotated[Text, OneOf(GAINS)] = ONE
+    """Of the read-out: "one", the output is recorded as it is; "fit": it is solved for."""
+    offset: Switch = False
+    """Whether an offset of the read-out is solved for."""
+    sigma: Value | None = None
+    """Standard deviation of the output's samples, as "1 mV"; without it the residuals tell it."""
+    lead: Value | None = None
+    """Time before the first sample at which the FMU starts, under the first value of the input."""
+    start: Annotated[Text, OneOf(STARTS)] = REST
+    """State at the start: "rest", the FMU's start values; "unknown": solved for, with a linear
+    FMU."""
+    states: Annotated[Count | None, Usually(ONE_MODE)] = None
+    """(unknown start) how many states decay, two for each mode."""
+    label: Text = ""
+    """Name of the trace, for values of its own; without it "1", "2" where there are several."""
+    set: dict[str, Value] = field(default_factory=dict)
+    """Start values of the FMU during the trace."""
+
+    def __post_init__(self) -> None:
+        if self.signal is not None and self.input is None:
+            raise Refused("wanted beside 'input', the FMU input that is driven", "signal")
+        if self.signal is not None and (self.columns.input or self.interpolation):
+            key = "columns" if self.columns.input else "interpolation"
+            raise Refused("has no meaning for the input beside 'signal'", key)
+        if self.states is not None and self.start != UNKNOWN:
+            raise Refused('has a meaning with start = "unknown" only', "states")
+        if self.start == UNKNOWN and self.input is None:
+            raise Refused(
+                "key 'input' is missing: an unknown start takes the response to a pulse at it"
+            )
+        if self.start == UNKNOWN and self.lead is not None:
+            raise Refused('has no meaning with start = "unknown"', "lead")
+
+    def read_columns(self, output: str) -> ReadTrace:
+        """The columns of the file, as they are written.
+
+        Args:
+            output: name of the output that is seen, where the table names none.
+
+        Raises:
+            BadInput: a column or unit that is missing, times that are not an even grid.
+        """
+        table, names = read_table(self.file), self.columns
+        time = self._column(table, names.time or "time", "time (s)", "s")
+        spacing_s(time.values, str(self.file), table.lines)
+        seen = names.output or self.output or output
+        driven = None
+        if self.input is not None and self.signal is None:
+            wanted = names.input or self.input
+            if names.input or self.start != UNKNOWN or table.find(wanted) is not None:
+                driven = self._column(table, wanted, f"{wanted} (V)")
+        return ReadTrace(self, time, self._column(table, seen, f"{seen} (V)"), driven)
+
+    def _column(self, table: Table, name: str, example: str, unit: str | None = None) -> ReadColumn:
+        column = table.column(name)
+        own = unit_of(table, column, example)
+        read = ReadColumn(table.numbers(column), own, f"{self.file}: column '{column.name}'")
+        return read if unit is None else read.into(unit)
+
+    @classmethod
+    def read_together(cls, tables: Sequence[Self]) -> ReadTraces:
+        """All traces; the names of outputs are known beside the campaign."""
+        return ReadTraces(tuple(tables))
+
+
+@dataclass(frozen=True, eq=False)
+class ReadColumn:
+    """Values (n,) of a column in its unit; ``where`` opens complaints about it."""
+
+    values: FloatArray
+    unit: str
+    where: str
+
+    def into(self, unit: str | None) -> ReadColumn:
+        """The column in another unit.
+
+        Args:
+            unit: wanted; None: SI base units.
+        """
+        if unit == self.unit:
+            return self
+        zero, one = (convert(x, self.unit, unit, where=self.where) for x in (0.0, 1.0))
+        if zero != 0.0:  # a temperature
+            return ReadColumn(zero + (one - zero) * self.values, unit or "", self.where)
+        return ReadColumn(one * self.values, unit or "", self.where)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadTrace:
+    """The columns of one table [[trace]]."""
+
+    table: TraceTable
+    time: ReadColumn
+    output: ReadColumn
+    driven: ReadColumn | None
+
+    def record(self, binder: Binder, setup: Setup, label: str) -> TraceRecord:
+        """The trace in the names and units of the FMU.
+
+        Args:
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+            label: of the trace.
+        """
+        table, where = self.table, f"{setup.source}: [[trace]]"
+        seen = binder.real(table.output or setup.output, f"{where} output", READABLE, "observed")
+        values = self.output
+        if table.gain == ONE:
+            if seen.unit is None:
+                binder.note_missing_unit(seen)
+            values = values.into(seen.unit)
+        sigma = 0.0
+        if table.sigma is not None:
+            sigma = in_unit(table.sigma, values.unit)
+            if not sigma > 0.0:
+                raise BadInput(f"{table.sigma.where}: found {sigma:g}, wanted more than zero")
+        driven = None
+        if table.input is not None:
+            driver = binder.real(table.input, f"{where} input", ("input",), "driven")
+            driven = self._driven(binder, driver)
+        return TraceRecord(
+            self.time.values,
+            values.values,
+            input=table.input or "",
+            driven=driven,
+            interpolation=table.interpolation or LINEAR,
+            output=table.output or "",
+            gain=table.gain,
+            offset=table.offset,
+            sigma=sigma,
+            lead_s=_in(table.lead, "s"),
+            start=table.start,
+            states=table.states or ONE_MODE,
+            settings={name: binder.setting(name, w) for name, w in table.set.items()},
+            label=label,
+            unit=values.unit or "1",
+            source=str(table.file),
+        )
+
+    def _driven(
+        self, binder: Binder, driver: VariableLike
+    ) -> tuple[FloatArray, FloatArray] | Waveform | None:
+        if self.table.signal is not None:
+            return self.table.signal.waveform(driver.unit)
+        if self.driven is None:
+            return None
+        if driver.unit is None:
+            binder.note_missing_unit(driver)
+        return np.array(self.time.values), self.driven.into(driver.unit).values
+
+
+@dataclass(frozen=True)
+class ReadTraces:
+    """All tables [[trace]]; their columns are read beside the campaign, which names the output."""
+
+    tables: tuple[TraceTable, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of all tables, each once."""
+        return tuple(dict.fromkeys(table.file for table in self.tables))
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of the traces."""
+        alone = len(self.tables) == 1
+        found = [x.label or ("" if alone else str(k)) for k, x in enumerate(self.tables, start=1)]
+        for k, label in enumerate(found):
+            if label in found[:k]:
+                raise BadInput(
+                    f"{self.tables[k].file}: is the second trace of the label '{label}'; wanted a "
+                    "label of its own for every [[trace]]"
+                )
+        return found
+
+    def bind(self, binder: Binder, setup: Setup) -> Traces:
+        """The traces in the names and units of the FMU."""
+        read = gathered(partial(table.read_columns, setup.output) for table in self.tables)
+        pairs = zip(read, self.labels, strict=True)
+        records = gathered(partial(one.record, binder, setup, label) for one, label in pairs)
+        return Traces(setup=setup, traces=tuple(records))

@@ -1,0 +1,370 @@
+"""Trace: a time series of one output of the FMU, under a recorded or declared input, or none.
+
+    S = g z + o + V c        r = (S - y)/max|y - mean y|        y measured, z simulated
+
+One row per sample. Gain g and offset o of the read-out, and with ``start = "unknown"`` what the
+state at the first sample adds, V c, enter linearly: they are solved inside. V (n, states) spans the
+free responses of a linear FMU. They are those to a short pulse at its input, begun at different
+times before the first sample: whatever state the input can bring about decays as a combination of
+these. A ringdown is a trace without an input whose start is unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property, partial
+from typing import Self
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from fitting.campaign import Setup
+from fitting.campaign.parameters import Parameter
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.figure import Figure
+from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Values
+from fitting.measurements.plan import Plan
+from fitting.measurements.tones import PLATEAU
+from fitting.measurements.traces.figure import trace_figure
+from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
+from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
+from fitting.simulate.batch import Batch, Workers
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+
+#: Residuals below this share of the largest value are no misfit.
+SMALLEST_MISFIT = 1e-3
+#: Change of a response to half a pulse, doubled, above which an FMU is not linear.
+NONLINEAR = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolvedTraces(Prediction):
+    """Traces as predicted: `designs` (n, k) of what was solved inside each, of its rows."""
+
+    designs: tuple[FloatArray, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Trace(TraceRecord):
+    """A time series of one output of the FMU, as a measurement: the record and its setup.
+
+    Further arguments are those of `TraceRecord`.
+
+    Args:
+        setup: What is observed, and the FMU's start values; a drive of its own is not used.
+        series: Measurements of one series share their setup.
+    """
+
+    _: KW_ONLY
+    setup: Setup
+    series: str = ""
+
+    @property
+    def rows(self) -> int:
+        """Number of residual rows: one for each sample."""
+        return int(self.y.size)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings."""
+        return ((self.label, self.settings),)
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """None: settings are variables of the FMU."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """None beside the FMU's."""
+        return ()
+
+    def within(self, setup: Setup, series: str) -> Traces:
+        """The measurement, as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        return Traces(setup=setup, traces=(self,)).within(setup, series)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traces(MeasurementKind):
+    """One or several traces that are fitted together, a row for each sample.
+
+    Raises:
+        BadInput: no trace, or two of one name.
+    """
+
+    setup: Setup
+    traces: tuple[TraceRecord, ...]
+    series: str = ""
+
+    def __post_init__(self) -> None:
+        labels = [trace.label for trace in self.traces]
+        if not labels or len(set(labels)) < len(labels):
+            raise BadInput(
+                f"traces: labels {', '.join(labels) or 'of no trace'}; wanted one trace at least, "
+                "each with a name of its own"
+            )
+
+    @property
+    def settles(self) -> bool:
+        """Its runs begin with the record."""
+        return False
+
+    @property
+    def is_curve(self) -> bool:
+        """Its values follow each other."""
+        return True
+
+    @property
+    def rows(self) -> int:
+        """One for each sample."""
+        return sum(trace.y.size for trace in self.traces)
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of every row, (rows,); zero where unknown."""
+        return np.concatenate([np.full(x.y.size, x.sigma / x.largest) for x in self.traces])
+
+    @property
+    def solved_inside(self) -> int:
+        """Gains, offsets and states of all traces."""
+        return sum(trace.solved_inside for trace in self.traces)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings of every trace."""
+        return tuple((trace.label, trace.settings) for trace in self.traces)
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with the communication step of every trace."""
+        plan = model.plan
+        for trace in self.traces:
+            steps, misfit_s = first_steps(trace.spacing_s, model.own_step_s)
+            first = StepPlan(
+                label=self._key(trace),
+                spacing_s=trace.spacing_s,
+                per_sample=steps,
+                bound=0.0,
+                own_s=misfit_s,
+            )
+            _Survey(self, trace, model, workers).refuse_nonlinear(points[0], steps)
+            kept = _Survey(self, trace, model, workers).that_run(points, steps)
+            left = plan.budget.left if plan.budget is not None else self.setup.accuracy
+            survey = _Survey(self, trace, replace(model, plan=plan), workers)
+            runs = partial(survey.simulated, kept)
+            found = planned_steps(first, runs, left, trace.y.size)
+            plan = plan.with_steps(found)
+        return plan
+
+    def _key(self, trace: TraceRecord) -> str:
+        return f"{self.series}/{trace.label}"
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Values of every trace, with the best gain, offset and start."""
+        asked = [
+            [self._ask(model, trace, p, batch, k) for trace in self.traces]
+            for k, p in enumerate(table)
+        ]
+        yield
+        return [
+            self._solved(
+                [
+                    self._read(trace, runs, batch)
+                    for trace, runs in zip(self.traces, each, strict=True)
+                ]
+            )
+            for each in asked
+        ]
+
+    def output(self, trace: TraceRecord) -> str:
+        """The FMU's output that a trace shows.
+
+        Args:
+            trace: one of them.
+        """
+        return trace.output or self.setup.output
+
+    def _ask(
+        self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
+    ) -> tuple[int | None, int | None]:
+        """Numbers of the run under the input, and of that after a pulse."""
+        values = model.values(p, trace.label or None, trace.settings)
+        steps = model.plan.steps_of(self._key(trace))
+        driven = decay = None
+        output = self.output(trace)
+        if trace.is_driven:
+            driven = batch.ask(values, trace.window(), trace.signal(steps), output, owner)
+        if trace.start == UNKNOWN:
+            decay = batch.ask(values, trace.pulse_window, trace.pulse(steps), output, owner)
+        return driven, decay
+
+    def _read(
+        self, trace: TraceRecord, runs: tuple[int | None, int | None], batch: Batch
+    ) -> tuple[FloatArray, FloatArray]:
+        """Values (n,) of a trace as the model has it, and what is solved for, (n, k)."""
+        driven, decay = runs
+        output, count = self.output(trace), trace.y.size
+        base, columns = np.zeros(count), []
+        if driven is not None:
+            seen = batch.samples(driven, output)
+            if trace.gain == FIT:
+                columns.append(seen)
+            else:
+                base = seen
+        if trace.offset:
+            columns.append(np.ones(count))
+        if decay is not None:
+            columns += list(trace.free_responses(batch.samples(decay, output)).T)
+        design = np.stack(columns, axis=1) if columns else np.empty((count, 0))
+        return base + _projected(design, trace.y - base), design
+
+    def _solved(self, each: Sequence[tuple[FloatArray, FloatArray]]) -> SolvedTraces:
+        designs = tuple(
+            design / trace.largest for (_, design), trace in zip(each, self.traces, strict=True)
+        )
+        return SolvedTraces(np.concatenate([values for values, _ in each]), designs=designs)
+
+    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
+        """(S - y)/max|y - mean y|, (rows,)."""
+        pairs = zip(self.traces, self._split(prediction.values), strict=True)
+        return np.concatenate([(values - trace.y) / trace.largest for trace, values in pairs])
+
+    def scaled(self, prediction: Prediction, chi: float) -> Values:
+        """S itself: the gain is in it."""
+        return prediction.values
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives of the rows by gains, offsets and states."""
+        if not isinstance(prediction, SolvedTraces):
+            raise TypeError(f"a trace is predicted by {prediction!r}")
+        return np.asarray(block_diag(*prediction.designs))
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Traces of whose variance less than half is explained are not described."""
+        y = np.concatenate([(x.y - np.mean(x.y)) / x.largest for x in self.traces])
+        spread, left = float(y @ y), float(residuals @ residuals)
+        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+            return "the simulated trace does not follow the measured one"
+        return ""
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """Every trace with the model, what the fit leaves, and how that hangs together."""
+        trios = zip(self.traces, self._split(before), self._split(after), strict=True)
+        return tuple(trace_figure(x, b, a, self.series) for x, b, a in trios)
+
+    def _split(self, values: Values) -> list[FloatArray]:
+        ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
+        return list(np.split(np.asarray(values.real, dtype=float), ends))
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same as part of a series, whose name its labels carry."""
+        traces = self.traces
+        if series and series != self.series:
+            traces = tuple(
+                replace(x, label=f"{series}/{x.label}") if x.label else x for x in traces
+            )
+        return replace(self, setup=setup, series=series, traces=traces)
+
+
+def _projected(design: FloatArray, values: FloatArray) -> FloatArray:
+    """What columns (n, k) of any size make of values (n,) by least squares."""
+    if design.shape[1] == 0:
+        return np.zeros(values.size)
+    sizes = np.linalg.norm(design, axis=0)
+    scaled = design / np.where(sizes > 0.0, sizes, 1.0)
+    return np.asarray(scaled @ np.linalg.lstsq(scaled, values, rcond=None)[0])
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """Runs of one trace by which its communication step is planned."""
+
+    traces: Traces
+    trace: TraceRecord
+    model: DrivenModel
+    workers: Workers
+
+    def simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
+        """Outputs of its runs at all points.
+
+        Args:
+            points: parameter vectors (n,).
+            per_sample: steps between two samples.
+        """
+        trial = StepPlan(
+            label=self.traces._key(self.trace),
+            spacing_s=self.trace.spacing_s,
+            per_sample=per_sample,
+            bound=0.0,
+        )
+        model = replace(self.model, plan=replace(self.model.plan, steps=(trial,)))
+        batch, output = Batch(), self.traces.output(self.trace)
+        asked = [
+            run
+            for k, p in enumerate(points)
+            for run in self.traces._ask(model, self.trace, p, batch, k)
+            if run is not None
+        ]
+        batch.simulate(self.workers)
+        return [batch.samples(run, output) for run in asked]
+
+    def that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
+        """The points that the FMU takes, the first in any case: it may refuse a part of the box.
+
+        Args:
+            points: parameter vectors (n,).
+            per_sample: steps between two samples.
+        """
+        kept = [points[0]]
+        for p in points[1:]:
+            try:
+                self.simulated([p], per_sample)
+            except NoAnswer:
+                raise
+            except FmuFailure:
+                continue
+            kept.append(p)
+        return kept
+
+    def refuse_nonlinear(self, p: FloatArray, per_sample: int) -> None:
+        """Complain of an unknown start where half a pulse does not give half the response.
+
+        Args:
+            p: parameters (n,).
+            per_sample: steps between two samples.
+
+        Raises:
+            BadInput: the FMU is not linear, or does not answer to a pulse.
+        """
+        trace = self.trace
+        if trace.start != UNKNOWN:
+            return
+        values = self.model.values(p, trace.label or None, trace.settings)
+        output, batch = self.traces.output(trace), Batch()
+        runs = [
+            batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)
+            for level in (1.0, 0.5)
+        ]
+        batch.simulate(self.workers)
+        whole, half = (batch.samples(run, output) for run in runs)
+        largest = float(np.max(np.abs(whole)))
+        if largest == 0.0:
+            raise BadInput(
+                f"{trace.source}: '{output}' does not answer to a pulse at the input "
+                f"'{trace.input}'; wanted an input that excites it"
+            )
+        off = float(np.max(np.abs(2.0 * half - whole))) / largest
+        if off > NONLINEAR:
+            raise BadInput(
+                f'{trace.source}: start = "unknown" wants a linear FMU: half a pulse at '
+                f"'{trace.input}' gives {off:.1e} more or less than half the response; wanted "
+                "start values among the parameters"
+            )
