@@ -61,7 +61,7 @@ def test_every_key_says_what_it_means(schema: dict[str, Any]) -> None:
     assert found["sweep.layout"]["enum"][:2] == ["csv", "afm"]
     assert found["sweep.layout"].get("default") is None  # the file's content tells
     assert found["continuation.beta"]["default"] == 0.1
-    assert set(schema["required"]) == {"title", "fmu", "observe", "drive", "parameters"}
+    assert set(schema["required"]) == {"title", "fmu", "observe", "parameters"}
 
 
 @pytest.mark.parametrize(
