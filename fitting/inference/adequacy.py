@@ -115,14 +115,8 @@ def adequacy_sentences(
         return (misfit_sentence(adequacy),)
     if widening > 1.0:
         return (
-<<<<<<< HEAD
-            f"The residuals of the sweep hang together: errors are {widening:.3g} times as wide, "
+            f"The residuals of the curve hang together: errors are {widening:.3g} times as wide, "
             "so that its points weigh as the independent ones they are worth.",
-=======
-            "The residuals of the curve hang together: its noise is taken "
-            f"{widening:.3g} times as wide, so that its points weigh as the independent ones "
-            "they are worth.",
->>>>>>> e9d8e30 (Fit traces and ringdowns: time series of any output under a recorded or declared input)
         )
     if inflation > 1.0:
         return (f"{said}: all errors are {inflation:.3g} times as wide.",)
