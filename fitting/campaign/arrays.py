@@ -301,6 +301,11 @@ def _number(value: object, unit: str | None, where: str) -> Written:
 def _check_setup(kind: str, setup: object) -> None:
     if not isinstance(setup, Setup):
         raise BadInput(f"{kind}: setup is a {type(setup).__name__}, wanted a Setup")
+    if setup.drive.kind == "none":
+        raise BadInput(
+            f"{kind}: its drive has neither frequency_names nor an input; wanted what drives the "
+            "FMU"
+        )
 
 
 def _table(values: npt.ArrayLike, name: str, rows: int | None, kind: type = float) -> Any:

@@ -142,7 +142,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ff.report(1, "out"), "report: found a int, wanted a Fit or an Inference"),  # type: ignore[arg-type]
     (lambda: ff.Sweep(SETUP, F_HZ, ["a"] * 21), "sweep: amplitude_v is not an array of numbers"),
     (lambda: ff.Drive(frequency_names=("u1",)), "0 amplitude_names, wanted 1"),
-    (lambda: ff.Drive(), "wanted what drives the FMU"),
+    (lambda: ff.Sweep(ff.Setup(ff.Drive(), "q1"), F_HZ, F_HZ), "wanted what drives the FMU"),
     (lambda: ff.Drive(frequency_names="u1", amplitude_names=("A1",)), "a sequence of names"),  # type: ignore[arg-type]
     (lambda: ff.Tones(SETUP, [[1e6]], [[1e-5]]), "drive_hz has the shape (1, 1)"),
     (lambda: ff.Tones(SETUP, [[1e6, 2e6]], [[1e-5, -1e-5]]), "wanted positive amplitudes"),

@@ -48,13 +48,33 @@ class SolvedTraces(Prediction):
 
 @dataclass(frozen=True, eq=False)
 class Trace(TraceRecord):
-    """A time series of one output of the FMU, as a measurement: the record and its setup.
-
-    Further arguments are those of `TraceRecord`.
+    """A time series of one output of the FMU, under a recorded or declared input, or none.
 
     Args:
-        setup: What is observed, and the FMU's start values; a drive of its own is not used.
+        time_s: Times of the samples, shape (n,), s, evenly spaced.
+        values: Of the output, shape (n,), in ``unit``.
+        input: The FMU's input that is driven; empty: none is.
+        driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
+            ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
+        interpolation: Recorded inputs are "held" until the next value or joined ("linear").
+        output: The FMU's output that is seen; empty: the setup's.
+        gain: "one": the output as it is; "fit": times a gain that is solved for.
+        offset: Whether an offset is solved for.
+        sigma: Standard deviation of the values, in ``unit``; 0: the residuals tell it.
+        lead_s: Time before the first sample at which the FMU starts, s.
+        start: "rest": the FMU begins with its start values; "unknown": with a state that is solved
+            for, by the free responses of a linear FMU.
+        states: Number of states that decay, two for each mode.
+        settings: Start values of the FMU during the trace by variable, in the FMU's units.
+        label: Name of the trace, for values of its own; wanted where there are several.
+        unit: Of the values.
+        source: What complaints name it by.
+        setup: What is observed, and the FMU's start values; tones of its drive are not used.
         series: Measurements of one series share their setup.
+
+    Raises:
+        BadInput: shapes that differ, times that do not rise or are not even, values that are not
+            finite or are clipped, an unknown start without an input or without a whole period.
     """
 
     _: KW_ONLY

@@ -104,11 +104,19 @@ class Recorded:
         return np.asarray(inside + u[0] * before + u[-1] * after)
 
     def means(self, edges_s: FloatArray) -> FloatArray:
-        """Means over intervals of their edges."""
+        """Means over intervals of their edges.
+
+        Args:
+            edges_s: of the intervals, shape (n + 1,), s, rising.
+        """
         return np.diff(self._integral(edges_s)) / np.diff(edges_s)
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """Values at times."""
+        """Values at times.
+
+        Args:
+            times_s: shape (n,), s.
+        """
         if self.interpolation == LINEAR:
             return np.interp(times_s, self.time_s, self.values)
         near = 1e-9 * float(np.ptp(self.time_s))  # a rounded time is that of its value
@@ -144,12 +152,20 @@ class Pulse:
             raise BadInput(f"pulse: its length is {self.length_s!r}, wanted a positive time")
 
     def means(self, edges_s: FloatArray) -> FloatArray:
-        """Means over intervals of their edges."""
+        """Means over intervals of their edges.
+
+        Args:
+            edges_s: of the intervals, shape (n + 1,), s, rising.
+        """
         inside = np.clip(edges_s - self.at_s, 0.0, self.length_s)
         return np.asarray(self.level * np.diff(inside) / np.diff(edges_s))
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """Values at times."""
+        """Values at times.
+
+        Args:
+            times_s: shape (n,), s.
+        """
         past = times_s - self.at_s
         return np.where((past >= 0.0) & (past < self.length_s), self.level, 0.0)
 
@@ -192,7 +208,11 @@ class Chirp:
             )
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """Values at times."""
+        """Values at times.
+
+        Args:
+            times_s: shape (n,), s.
+        """
         s = times_s - self.at_s
         rate = 0.5 * (self.stop_hz - self.start_hz) / self.length_s
         cycles = np.remainder(s * (self.start_hz + rate * s), 1.0)
@@ -200,7 +220,11 @@ class Chirp:
         return np.where(inside, self.level * np.sin(2.0 * np.pi * cycles), 0.0)
 
     def means(self, edges_s: FloatArray) -> FloatArray:
-        """Means over intervals of their edges, by Gauss's quadrature over what is inside it."""
+        """Means over intervals of their edges, by Gauss's quadrature over what is inside it.
+
+        Args:
+            edges_s: of the intervals, shape (n + 1,), s, rising.
+        """
         inside = np.clip(edges_s, self.at_s, self.at_s + self.length_s)
         begin, length = inside[:-1], np.diff(inside)
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
