@@ -112,7 +112,7 @@ class Recorded:
         return np.diff(self._integral(edges_s)) / np.diff(edges_s)
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """Values at times.
+        """Values of the input at times.
 
         Args:
             times_s: shape (n,), s.
@@ -161,7 +161,7 @@ class Pulse:
         return np.asarray(self.level * np.diff(inside) / np.diff(edges_s))
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """Values at times.
+        """Values of the input at times.
 
         Args:
             times_s: shape (n,), s.
@@ -208,7 +208,7 @@ class Chirp:
             )
 
     def at(self, times_s: FloatArray) -> FloatArray:
-        """Values at times.
+        """Values of the input at times.
 
         Args:
             times_s: shape (n,), s.
