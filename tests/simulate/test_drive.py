@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitting.fmu import row_times
+from fitting.fmu import InputSignal, row_times
 from fitting.simulate.drive import Approach, Drive
 
 TONES = (1000.0, 1010.0)
@@ -70,7 +70,7 @@ def test_a_generated_drive_is_held_over_whole_steps() -> None:
     drive = replace(DRIVE, input="b", amplitude=0.5, steps_per_period=20)
     run = drive.run_at({}, 0.1234567, 1e-3, 7)
     signal = run.input_signal
-    assert signal is not None
+    assert isinstance(signal, InputSignal)
     assert signal.name == "b"
     assert signal.tones == ((1000.0, 0.5, 0.0), (1010.0, 0.5, 0.0))
     # 20 steps in a period of the fastest tone at least, and whole ones in a sample's step
