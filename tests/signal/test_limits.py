@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -32,6 +33,7 @@ from fitting.signal.tones import (
     tones_in_words,
     unit_hint,
 )
+from fitting.signal.window import Window, folded, kept_apart, whole_steps
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -127,6 +129,64 @@ def test_tones_a_thousand_times_apart_look_like_a_forgotten_unit() -> None:
     assert unit_hint((0.0, 7e6)) == ""
     assert tones_in_words((6.94018, 6940360.0)) == "tones 6.94018 Hz and 6940360 Hz"
     assert tones_in_words((5.0,)) == "tone 5 Hz"
+
+
+# --- windows
+
+
+@pytest.mark.parametrize(
+    ("step_s", "settle_s", "samples", "words"),
+    [
+        (0.1, 0.0, 5, None),
+        (0.0, 0.0, 5, "step 0.0 s"),
+        (0.1, -1.0, 5, "settling -1.0 s"),
+        (math.nan, 0.0, 5, "step nan s"),
+        (0.1, 0.0, 4, "4 samples cannot hold 2 tones"),
+    ],
+)
+def test_windows_have_a_step_a_time_and_a_sample_for_every_unknown(
+    step_s: float, settle_s: float, samples: int, words: str | None
+) -> None:
+    def window() -> Window:
+        return Window(tones_hz=(1.0, 2.0), settle_s=settle_s, step_s=step_s, samples=samples)
+
+    if words is None:
+        assert window().length_s == pytest.approx(0.5)
+        assert window().input_step_s == 0.1
+        assert replace(window(), held_steps=4).input_step_s == pytest.approx(0.025)
+        with pytest.raises(ValueError, match="6 samples, planned were 5"):
+            window().read(np.zeros(6))
+        return
+    with pytest.raises(ValueError, match=words):
+        window()
+
+
+@pytest.mark.parametrize(
+    ("cycles", "samples", "place"), [(3, 8, 3), (5, 8, 3), (8, 8, 0), (12, 8, 4)]
+)
+def test_a_line_is_seen_in_the_bin_that_a_fourier_transform_says(
+    cycles: int, samples: int, place: int
+) -> None:
+    wave = np.cos(2.0 * np.pi * cycles * np.arange(samples) / samples)
+    assert folded(cycles, samples) == int(np.argmax(np.abs(np.fft.rfft(wave)))) == place
+
+
+def test_tones_are_apart_where_their_bins_are() -> None:
+    """By sampled cosines and sines: the design of mean and tones has its full rank."""
+    for samples in range(5, 40):
+        for cycles in ((3, 10), (5, 6), (7, 14)):
+            angle = 2.0 * np.pi * np.outer(np.arange(samples), cycles) / samples
+            design = np.column_stack([np.ones(samples), np.cos(angle), np.sin(angle)])
+            apart = np.linalg.matrix_rank(design, tol=1e-8) == 5
+            assert kept_apart(cycles, (), samples) == apart
+            assert not kept_apart(cycles, (cycles[0] + samples,), samples)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "whole_s"), [(0.0, 0.0), (0.61, 0.75), (0.75, 0.75), (0.76, 1.0)]
+)
+def test_times_are_rounded_up_to_whole_steps(time_s: float, whole_s: float) -> None:
+    assert whole_steps(time_s, 0.25) == whole_s
 
 
 # --- peaks and lines

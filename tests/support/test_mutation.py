@@ -21,6 +21,8 @@ def test_every_kind_of_fault_is_found(tmp_path: Path) -> None:
     assert {("*", "/"), (">=", "<"), ("and", "or"), ("not ", ""), ("-", "")} <= found
     assert {("==", "!="), ("min", "max"), ("2.5", "5.0"), ("7", "8"), ("2.0", "4.0")} <= found
     assert not any("3.0" in before for before, _ in found)
+    (tmp_path / "g.py").write_text("pairs = list(zip([1], [2], strict=True))\n")
+    assert {m.before for m in mutants_of(tmp_path, "g.py")} == {"1", "2"}
 
 
 def test_a_fault_changes_one_place_of_a_text_that_still_compiles(tmp_path: Path) -> None:
