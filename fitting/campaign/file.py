@@ -174,6 +174,34 @@ class TraceFormat:
     selection: Selection
 
 
+def layout_keys(layout: str | None) -> tuple[str, ...]:
+    """Keys that have a meaning with a layout; every one, where the file's content tells it.
+
+    Args:
+        layout: its name; None: told by the content.
+    """
+    return ("trace", "chunk") if layout is None else LAYOUTS[layout].keys
+
+
+def check_layout_keys(told: Mapping[str, object], keys: Sequence[str], found: str) -> None:
+    """Complain of a key that has no meaning with what is read.
+
+    Args:
+        told: keys and their values, None where one is not there.
+        keys: that have a meaning.
+        found: words for what is read.
+
+    Raises:
+        Refused: names the key, and the layouts with which it has a meaning.
+    """
+    for key, value in told.items():
+        if value is not None and key not in keys:
+            known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
+            raise Refused(
+                f"has no meaning with {found}, only with layout = {' or '.join(known)}", key
+            )
+
+
 @dataclass(frozen=True, kw_only=True)
 class WrittenTrace(Keys):
     """Keys that [experiments] and [sweep] share: what the files mean, and which layout they have.
@@ -201,13 +229,8 @@ class WrittenTrace(Keys):
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             declared_amplitude(self.amplitude, self.impedance, "")
-        for key in ("trace", "chunk"):
-            if getattr(self, key) is not None and key not in self._layout_keys():
-                known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
-                raise Refused(
-                    f"has no meaning with {self._found()}, only with layout = {' or '.join(known)}",
-                    key,
-                )
+        told = {"trace": self.trace, "chunk": self.chunk}
+        check_layout_keys(told, self._layout_keys(), self._found())
 
     def _found(self) -> str:
         """Words for what is read."""
@@ -215,7 +238,7 @@ class WrittenTrace(Keys):
 
     def _layout_keys(self) -> tuple[str, ...]:
         """Keys that have a meaning with what is read."""
-        return ("trace", "chunk") if self.layout is None else LAYOUTS[self.layout].keys
+        return layout_keys(self.layout)
 
     @property
     def format(self) -> TraceFormat:

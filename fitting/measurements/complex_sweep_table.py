@@ -16,6 +16,7 @@ from fitting.campaign.complex_trace import (
     conjugated,
     read_complex,
 )
+from fitting.campaign.file import check_layout_keys, layout_keys
 from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
@@ -24,11 +25,13 @@ from fitting.measurements.complex_sweep import ComplexSweeps
 from fitting.measurements.wiring import BACKGROUNDS, WIRINGS, Wiring
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import (
+    Count,
     FileName,
     OneOf,
     Refused,
     Switch,
     Text,
+    Usually,
     Value,
     WholeNumber,
     refusing,
@@ -52,6 +55,8 @@ class ComplexSweepTable(MeasurementTable):
     column with its unit."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
     """How the instrument writes; without it the file's content tells."""
+    trace: Annotated[Count | None, Usually(1)] = None
+    """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
     columns: WrittenComplexColumns = field(default_factory=WrittenComplexColumns)
@@ -93,8 +98,8 @@ class ComplexSweepTable(MeasurementTable):
                 )
         with refusing("delay"):
             _delay_of(self.delay, "")
-        if self.chunk is not None and self.layout not in (None, "zurich"):
-            raise Refused('has a meaning with layout = "zurich" only', "chunk")
+        told = {"trace": self.trace, "chunk": self.chunk}
+        check_layout_keys(told, layout_keys(self.layout), f'layout = "{self.layout}"')
 
     def curve(self, label: str) -> ComplexCurve:
         """The sweep of the file; settings and output are bound later.
@@ -102,7 +107,9 @@ class ComplexSweepTable(MeasurementTable):
         Args:
             label: of the sweep.
         """
-        measured = read_complex(self.file, self.layout, self.columns, chunk=self.chunk)
+        measured = read_complex(
+            self.file, self.layout, self.columns, trace=self.trace or 1, chunk=self.chunk
+        )
         measured = conjugated(measured) if self.conjugate else measured
         delay_s = _delay_of(self.delay, "")
         check_sense(measured, delay_s, str(self.file))

@@ -23,8 +23,10 @@ from scipy.io import savemat
 from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
 from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_trace
 from fitting.campaign.recognised import recognised
+from fitting.measurements.complex_sweep_table import ComplexSweepTable
 from fitting.signal.amplitudes import declared_amplitude, to_peak
 from fitting.text.errors import BadInput
+from fitting.text.schema import read_record
 from tests.faults.test_readers import complaints
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
 
@@ -376,6 +378,27 @@ def test_names_of_keysight_and_of_others_are_understood(tmp_path: Path) -> None:
     found = recognised(path)
     assert [c.role for c in found.columns] == ["frequency", "re", "im"]
     assert found.without_unit == ("re", "im")
+
+
+def test_a_campaign_tells_block_and_columns(tmp_path: Path) -> None:
+    """[[complex_sweep]] of the second block; with a layout that knows no blocks it is refused."""
+    keysight_two(tmp_path / "a.csv")
+    table: dict[str, object] = {
+        "file": "a.csv",
+        "trace": 2,
+        "columns": {"amplitude": "S21", "phase": "S21(DEG)"},
+    }
+    where = tmp_path / "campaign.toml"
+    curve = read_record(ComplexSweepTable, table, where, "complex_sweep").curve("")
+    f, width = found_line(np.asarray(curve.frequency_hz), np.asarray(curve.values))
+    assert f == pytest.approx(F_HZ, abs=1e-5)
+    assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
+    with pytest.raises(BadInput, match=r'trace: has no meaning with layout = "touchstone", only'):
+        read_record(ComplexSweepTable, table | {"layout": "touchstone"}, where, "complex_sweep")
+    two_ports(tmp_path / "a.csv")
+    written = read_record(ComplexSweepTable, table, where, "complex_sweep")
+    with pytest.raises(BadInput, match=r"is read as layout 'touchstone'; 'trace' has no meaning"):
+        written.curve("")
 
 
 def test_each_block_of_a_fieldfox(tmp_path: Path) -> None:
