@@ -31,6 +31,7 @@ def rows(form: str, delimiter: str = ",") -> list[str]:
         "y": VALUES.imag,
         "r": np.abs(VALUES),
         "p": np.rad2deg(np.angle(VALUES)),
+        "m": 1e3 * VALUES.imag,
         "d": 20 * np.log10(np.abs(VALUES)),
     }
     return [delimiter.join(f"{columns[c][i]:.12e}" for c in form) for i in range(AXIS_HZ.size)]
@@ -50,6 +51,7 @@ FILES: dict[str, tuple[bytes, dict[str, str]]] = {
         text("frequency (MHz);x (V);y (V)", "Mxy", ";").replace(".", ",").encode(),
         {},
     ),
+    "units that differ": (text("frequency (Hz),X (V),Y (mV)", "fxm").encode(), {}),
     "blanks": (text("freq_hz   re_v   im_v", "fxy", "   ").encode(), {}),
     "blanks, decimal comma": (
         text("frequency (Hz)  X (V)  Y (V)", "fxy", "  ").replace(".", ",").encode(),
@@ -115,6 +117,7 @@ def test_the_resonance_is_found_in_any_spelling(name: str, tmp_path: Path) -> No
     f, width = found_line(measured.frequency_hz, measured.values)
     assert f == pytest.approx(F_HZ, abs=1e-6)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
+    np.testing.assert_allclose(measured.values, VALUES, atol=1e-9 * np.max(np.abs(VALUES)))
     trace = read_trace(path, None, selection_of(columns))
     np.testing.assert_allclose(
         trace.amplitude if trace.amplitude_unit == "V" else 10 ** (trace.amplitude / 20),

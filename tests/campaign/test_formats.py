@@ -21,7 +21,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
-from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_trace
+from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_recording, read_trace
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex_sweep_table import ComplexSweepTable
 from fitting.signal.amplitudes import declared_amplitude, to_peak
@@ -310,7 +310,7 @@ def test_the_resonance_is_found(name: str, tmp_path: Path) -> None:
     f, width = found_line(measured.frequency_hz, measured.values)
     assert f == pytest.approx(F_HZ, abs=1e-5)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
-    assert np.max(np.abs(measured.values)) == pytest.approx(np.max(R), rel=1e-9)
+    np.testing.assert_allclose(measured.values, VALUES, atol=1e-9 * np.max(R))
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -447,6 +447,20 @@ OVER_TIME: dict[str, tuple[str, Callable[[Path], object]]] = {
     "TDMS": ("tdms", lambda p: tdms_waveforms(p, "s")),
     "UFF": ("uff", lambda p: uff(p, kind=17, units="s")),
 }
+
+
+def test_times_of_oscilloscopes(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for name, times, values in (
+        ("Rigol", [-6e-5, -5.998e-5, -5.996e-5], [1.2, 1.3, 1.2]),
+        ("Tektronix", [-5.4e-3, -5.396e-3, -5.392e-3], [-6.2, -6.0, -6.1]),
+    ):
+        OVER_TIME[name][1](path)
+        recording = read_recording(path, None, Selection())
+        time, channel = (recording.numbers(c)[:3] for c in recording.channels[:2])
+        np.testing.assert_allclose(time, times, rtol=1e-12)
+        np.testing.assert_allclose(channel, values, rtol=1e-12)
+        assert [c.unit for c in recording.channels[:2]] == ["s", "V"]
 
 
 @pytest.mark.parametrize("name", OVER_TIME)
