@@ -153,3 +153,27 @@ def test_the_answer_stands_before_all_else_and_nothing_is_said_twice(result: Res
     assert sum("± is one standard deviation" in line for line in lines) == 1
     failed = replace(told, status="not converged", ending=Ending(words="not converged"))
     assert result_lines(replace(failed, message="Not converged. Why."))[1] == "Not converged. Why."
+
+
+@pytest.mark.parametrize(
+    ("ground", "told"),
+    [
+        ("errors 12 times as wide for residuals that hang together", "which is not noise"),
+        ("χ² = 9 on 9 degrees of freedom", "less noise, or more points"),
+    ],
+    ids=["structure", "noise"],
+)
+def test_structure_of_the_residuals_comes_before_less_noise(
+    result: Result, ground: str, told: str
+) -> None:
+    known = replace(
+        result,
+        peaks=(),
+        parameters={"d1": result.parameters["d1"]},
+        derived={"D11": result.derived["D11"]},
+        knowledge=plot_records.knowledge(),
+        ending=Ending(words="converged and describes the data", ground=ground),
+    )
+    answer = answer_of(known)
+    assert answer.open_words == "nothing that was asked for"
+    assert told in answer.advice

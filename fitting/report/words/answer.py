@@ -233,6 +233,11 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     if not target:
         return "", ""
     head = "" if left else f"{target} is known least; for a better value"
+    if not (left or result.peaks) and "hang together" in result.ending.ground:
+        return (
+            "what the residuals still hold, which is not noise: a background, or another model",
+            "",
+        )
     if not (left or result.peaks):
         return f"{head}: less noise, or more points where the model depends on it", ""
     command = _design_command(result, target)
