@@ -547,8 +547,10 @@ def test_bad_arrays_are_told_in_a_sentence(
     assert said in str(raised.value)
 
 
-def test_slow_signals_of_few_bits_are_not_clipped() -> None:
-    """Flat at the top, but come there by single quanta."""
-    t = np.arange(2500) * 4e-6
-    y = np.round(9.8 * np.sin(2 * np.pi * 500.0 * t) / 0.2) * 0.2
-    assert ff.Trace(t, y, setup=LAG, input="u", driven=(t, y)).rows == 2500
+@pytest.mark.parametrize("every", [1, 5, 10, 20])
+def test_signals_of_few_bits_are_not_clipped(every: int) -> None:
+    """Flat at the top, but come there by few quanta."""
+    t = np.arange(0, 2500, every) * 4e-6
+    for hz in np.linspace(300.0, 1500.0, 13):
+        y = np.round(4.1 * np.sin(2 * np.pi * hz * t) / 0.2) * 0.2
+        assert ff.Trace(t, y, setup=LAG, input="u", driven=(t, y)).rows == t.size

@@ -15,8 +15,9 @@ LEAST_SAMPLES = 8
 ROUNDED = 0.02
 #: A spacing this many times the usual one is a gap.
 GAP = 1.5
-#: Stretches of equal extreme values, samples in each, and jump into them, in quanta: clipped.
-STRETCHES, FLAT, JUMP = 2, 3, 3.0
+#: Stretches of equal extreme values, samples in each, and jump into them, in quanta: clipped. A
+#: parabola that is within one quantum over three samples comes there by four quanta at most.
+STRETCHES, FLAT, JUMP = 2, 3, 6.0
 
 
 def spacing_s(time_s: FloatArray, source: str, rows: Sequence[int] = ()) -> float:
@@ -62,7 +63,7 @@ def spacing_s(time_s: FloatArray, source: str, rows: Sequence[int] = ()) -> floa
 def refuse_clipped(values: FloatArray, source: str) -> None:
     """Complain of values (n,) that are cut off: they jump into flat stretches at an extreme.
 
-    A slow signal of few bits is flat at its top as well, but comes there by single quanta.
+    A signal of few bits is flat at its top as well, but comes there by few quanta.
 
     Args:
         values: of a trace, in any unit.
