@@ -13,6 +13,7 @@ import pytest
 
 from fitting.fmu import Run, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
+from fitting.simulate.batch import alike
 from fitting.simulate.budget import SHARES, Basis, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
@@ -158,6 +159,31 @@ def test_a_linear_response_needs_no_more_than_its_tones() -> None:
     found = plan(lambda t, _: tone(t), 1e-6)
     assert found.order == 1
     assert only(found, Kind.SAMPLES).numbers["finer"] == 5
+
+
+def test_rounding_is_that_of_the_weakest_tone_of_all_drives() -> None:
+    strong = replace(DRIVE, tones_hz=(100.0, 130.0))
+    output = together(line(100.0, 1.0), line(130.0, 1e-3))
+    for drives in ((DRIVE, strong), (strong, DRIVE)):
+        found = plan_drives(drives, 1e-6, LineWorkers({"x": output}), Knowledge(), None)
+        bounds = [reading.rounding for reading in found.readings]
+        assert max(bounds) > 100.0 * min(bounds)
+        decision = only(found, Kind.ROUNDING)
+        assert decision.bound == max(bounds)
+        assert only(found, Kind.WINDOW).subject == ""
+    assert only(plan(output, 1e-6), Kind.WINDOW).subject == "100 Hz"
+
+
+def test_equal_rows_are_one_run() -> None:
+    """Bit for bit: groups by the first of each."""
+    table = np.array([[1.0, 2.0], [3.0, 2.0], [1.0, 2.0], [1.0, 2.0 + 1e-15]])
+    first, group = alike(table)
+    assert sorted(first.tolist()) == [0, 1, 3]
+    assert [int(first[k]) for k in group] == [0, 1, 0, 3]
+    for one in (table[:1], np.empty((3, 0))):
+        first, group = alike(one)
+        assert first.tolist() == [0]
+        assert group.tolist() == [0] * one.shape[0]
 
 
 # --- reductions
