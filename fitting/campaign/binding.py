@@ -19,6 +19,7 @@ from fitting.campaign.file import SAMPLES_PER_PERIOD
 from fitting.campaign.kind import labels_of
 from fitting.campaign.laws import Known, Laws
 from fitting.campaign.measured import MeasuredExperiment
+from fitting.campaign.names import check_names
 from fitting.campaign.noise import (
     Noise,
     bind_noise,
@@ -53,10 +54,11 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
 
     Raises:
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
-            not match, a value outside the FMU's range, a variable set in two ways.
+            not match, a value outside the FMU's range, a variable set in two ways; a line each.
     """
     file, top, places = campaign.file, str(campaign.path), places_of_file(campaign.path)
     laws = Laws(file.laws, file.constants, source=f"{places.top}{places.laws}")
+    check_names(campaign, variables, laws, places)
     binder = Binder(variables, laws.names)
     output = binder.real(file.observe.output, f"{top}: [observe] output", READABLE, "observed")
     campaign = _in_unit_of_output(campaign, output, binder)

@@ -202,6 +202,9 @@ def _read_experiments(
 ) -> tuple[MeasuredExperiment, ...]:
     """All experiments, or complaints of every row and spectrum that has one."""
     table = read_table(written.file)
+    wanted = [("experiment", ""), *((name, "") for name in file.drive.frequencies)]
+    wanted += [(name, "ready peaks") for name in written.data_columns]
+    gathered(partial(_column, table, name, what) for name, what in wanted)
     labels = _labels(table)
     tones = _tones(table, file.driven.frequencies)
     for label in written.restarted:
@@ -245,6 +248,16 @@ def _check_phases(table: Table, written: WrittenExperiments) -> None:
             f"{table.path}: column '{columns[0].name}': the phase is {phases.flat[0]:.6g} "
             f"{columns[0].unit} of every line; wanted values that change over a resonance"
         )
+
+
+def _column(table: Table, name: str, what: str) -> Column:
+    """A column of a table, of ``what`` it is, for complaints."""
+    found = table.find(name)
+    if found is None:
+        of = f" of {what}" if what else ""
+        hint = did_you_mean(name, [c.name for c in table.columns])
+        raise BadInput(f"{table.path}: no column '{name}'{of}{hint}")
+    return found
 
 
 def _labels(table: Table) -> tuple[str, ...]:
@@ -409,11 +422,7 @@ class _Row:
 
     def column(self, name: str, what: str) -> Column:
         """A column of ready peaks, or of what belongs to them."""
-        column = self.table.find(name)
-        if column is None:
-            hint = did_you_mean(name, [c.name for c in self.table.columns])
-            raise BadInput(f"{self.table.path}: no column '{name}' of {what}{hint}")
-        return column
+        return _column(self.table, name, what)
 
     def radians(self, name: str) -> float:
         """A cell as a phase."""
