@@ -202,7 +202,7 @@ def _read_experiments(
 ) -> tuple[MeasuredExperiment, ...]:
     """All experiments, or complaints of every row and spectrum that has one."""
     table = read_table(written.file)
-    wanted = [("experiment", ""), *((name, "") for name in file.drive.frequencies)]
+    wanted = [("experiment", ""), *((name, "") for name in file.driven.frequencies)]
     wanted += [(name, "ready peaks") for name in written.data_columns]
     gathered(partial(_column, table, name, what) for name, what in wanted)
     labels = _labels(table)

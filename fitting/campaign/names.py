@@ -59,6 +59,8 @@ def _readers(
 
 def _of_drive(campaign: Campaign, binder: Binder, where: str) -> Iterator[Callable[[], object]]:
     choice = campaign.file.drive
+    if choice is None:
+        return
     if choice.kind == "input":
         yield partial(binder.real, choice.input or "", f"{where} input", ("input",), "driven")
         return
