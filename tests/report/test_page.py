@@ -329,7 +329,7 @@ def test_a_sweep_alone_has_no_tables_of_peaks(figures: list[FigureFile]) -> None
     captions = [t.findtext("caption") for t in page.iter("table")]
     assert "Fitted parameters" in captions
     assert not [c for c in captions if "Peaks" in c or "per experiment" in c]
-    assert [row[0].text_content() for row in table(page, "Mean relative deviation")] == ["sweep"]
+    assert [row[0].text_content() for row in table(page, "Mean relative deviation")] == ["curve"]
 
 
 def test_the_file_is_written_whole_with_real_figures(tmp_path: Path) -> None:
