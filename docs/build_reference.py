@@ -25,7 +25,7 @@ REMARK = "\n\n<!-- Written by docs/build_reference.py from {source}. Changes her
 PAGES: dict[str, tuple[str, Callable[[], str]]] = {
     "campaign": ("the schema of the campaign file", campaign.page),
     "commands": ("the commands' options", commands.page),
-    "exit-codes": ("fitting/cli/parser.py", commands.exit_codes_page),
+    "exit-codes": ("fitting/cli/words/parser.py", commands.exit_codes_page),
     "results": ("the records that are written", results.page),
     "python": ("the names of the package", python.page),
     "fmu-variables": ("the models' modelDescription.xml", models.page),

@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
     from fitting.campaign.setup import Drive, Setup
-    from fitting.measurements.complex_curve import ComplexCurve
-    from fitting.measurements.complex_sweep import ComplexSweep
-    from fitting.measurements.control_spectrum import ControlSpectrum
-    from fitting.measurements.control_sweep import ControlSweep
+    from fitting.measurements.complex.curve import ComplexCurve
+    from fitting.measurements.complex.sweep import ComplexSweep
+    from fitting.measurements.complex.wiring import Wiring
+    from fitting.measurements.control.spectrum import ControlSpectrum
+    from fitting.measurements.control.sweep import ControlSweep
     from fitting.measurements.kinds import read_campaign
     from fitting.measurements.traces.traces import Trace
     from fitting.measurements.traces.waveform import Chirp, Pulse
-    from fitting.measurements.wiring import Wiring
     from fitting.text.errors import BadInput, FmuFailure
 
 #: Where each public name is; it is loaded when it is first used, so that importing this costs
@@ -60,15 +60,15 @@ _HOMES = {
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.setup": ("Drive", "Setup"),
     "campaign.laws": ("Laws",),
-    "measurements.control_spectrum": ("ControlSpectrum",),
-    "measurements.control_sweep": ("ControlSweep",),
+    "measurements.control.spectrum": ("ControlSpectrum",),
+    "measurements.control.sweep": ("ControlSweep",),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
-    "measurements.complex_curve": ("ComplexCurve",),
-    "measurements.complex_sweep": ("ComplexSweep",),
+    "measurements.complex.curve": ("ComplexCurve",),
+    "measurements.complex.sweep": ("ComplexSweep",),
     "measurements.traces.traces": ("Trace",),
     "measurements.traces.waveform": ("Chirp", "Pulse"),
-    "measurements.wiring": ("Wiring",),
+    "measurements.complex.wiring": ("Wiring",),
     "text.errors": ("BadInput", "FmuFailure"),
 }
 

@@ -6,7 +6,7 @@ import argparse
 import inspect
 
 from docs.site.markdown import code, escaped, table
-from fitting.cli.parser import COMMANDS, EXIT_CODES, add_options, command_of
+from fitting.cli.words.parser import COMMANDS, EXIT_CODES, add_options, command_of
 
 INTRODUCTION = """\
 # Commands

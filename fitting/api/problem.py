@@ -32,7 +32,7 @@ from fitting.fit.planned_fmu import PlannedFmu, plan_problem
 from fitting.fit.problem import Problem as Record
 from fitting.fit.problem import problem_of
 from fitting.fmu.models import provide_fmu
-from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import fitting as ff
 from fitting.api.calibration import CALIBRATED_FILES
-from fitting.cli.results import writes
+from fitting.cli.running.results import writes
 from fitting.report.words.calibration import calibration_lines
 from fitting.result.result import read_result
 

@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 import fitting as ff
-from fitting.cli.drive_options import add_fmu, add_timeout, fmu_of
-from fitting.cli.options import positive_time
-from fitting.cli.output import hand_over
-from fitting.cli.progress import status_line
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.cli.words.drive import add_fmu, add_timeout, fmu_of
+from fitting.cli.words.values import positive_time
 
 NAME = "check"
 DOCUMENT = "what was found"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fitting.cli.parser import COMMANDS, parser_of
+from fitting.cli.words.parser import COMMANDS, parser_of
 
 NAME = "completion"
 EXAMPLE = "fmu-fit completion bash > ~/.local/share/bash-completion/completions/fmu-fit"

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import fitting as ff
 from fitting.api.jobs import BUDGET, with_part
-from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import folder_name, seed, whole_number, worker_count
-from fitting.cli.output import hand_over
-from fitting.cli.progress import status_line
-from fitting.cli.results import writes
+from fitting.cli.running.campaign_fmu import fmu_for
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.results import writes
+from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
 from fitting.report.words.identification import identification_lines
 from fitting.result.result import read_result
 from fitting.text.records import write_json

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fitting as ff
-from fitting.cli.column_options import add_columns, columns_of
-from fitting.cli.results import writes
+from fitting.cli.running.results import writes
+from fitting.cli.words.columns import add_columns, columns_of
 
 if TYPE_CHECKING:
     from fitting.api.init import Question

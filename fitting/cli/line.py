@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 import fitting as ff
-from fitting.cli.column_options import add_columns, columns_of
-from fitting.cli.options import positive_quantity
-from fitting.cli.output import hand_over
-from fitting.cli.results import writes
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.results import writes
+from fitting.cli.words.columns import add_columns, columns_of
+from fitting.cli.words.values import positive_quantity
 
 NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"

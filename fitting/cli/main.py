@@ -15,9 +15,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import fitting
-from fitting.cli.interrupts import INTERRUPTED, interruptible
-from fitting.cli.output import told
-from fitting.cli.parser import parsed
+from fitting.cli.running.interrupts import INTERRUPTED, interruptible
+from fitting.cli.running.output import told
+from fitting.cli.words.parser import parsed
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.streams import outlets
 

@@ -22,13 +22,19 @@ from fitting.api.fitted import (
 )
 from fitting.api.jobs import RESULT_FILES, STYLES, draw_report
 from fitting.api.problem import Campaign
-from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.interrupts import to_the_end
-from fitting.cli.options import folder_name, relative_accuracy, seed, whole_number, worker_count
-from fitting.cli.output import hand_over
-from fitting.cli.progress import status_line
-from fitting.cli.remaining import Remaining
-from fitting.cli.results import writes
+from fitting.cli.running.campaign_fmu import fmu_for
+from fitting.cli.running.interrupts import to_the_end
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.remaining import Remaining
+from fitting.cli.running.results import writes
+from fitting.cli.words.values import (
+    folder_name,
+    relative_accuracy,
+    seed,
+    whole_number,
+    worker_count,
+)
 from fitting.report.words.cost import cost_lines, measured_lines
 from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external

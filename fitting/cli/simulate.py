@@ -8,7 +8,10 @@ from typing import Any
 
 import fitting as ff
 from fitting.api.written import DRIVE_FILES
-from fitting.cli.drive_options import (
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.results import writes
+from fitting.cli.words.drive import (
     add_fmu,
     add_timeout,
     complaints_of_options,
@@ -17,16 +20,13 @@ from fitting.cli.drive_options import (
     time_to_settle,
     units_of,
 )
-from fitting.cli.options import (
+from fitting.cli.words.values import (
     positive_quantity,
     positive_time,
     quantity,
     relative_accuracy,
     whole_number,
 )
-from fitting.cli.output import hand_over
-from fitting.cli.progress import status_line
-from fitting.cli.results import writes
 
 NAME = "simulate"
 DOCUMENT = "the response, or the plan,"

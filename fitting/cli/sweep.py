@@ -10,7 +10,10 @@ from pathlib import Path
 
 import fitting as ff
 from fitting.api.written import SWEEP_FILES
-from fitting.cli.drive_options import (
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.results import writes
+from fitting.cli.words.drive import (
     add_fmu,
     add_timeout,
     complaints_of_options,
@@ -19,10 +22,7 @@ from fitting.cli.drive_options import (
     time_to_settle,
     units_of,
 )
-from fitting.cli.options import positive_quantity, whole_number
-from fitting.cli.output import hand_over
-from fitting.cli.progress import status_line
-from fitting.cli.results import writes
+from fitting.cli.words.values import positive_quantity, whole_number
 
 NAME = "sweep"
 DOCUMENT = "the response"

@@ -18,8 +18,8 @@ from fitting.api.synthesis import (
     PhaseDetectors,
     PumpedSweeps,
 )
-from fitting.cli.options import bounded_number, seed
-from fitting.cli.results import writes
+from fitting.cli.running.results import writes
+from fitting.cli.words.values import bounded_number, seed
 
 NAME = "synthesize"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"

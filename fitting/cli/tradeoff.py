@@ -16,10 +16,10 @@ from fitting.api.tradeoff import (
     memory_of,
     write_tradeoff,
 )
-from fitting.cli.campaign_fmu import fmu_for
-from fitting.cli.options import seed, worker_count
-from fitting.cli.progress import status_line
-from fitting.cli.results import writes
+from fitting.cli.running.campaign_fmu import fmu_for
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.results import writes
+from fitting.cli.words.values import seed, worker_count
 from fitting.report.tables.tradeoff import terminal
 
 NAME = "tradeoff"

@@ -13,7 +13,7 @@ from fitting.campaign.file import WrittenDesign, WrittenSweeps
 from fitting.design.candidates import Limits, SweepLimits
 from fitting.design.sweeps import check_controls, control_sweep_of
 from fitting.fmu.variables import VariableLike
-from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.written import Written, in_unit, positive_in

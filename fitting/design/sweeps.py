@@ -22,7 +22,7 @@ from fitting.design.candidates import DriveChoice, Limits, combinations
 from fitting.design.information import Place, Series
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA
-from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together

@@ -11,7 +11,7 @@ from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of
 from fitting.fit.solution import Solution
-from fitting.measurements.complex_tones import ComplexTones
+from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.notation import number
 
 #: Factors on phases that a mistake makes, and what is asked.

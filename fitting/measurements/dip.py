@@ -1,7 +1,7 @@
 """Dip: the quality factors of a mode beside a line, told from a notch or a reflection.
 
 Where one mode is seen, with loaded quality Q and the dip D = -c H(eta) at its eigenfrequency,
-1 + c H the wiring (`fitting.measurements.wiring`),
+1 + c H the wiring (`fitting.measurements.complex.wiring`),
 
     notch          D = (Q/|Qc|) exp(i phi)           reflection     D = 2 (Q/|Qc|) exp(i phi)
 
@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_gain import Solved
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.gain import Solved
+from fitting.measurements.complex.wiring import Wiring
 from fitting.measurements.measurement import Estimated
-from fitting.measurements.wiring import Wiring
 from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import ComplexArray, FloatArray
 

@@ -20,7 +20,7 @@ import fitting.measurements
 from fitting.campaign import BoundCampaign, Campaign
 from fitting.campaign.data import read_campaign as read_with
 from fitting.campaign.kind import MeasurementTable
-from fitting.measurements.complex_tones import ComplexTones
+from fitting.measurements.complex.tones import ComplexTones
 from fitting.measurements.measurement import Measurement, MeasurementKind
 from fitting.measurements.sweep import sweep_of
 from fitting.measurements.tones import Tones, peak_sigmas

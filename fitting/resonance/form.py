@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.measurements.complex_gain import SharedGain, Solved
-from fitting.measurements.wiring import Wiring
+from fitting.measurements.complex.gain import SharedGain, Solved
+from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import MIN_SWEEP_POINTS, Resonance, fit_resonance, mode_response

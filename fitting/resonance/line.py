@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from fitting.campaign.instruments import own_estimates
-from fitting.measurements.complex_curve import WIDTHS_FOR_DELAY
+from fitting.measurements.complex.curve import WIDTHS_FOR_DELAY
 from fitting.measurements.dip import Dip
 from fitting.resonance.form import (
     FANO,

@@ -38,7 +38,7 @@ from fitting.lab.benches import string_bench
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
-from fitting.measurements.complex_tones import phases_of
+from fitting.measurements.complex.tones import phases_of
 from fitting.measurements.measurement import Response
 from fitting.text.files import write_all
 from tests.support.datasets import drafted, through

@@ -23,7 +23,7 @@ from scipy.io import savemat
 from fitting.campaign.complex_trace import WrittenComplexColumns, read_complex
 from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, read_recording, read_trace
 from fitting.campaign.recognised import recognised
-from fitting.measurements.complex_sweep_table import ComplexSweepTable
+from fitting.measurements.complex.table import ComplexSweepTable
 from fitting.signal.amplitudes import declared_amplitude, to_peak
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record

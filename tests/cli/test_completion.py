@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.cli.parser import COMMANDS
+from fitting.cli.words.parser import COMMANDS
 from tests.support.in_process import told
 
 

@@ -15,7 +15,7 @@ import pytest
 
 import fitting
 from fitting.cli.main import main
-from fitting.cli.parser import COMMANDS
+from fitting.cli.words.parser import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.cli.output import HEAD, LOGGER
-from fitting.cli.parser import COMMANDS, command_of
+from fitting.cli.running.output import HEAD, LOGGER
+from fitting.cli.words.parser import COMMANDS, command_of
 from fitting.fmu import FmuWorkers, Run
 from tests.support.in_process import Told, told
 from tests.support.small_campaign import small_campaign
@@ -37,7 +37,7 @@ def fitted(folder: Path) -> Told:
     """A fit that says all it can."""
     words = ("--json", "--verbose", "--log", folder / "fit.log")
     with pytest.MonkeyPatch.context() as patch:  # on a busy machine progress would stand among them
-        patch.setattr("fitting.cli.progress.FIRST_S", 1e6)
+        patch.setattr("fitting.cli.running.progress.FIRST_S", 1e6)
         return told("reconstruct", folder / "campaign.toml", "--out", folder / "out", *FIT, *words)
 
 

@@ -15,8 +15,8 @@ import pytest
 
 from fitting.api.cost import Expected
 from fitting.api.fitted import Progress
-from fitting.cli.progress import hidden, status_line
-from fitting.cli.remaining import Remaining
+from fitting.cli.running.progress import hidden, status_line
+from fitting.cli.running.remaining import Remaining
 from tests.support.small_campaign import small_campaign
 
 ROOT = Path(__file__).parents[2]
@@ -84,8 +84,8 @@ def test_nothing_is_shown_where_it_is_hidden(capsys: pytest.CaptureFixture[str])
 def test_lines_in_a_pipe_have_words_and_a_time(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fitting.cli.progress.FIRST_S", 0.01)
-    monkeypatch.setattr("fitting.cli.progress.MOST_S", 0.01)
+    monkeypatch.setattr("fitting.cli.running.progress.FIRST_S", 0.01)
+    monkeypatch.setattr("fitting.cli.running.progress.MOST_S", 0.01)
     counted = threading.Event()
 
     def runs() -> str:

@@ -27,7 +27,7 @@ from fitting.design.information import (
 )
 from fitting.design.limits import DesignTable, limits_of, refuse_wider
 from fitting.fmu import FmuWorkers
-from fitting.measurements.complex_tones import ComplexTones
+from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all

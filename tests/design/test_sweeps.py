@@ -15,8 +15,8 @@ import fitting as ff
 from fitting.api.design import NextMeasurements
 from fitting.campaign import Setup
 from fitting.design.sweeps import SweepRows, information_of_sweeps
-from fitting.measurements.control_spectrum import ControlSpectrum
-from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.control.spectrum import ControlSpectrum
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.report.words.design import design_lines
 from fitting.text.arrays import FloatArray
 from tests.support.modal_workers import modal_model, phasors

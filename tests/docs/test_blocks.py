@@ -12,7 +12,7 @@ import jsonschema
 import pytest
 
 from docs.site.blocks import REMARKS, ROOT, blocks, pages, pasted, prepare, run
-from fitting.cli.parser import parsed
+from fitting.cli.words.parser import parsed
 from fitting.measurements.schema import campaign_schema
 
 #: Programs beside Python and ours that a reader has.

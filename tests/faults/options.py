@@ -6,7 +6,7 @@ import argparse
 import random
 from collections.abc import Iterator, Mapping
 
-from fitting.cli.parser import COMMANDS, add_options, command_of
+from fitting.cli.words.parser import COMMANDS, add_options, command_of
 from tests.faults.case import HERE, OUT, Case
 from tests.faults.scene import CAMPAIGN, FMU
 

@@ -12,7 +12,7 @@ import pytest
 import fitting as ff
 from fitting.campaign.complex_trace import read_complex
 from fitting.lab.curves import WIRED, AvoidedCrossing, WiredResonance
-from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra
 from tests.support.complex_data import mode, notch

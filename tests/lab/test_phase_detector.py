@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.api.synthesis import PhaseDetectors
-from fitting.measurements.complex_tones import ComplexTones
+from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.errors import BadInput
 from tests.support.modes_mpmath import log_responses
 

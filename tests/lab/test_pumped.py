@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control_sweep_table import ReadControlSweep
+from fitting.measurements.control.table import ReadControlSweep
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

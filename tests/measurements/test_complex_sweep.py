@@ -14,9 +14,9 @@ import fitting as ff
 from fitting.campaign import Setup
 from fitting.campaign.complex_trace import MeasuredComplex, check_delay, read_complex
 from fitting.campaign.instruments import read_trace
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_sweep import ComplexSweeps
-from fitting.measurements.wiring import Wiring
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.wiring import Wiring
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from tests.support.complex_data import mode, notch, with_noise, write_xy

@@ -15,7 +15,7 @@ from fitting.campaign import Setup
 from fitting.fmu import Run
 from fitting.inference.sweep_agreement import sweep_agreement
 from fitting.inference.warnings import Kind
-from fitting.measurements.complex_tones import ComplexTones
+from fitting.measurements.complex.tones import ComplexTones
 from fitting.measurements.measurement import Prediction
 from fitting.simulate.drive import Drive
 from fitting.simulate.probe import Probe, Reading

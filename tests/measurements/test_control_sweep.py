@@ -14,8 +14,8 @@ from matplotlib.figure import Figure as Canvas
 
 import fitting as ff
 from fitting.campaign.control_table import MeasuredSpectrum, with_harmonics
-from fitting.measurements.control_spectrum import ControlSpectrum
-from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.control.spectrum import ControlSpectrum
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.measurement import Prediction
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra as crossing

@@ -9,8 +9,8 @@ import pytest
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.wiring import Wiring
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.wiring import Wiring
 from fitting.text.arrays import Scalar
 from tests.support.complex_data import mode
 

@@ -15,7 +15,7 @@ from fitting.inference.likelihood.knowledge import Identification, PartAlone
 from fitting.inference.verdict import Verdict
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.report.plot import measurement
 from fitting.report.words.identification import identification_lines
 from fitting.text.errors import BadInput

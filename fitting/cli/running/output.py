@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from pathlib import Path
 
-from fitting.cli.progress import above_status, hidden
+from fitting.cli.running.progress import above_status, hidden
 from fitting.text.errors import BadInput
 
 #: Every module of the package logs under this name.

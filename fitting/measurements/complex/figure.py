@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.measurements.complex_curve import ComplexCurve
+from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.text.arrays import ComplexArray
 from fitting.text.notation import number

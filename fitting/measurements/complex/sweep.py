@@ -1,6 +1,6 @@
 """Complex sweep: amplitude and phase of the response to one tone after another, over frequency.
 
-    r = [Re(S - y), Im(S - y)]/max|y|        y measured, S as `fitting.measurements.wiring` has it
+    r = [Re(S - y), Im(S - y)]/max|y|        y measured, S as `complex.wiring` has it
 
 Two rows for each value, all real parts of a curve before its imaginary parts. Gain and background
 are complex, unknown, and solved inside. Lock-in amplifiers and network analysers give such curves;
@@ -18,9 +18,9 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_gain import SharedGain, Solved
-from fitting.measurements.complex_sweep_figure import complex_figure
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.figure import complex_figure
+from fitting.measurements.complex.gain import SharedGain, Solved
 from fitting.measurements.dip import dip_qualities
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure

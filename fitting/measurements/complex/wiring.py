@@ -7,7 +7,7 @@
     e = exp(-i 2 pi (u - u0) tau)     x = (u - u0)/half the span     u0 the middle of the sweep
 
 a, b, b', s and c are complex and enter linearly, as a, b, b', a s and a c: they are solved inside
-every evaluation (`fitting.measurements.complex_gain`). The delay tau is a parameter of the fit. A
+every evaluation (`fitting.measurements.complex.gain`). The delay tau is a parameter of the fit. A
 complex gain beside a constant background makes a Fano line. Values count phases as
 Re[S exp(i 2 pi u t)].
 

@@ -20,9 +20,9 @@ from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
-from fitting.measurements.control_spectrum import ControlSpectrum
-from fitting.measurements.control_sweep import ControlSweep
-from fitting.measurements.spectrum_scales import SCALES
+from fitting.measurements.control.scales import SCALES
+from fitting.measurements.control.spectrum import ControlSpectrum
+from fitting.measurements.control.sweep import ControlSweep
 from fitting.signal.amplitudes import declared_amplitude
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

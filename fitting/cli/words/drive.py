@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import fitting as ff
-from fitting.cli.options import positive_time, quantity
+from fitting.cli.words.values import positive_time, quantity
 
 if TYPE_CHECKING:
     from fitting.text.arrays import Scalar

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from fitting.cli.options import whole_number
+from fitting.cli.words.values import whole_number
 from fitting.text.errors import BadInput
 
 if TYPE_CHECKING:

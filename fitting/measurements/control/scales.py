@@ -8,7 +8,7 @@ amplitudes and weights w,
     chi minimises sum_i w_i (M(chi A_i) - L_i)^2                  magnitudes of noisy quadratures
 
 (variable projection); M is the mean of a magnitude (`fitting.signal.magnitude`). Unlike complex
-gains (`fitting.measurements.complex_gain`) scales are positive, nothing stands beside them, and the
+gains (`fitting.measurements.complex.gain`) scales are positive, nothing stands beside them, and the
 last two enter otherwise than linearly: the one is a mean of logarithms, the other takes steps.
 Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
 """

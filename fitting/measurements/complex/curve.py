@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.complex_trace import MeasuredComplex
-from fitting.measurements.wiring import Wiring
+from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput

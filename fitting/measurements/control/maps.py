@@ -14,7 +14,7 @@ from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, unit_text
 
 if TYPE_CHECKING:  # the sweep draws itself by these
-    from fitting.measurements.control_sweep import ControlSweep
+    from fitting.measurements.control.sweep import ControlSweep
 
 #: Texts along a map of numbered spectra.
 MOST_TICKS = 10

@@ -8,7 +8,7 @@ amplifiers give such values; output(t) = Re[z exp(i 2 pi u t)], a drive of phase
 
 What nobody knows of the detector is solved inside every evaluation: the phase phi_g of every group
 of lines, which ends where the instrument was restarted, and with an unknown gain the modulus chi,
-which else is that of the series (`fitting.measurements.complex_gain`, with h = z/y and y = 1).
+which else is that of the series (`fitting.measurements.complex.gain`, with h = z/y and y = 1).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from fitting.campaign import Experiment, Phases
-from fitting.measurements.complex_gain import gains_of
+from fitting.measurements.complex.gain import gains_of
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import Prediction, Values
 from fitting.measurements.tones import Tones

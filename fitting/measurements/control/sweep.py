@@ -24,8 +24,9 @@ from typing import Self
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.measurements.control_maps import ControlMaps
-from fitting.measurements.control_spectrum import ControlSpectrum
+from fitting.measurements.control.maps import ControlMaps
+from fitting.measurements.control.scales import SCALES, SpectrumScales
+from fitting.measurements.control.spectrum import ControlSpectrum
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
@@ -39,7 +40,6 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
-from fitting.measurements.spectrum_scales import SCALES, SpectrumScales
 from fitting.measurements.tones import PLATEAU
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.scale import half_power_width

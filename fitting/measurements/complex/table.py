@@ -20,9 +20,9 @@ from fitting.campaign.file import check_layout_keys, layout_keys
 from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_sweep import ComplexSweeps
-from fitting.measurements.wiring import BACKGROUNDS, WIRINGS, Wiring
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import (
     Count,

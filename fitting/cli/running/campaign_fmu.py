@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fitting.api.fmu import Fmu
 from fitting.api.problem import Campaign, fmu_of
-from fitting.cli.options import default_workers
+from fitting.cli.words.values import default_workers
 
 
 def fmu_for(campaigns: Sequence[Campaign], out: Path, workers: int | None) -> Fmu:

@@ -1,0 +1,1 @@
+"""What surrounds a command that runs: its folder, its progress, its end."""

@@ -1,0 +1,1 @@
+"""Complex values: tones and sweeps with phases, behind a wiring."""

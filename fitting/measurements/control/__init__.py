@@ -1,0 +1,1 @@
+"""Spectra and sweeps over a control quantity: a voltage, a capacitance, a pump's depth."""
