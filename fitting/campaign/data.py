@@ -197,13 +197,17 @@ def _hertz(values: FloatArray, unit: str, where: str) -> FloatArray:
     return np.array([convert(float(v), unit, "Hz", where=where) for v in values])
 
 
+#: What a column of the experiments holds, for complaints.
+PEAKS, PHASES = "ready peaks", "phases"
+
+
 def _read_experiments(
     file: WrittenCampaign, written: WrittenExperiments, folder: Path
 ) -> tuple[MeasuredExperiment, ...]:
     """All experiments, or complaints of every row and spectrum that has one."""
     table = read_table(written.file)
     wanted = [("experiment", ""), *((name, "") for name in file.driven.frequencies)]
-    wanted += [(name, "ready peaks") for name in written.data_columns]
+    wanted += [(name, PHASES if name in written.phases else PEAKS) for name in written.data_columns]
     gathered(partial(_column, table, name, what) for name, what in wanted)
     labels = _labels(table)
     tones = _tones(table, file.driven.frequencies)
@@ -426,14 +430,14 @@ class _Row:
 
     def radians(self, name: str) -> float:
         """A cell as a phase."""
-        column, where = self.column(name, "phases"), self.place(name)
+        column, where = self.column(name, PHASES), self.place(name)
         unit = unit_of(self.table, column, f"{name} (deg)")
         value = self.number(column, where)
         return convert(value, unit, "rad", where=f"{self.table.path}: column '{name}'")
 
     def amplitude(self, name: str, *, part: bool = False) -> float:
         """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
-        column = self.column(name, "ready peaks")
+        column = self.column(name, PEAKS)
         unit = unit_of(self.table, column, f"{name} (uV)")
         number = np.array([self.number(column, self.place(name))])
         row = f"row {self.table.lines[self.index]}"

@@ -247,8 +247,11 @@ def _beyond_the_simulation(
 def _over_the_box(subject: _Subject, branches: Branches, ends: tuple[str, str]) -> tuple[str, str]:
     """The same; a walk that ended beyond the box, or close to its end, all of which fits, is whole.
 
-    Models end there often: laws have no value beyond, an output is the largest that it can be.
+    Models end there often: laws have no value beyond, an output is the largest that it can be. Not
+    where the data end the other side: they might end this one beyond.
     """
+    if "crossed" in ends:
+        return ends
     low, high = subject.box
     near = NEAR_BOX * (high - low)
     words = list(ends)
