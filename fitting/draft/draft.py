@@ -15,6 +15,8 @@ from fitting.draft.questions import Answers, Question
 from fitting.draft.values import Box, boxes_of
 from fitting.fmu import FmuWorkers
 from fitting.measurements.kinds import read_campaign
+from fitting.resonance.form import FANO, SLOPED
+from fitting.resonance.line import LineForm
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -77,6 +79,14 @@ def draft_of(
     return Draft(text=text, said=(*said, *answers.said, *boxes))
 
 
+def _beside(form: LineForm) -> list[str]:
+    """What was found beside the line, which the campaign has too."""
+    found = {FANO: "a complex constant", SLOPED: "a complex background that changes linearly"}
+    beside = [found[form.name]] if form.name in found else []
+    beside += ["the delay of a cable"] if form.delayed else []
+    return [f"Beside the line, found by comparing: {listed(beside)}."] if beside else []
+
+
 def _seen(files: Files) -> list[str]:
     """What every file was found to be."""
     said: list[str] = []
@@ -87,6 +97,7 @@ def _seen(files: Files) -> list[str]:
             f = quantity(sweep.line.frequency_hz, sweep.line.frequency_std_hz, "Hz")
             width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
+            said += _beside(sweep.line.forms[0])
         else:
             said.append(f"A sweep of {kind}: {sweep.trouble}.")
     if files.table is not None:

@@ -182,6 +182,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     wide = _interval(subject, branches, fits, ends)
     tight = tuple(point is not None and point.delta <= ROOT_68**2 for point in range_ends)
     narrow = interval(quantity, branches, (tight[0], tight[1]), "68")
+    low68, high68 = (min(max(subject.shown(end), wide[0]), wide[1]) for end in narrow)
     others = [] if goes_round else _elsewhere(explored, subject, basis.equivalents)
     found = _Found(
         interval=wide,
@@ -198,7 +199,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
         unit=subject.unit,
         best=subject.shown(quantity.best),
         sigma=subject.scale * quantity.sigma,
-        interval68=(subject.shown(narrow[0]), subject.shown(narrow[1])),
+        interval68=(low68, high68),
         interval95=wide,
         box=subject.box,
         ends=(ends[0], ends[1]),

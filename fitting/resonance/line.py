@@ -49,6 +49,9 @@ WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED)
 #: A resonance is there if noise alone were to look like one less often than this.
 SEEN_P = 1e-3
 
+#: Akaike's criterion by which a form with a delay must be better than all without one.
+PLAINLY = 10.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class LineForm:
@@ -57,7 +60,7 @@ class LineForm:
     Attributes:
         name: "transmission", "fano" or "sloped".
         delayed: whether the delay of a cable is fitted, too.
-        criterion: Akaike's, over that of the best form: 0 for that one; 10 is plainly worse.
+        criterion: Akaike's, over the least of all forms; 10 is plainly worse.
         residual: root mean square of what is left, over the line's amplitude.
         message: why it could not be fitted.
     """
@@ -182,6 +185,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
     asked = FANO if wiring in (NOTCH, REFLECTION) else wiring
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
+    order = _without_doubtful_delay(found, criteria, order, asked)
     best = found[order[0]]
     if asked and best.name != asked:
         raise BadInput(next(form.message for form in failed if form.name == asked))
@@ -211,6 +215,19 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         said=trace.said,
         points=_points(trace, best),
     )
+
+
+def _without_doubtful_delay(
+    found: Sequence[FittedForm], criteria: FloatArray, order: list[int], asked: str
+) -> list[int]:
+    """The order in which forms are taken: a delay that is not plainly seen is none.
+
+    A delay is the phase of the line itself over a sweep of some widths, so that noise invents one.
+    """
+    plain = [k for k in order if math.isnan(found[k].delay_s) and asked in ("", found[k].name)]
+    if not plain or criteria[plain[0]] - criteria[order[0]] >= PLAINLY:
+        return order
+    return [plain[0], *(k for k in order if k != plain[0])]
 
 
 def _points(trace: Trace, best: FittedForm) -> LinePoints:

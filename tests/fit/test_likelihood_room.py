@@ -205,6 +205,7 @@ def test_nothing_is_said_of_where_a_model_has_no_answer(error: Callable[[], Exce
     found = learnt(whitened(failing(error, 3.0), parameter("p", 1.0, 10.0)), (8.1,)).parameters["p"]
     assert found.ends == ("crossed", "lost")
     assert found.verdict is Verdict.UNKNOWN
+    assert found.interval95[0] < found.interval68[0] < found.interval68[1] <= found.interval95[1]
     assert found.interval95 == pytest.approx((8.0 - 3.0 * Z95, 10.0), rel=1e-3)
 
 

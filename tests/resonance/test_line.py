@@ -73,6 +73,15 @@ def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
         assert np.mean(delays) == pytest.approx(3e-3, abs=1e-4)
 
 
+def test_noise_invents_no_cable() -> None:
+    """The criterion alone gives a sixth of all lines without one a delay (P(chi2_1 > 2) = 0.16)."""
+    found = [ff.line(F, line_alone(F) + noise(F.size, 0.02, seed)) for seed in range(100, 160)]
+    assert [each.delay_s for each in found if not math.isnan(each.delay_s)] == []
+    doubted = [each for each in found if each.forms[0].criterion > 0.0]
+    assert doubted  # else this would show nothing
+    assert all(form.delayed for each in doubted for form in each.forms if form.criterion == 0.0)
+
+
 def test_errors_have_the_size_of_the_closed_form() -> None:
     """Cramér and Rao's bound of a complex line: the quadratures double the information.
 

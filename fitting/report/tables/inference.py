@@ -122,7 +122,9 @@ def direction_table(knowledge: Knowledge) -> Table | None:
         for name in knowledge.directions[0].vector
     ]
     columns.append(
-        Column("what was tried", lambda row: typeset(row[1].sentence) or "seen", role="words")
+        Column(
+            "what was tried", lambda row: typeset(row[1].sentence) or _tried(row[1]), role="words"
+        )
     )
     return tabulate(
         "Singular values of the sensitivities",
@@ -131,6 +133,11 @@ def direction_table(knowledge: Knowledge) -> Table | None:
         "x = (p − reference)/scale. A direction whose singular value is far below one per box "
         "changes nothing that was measured; the change in the last column was simulated.",
     )
+
+
+def _tried(direction: Direction) -> str:
+    """Where nothing is told of a direction: seen, where the data notice it within the box."""
+    return "seen" if direction.share >= 1.0 else "nothing"
 
 
 def _component(name: str) -> Callable[[tuple[int, Direction]], float]:

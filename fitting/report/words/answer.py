@@ -139,9 +139,8 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
             fitted, apart = own, abs(_likely(found) - value) / math.hypot(std, found.std)
         shown = f"= {quantity(value, std, found.unit)}"
         return Known(name, shown, share=_share(value, std), fitted=fitted, apart=apart)
-    if verdict in (Verdict.DETERMINED, Verdict.LINEARISED):
-        tail = " (linearised)" if verdict is Verdict.LINEARISED else ""
-        return Known(name, f"= {own}{tail}", share=_share(found.value, found.std))
+    if verdict is Verdict.DETERMINED:
+        return Known(name, f"= {own}", share=_share(found.value, found.std))
     words = {
         Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
         Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit)}",
@@ -191,6 +190,8 @@ def _ranges(left: dict[str, Found]) -> tuple[str, ...]:
 def _open_words(found: Found) -> str:
     if found.identifiable is Verdict.OPEN:
         return _range(*found.ci95, found.unit)
+    if found.identifiable is Verdict.LINEARISED:
+        return f"{reported_words(found)} by its linearised error alone: no profile was walked"
     if found.identifiable is Verdict.WITHDRAWN:
         return "the model does not describe the data"
     return found.reason or str(found.identifiable)

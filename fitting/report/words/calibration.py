@@ -18,7 +18,11 @@ def calibration_lines(found: Calibration) -> list[str]:
     sure = [p for p in found.handed if p.verdict is Verdict.DETERMINED]
     asked = [p for p in found.handed if p.verdict is not Verdict.DETERMINED]
     left = [p for p in found.parameters if p.left]
-    lines = [f"handed on: {_listed(sure)}" if sure else "handed on: nothing is determined"]
+    lines = [
+        f"handed on: {_listed(sure)}"
+        if sure
+        else "handed on: no parameter, because the data determine none; --all hands on the best fit"
+    ]
     if asked:
         lines.append(f"handed on as asked, though not determined: {_listed(asked)}")
     if found.campaign_values:

@@ -70,10 +70,10 @@ def _taken(line: Line) -> str:
     fitted = [form for form in line.forms if not math.isnan(form.criterion)]
     if len(fitted) < 2:
         return f"Taken: {line.wiring}, {FORMS[line.wiring]}; {left}."
-    return (
-        f"Taken: {line.wiring}, {FORMS[line.wiring]}, by Akaike's criterion the best of "
-        f"{len(fitted)} forms; {left}."
-    )
+    best = f"by Akaike's criterion the best of {len(fitted)} forms"
+    if line.forms[0].criterion > 0.0:
+        best += " but for one with the delay of a cable, which these points do not plainly show"
+    return f"Taken: {line.wiring}, {FORMS[line.wiring]}, {best}; {left}."
 
 
 def _time(seconds: float) -> str:
