@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import platform
 import secrets
@@ -39,6 +40,7 @@ class Scratch:
             _remove_abandoned(place)
             self.path = place / f"{PREFIX}{secrets.token_hex(8)}"
             # before there is one: what asks the process to end may come at any moment
+            _MADE[self.path] = os.getpid()
             self._remove = weakref.finalize(self, _remove, self.path, os.getpid())
             self.path.mkdir(mode=0o700)
             self._lock = _locked(self.path)
@@ -61,6 +63,17 @@ class Scratch:
         self.remove()
 
 
+#: Folders of this process and its forks that may still be there, with the process that made each.
+_MADE: dict[Path, int] = {}
+
+
+@atexit.register
+def _remove_all() -> None:
+    """What an end that came amid a removal has left: a finaliser runs once, whole or not."""
+    for folder, owner in list(_MADE.items()):
+        _remove(folder, owner)
+
+
 def _remove(folder: Path, owner: int) -> None:
     if os.getpid() == owner:  # and not a fork of it
         shutil.rmtree(folder, ignore_errors=True)
@@ -69,6 +82,8 @@ def _remove(folder: Path, owner: int) -> None:
                 for path in sorted(folder.rglob("*"), reverse=True):
                     path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
                 folder.rmdir()
+        if not folder.exists():
+            _MADE.pop(folder, None)
 
 
 def _locked(folder: Path) -> FileLock:
