@@ -63,13 +63,13 @@ class Scratch:
         self.remove()
 
 
-#: Folders of this process and its forks that may still be there, with the process that made each.
+#: Folders that were made, each with the process that made it.
 _MADE: dict[Path, int] = {}
 
 
 @atexit.register
 def _remove_all() -> None:
-    """What an end that came amid a removal has left: a finaliser runs once, whole or not."""
+    """What threads have made anew that an interrupt had left running: by now they have ended."""
     for folder, owner in list(_MADE.items()):
         _remove(folder, owner)
 
@@ -82,8 +82,6 @@ def _remove(folder: Path, owner: int) -> None:
                 for path in sorted(folder.rglob("*"), reverse=True):
                     path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
                 folder.rmdir()
-        if not folder.exists():
-            _MADE.pop(folder, None)
 
 
 def _locked(folder: Path) -> FileLock:
