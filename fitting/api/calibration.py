@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.fitted import Valued
+from fitting.api.written import CALIBRATED_FILES
 from fitting.fmu import FmuDescription, read_description
 from fitting.fmu.models import Rebuilding, rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
@@ -16,10 +17,7 @@ from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.results_folder import results_folder
 
-__all__ = ["CALIBRATED_FILES", "Calibrated", "calibrate"]
-
-#: What a calibration consists of.
-CALIBRATED_FILES = ("*_calibrated.fmu", "*_calibrated.ssv", "*_calibrated.ssp", "parameters.csv")
+__all__ = ["Calibrated", "calibrate"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fitting.api.choices import CRITERIA
 from fitting.api.fitted import Valued
 from fitting.api.jobs import check_problem
 from fitting.api.problem import Problem
+from fitting.api.written import DESIGN_FILES
 from fitting.campaign import BoundCampaign, bind
-from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME, campaign_files
+from fitting.design.campaign import CAMPAIGN_NAME, campaign_files
 from fitting.design.candidates import Limits
-from fitting.design.choice import CRITERIA
 from fitting.design.goal import goal_of, start_of, variable_of
 from fitting.design.limits import (
     DesignTable,
@@ -24,28 +25,16 @@ from fitting.design.limits import (
     refuse_wider,
 )
 from fitting.design.proposal import propose
-from fitting.design.result import NAME, Design, Proposal, design_csv, write_design
-from fitting.design.sweep_campaign import SWEEPS_NAME
+from fitting.design.result import Design, Proposal, design_csv, write_design
 from fitting.design.weighing import DesignGoal, weigh
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
 from fitting.text.results_folder import results_folder
 
-__all__ = ["CRITERIA", "Goal", "Limits", "NextMeasurements", "design", "limits"]
+__all__ = ["Goal", "Limits", "NextMeasurements", "design", "limits"]
 
 CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
-#: What is written of a design.
-DESIGN_FILES = (
-    NAME,
-    TABLE_NAME,
-    "report.html",
-    *(
-        f"{CAMPAIGN_FOLDER}/{name}"
-        for name in (CAMPAIGN_NAME, EXPERIMENTS_NAME, f"{SWEEP_NAME}.*", SWEEPS_NAME)
-    ),
-    "figures/[0-9]*_*.*",
-)
 
 
 @dataclass(frozen=True)

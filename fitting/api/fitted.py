@@ -14,17 +14,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from fitting.api.choices import BUDGET, ESTIMATORS, MISFITS
 from fitting.api.problem import Problem
 from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
-from fitting.fit.options import ESTIMATORS, LIKELIHOOD, Options
+from fitting.fit.options import Options
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import Schedule
-from fitting.fit.solver.evaluator import MISFITS
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
-from fitting.inference.determine import BUDGET
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Knowledge, Profile
@@ -37,13 +36,11 @@ from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
+from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.notation import number, quantity, span
 
 __all__ = [
-    "ESTIMATORS",
-    "LEVELS_FILE",
-    "MISFITS",
     "Fit",
     "Inference",
     "KeptLevels",
@@ -60,8 +57,6 @@ __all__ = [
 Found = ParameterResult | DerivedResult | OffsetResult
 #: Levels at which intervals are known.
 LEVELS = (0.68, 0.95)
-#: Where the finished levels of a search are kept, in the folder of its results.
-LEVELS_FILE = checkpoint.NAME
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from fitting.api.choices import BUDGET, STYLES
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
-from fitting.inference.determine import BUDGET
+from fitting.api.written import RESULT_FILES
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Identification, PartAlone
@@ -20,19 +21,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import results_folder
 
-__all__ = ["BUDGET", "RESULT_FILES", "draw_report", "identify", "report", "with_part"]
-
-#: What a report of a fit consists of.
-RESULT_FILES = (
-    "result.json",
-    "history.csv",
-    "values.csv",
-    "values.tex",
-    "report.html",
-    "figures/[0-9]*_*.*",
-)
-#: Whether figures for print are written, too.
-STYLES = ("report", "paper")
+__all__ = ["draw_report", "identify", "report", "with_part"]
 
 
 def identify(

@@ -14,28 +14,21 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import fitting
+from fitting.api.choices import SCENES
 from fitting.api.fmu import Fmu
 from fitting.api.problem import one_fmu
+from fitting.api.written import STUDY_FILES
 from fitting.campaign import Campaign, bind
 from fitting.lab.tradeoff.campaign import scene_of_campaign
-from fitting.lab.tradeoff.records import QUANTITIES, Study
-from fitting.lab.tradeoff.scenes import BUILT_IN, Scene, scene_named
+from fitting.lab.tradeoff.records import Study
+from fitting.lab.tradeoff.scenes import Scene, scene_named
 from fitting.lab.tradeoff.study import CHECKPOINT_NAME, Memory, StudyOptions, run_study
 from fitting.report.tables.tradeoff import csv_of, markdown
 from fitting.text.files import write_whole
 from fitting.text.records import to_plain
 from fitting.text.results_folder import results_folder
 
-__all__ = ["BUILT_IN", "QUANTITIES", "Study", "StudyOptions", "tradeoff", "write_tradeoff"]
-
-#: What is written of a study.
-STUDY_FILES = (
-    "tradeoff.csv",
-    "tradeoff.md",
-    "report.html",
-    CHECKPOINT_NAME,
-    "figures/tradeoff_*.*",
-)
+__all__ = ["Study", "StudyOptions", "tradeoff", "write_tradeoff"]
 
 
 def fmu_of(subject: str | Campaign, workers: int = 1) -> Fmu:
@@ -76,7 +69,7 @@ def memory_of(folder: Path, subject: str | Campaign, fmu: Fmu, options: StudyOpt
 
 
 def tradeoff(
-    subject: str | Campaign = BUILT_IN[0],
+    subject: str | Campaign = SCENES[0],
     fmu: Fmu | None = None,
     *,
     options: StudyOptions | None = None,

@@ -1,4 +1,7 @@
-"""Which files a drive and a sweep are written to: nobody else's of these names is replaced."""
+"""Which files each job writes: nobody else's of these names is replaced.
+
+Literal names, which the help of a command knows before any library is loaded.
+"""
 
 from __future__ import annotations
 
@@ -7,3 +10,29 @@ DRIVE_FILES = (
     *(f"{name}.{kind}" for name in ("trace", "spectrum") for kind in ("png", "svg")),
 )
 SWEEP_FILES = ("sweep.csv", "sweep.png", "sweep.svg")
+#: What a report of a fit consists of.
+RESULT_FILES = (
+    "result.json",
+    "history.csv",
+    "values.csv",
+    "values.tex",
+    "report.html",
+    "figures/[0-9]*_*.*",
+)
+#: Where the finished levels of a search are kept, in the folder of its results.
+LEVELS_FILE = "checkpoint.json"
+DESIGN_FILES = (
+    "design.json",
+    "design.csv",
+    "report.html",
+    *(f"campaign/{name}" for name in ("campaign.toml", "experiments.csv", "sweep.*", "sweeps.csv")),
+    "figures/[0-9]*_*.*",
+)
+CALIBRATED_FILES = ("*_calibrated.fmu", "*_calibrated.ssv", "*_calibrated.ssp", "parameters.csv")
+STUDY_FILES = (
+    "tradeoff.csv",
+    "tradeoff.md",
+    "report.html",
+    "tradeoff-checkpoint.json",
+    "figures/tradeoff_*.*",
+)

@@ -22,6 +22,7 @@ from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
 from fitting.signal.scale import SCALES
+from fitting.text.choices import CRITERIA, ESTIMATORS, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput
 from fitting.text.keys import (
     Count,
@@ -55,11 +56,8 @@ from fitting.text.toml import read_toml
 from fitting.text.units import checked_accuracy
 from fitting.text.written import Written
 
-MISFITS = ("slack", "absolute", "squares")
-LIKELIHOOD, ALGORITHM2 = ESTIMATORS = ("likelihood", "algorithm2")
 DRIFT_MODELS = ("linear", "offsets", "walk")
 OUTLIERS = ("keep", "huber")
-CRITERIA = ("target", "D", "A")
 SAMPLES_PER_PERIOD = 200
 UNIT_LEVEL = Written(1.0, None, "[drive] level")
 

@@ -6,10 +6,8 @@ import argparse
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.calibration import CALIBRATED_FILES
+from fitting.api.written import CALIBRATED_FILES
 from fitting.cli.running.results import writes
-from fitting.report.words.calibration import calibration_lines
-from fitting.result.result import read_result
 
 NAME = "calibrate"
 EXAMPLE = "fmu-fit calibrate out/string_q1/result.json --out calibrated"
@@ -42,6 +40,9 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: no result, or another FMU than the one that was fitted.
     """
+    from fitting.report.words.calibration import calibration_lines
+    from fitting.result.result import read_result
+
     also = args.also
     if args.all:
         result = read_result(args.result)

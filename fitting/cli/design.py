@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.design import CRITERIA, DESIGN_FILES
+from fitting.api.choices import CRITERIA
+from fitting.api.written import DESIGN_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
-from fitting.report.words.design import design_lines
 
 NAME = "design"
 DOCUMENT = "design.json"
@@ -72,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, limits, result or target are not what they should be.
         FmuFailure: the FMU failed.
     """
+    from fitting.report.words.design import design_lines
+
     campaigns = [ff.read_campaign(path) for path in (args.campaign, *args.also)]
     goal = ff.Goal(args.target or "", args.criterion or "", args.number, args.seed)
     out = _out(args)

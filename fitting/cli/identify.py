@@ -10,15 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.jobs import BUDGET, with_part
+from fitting.api.choices import BUDGET
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
-from fitting.report.words.identification import identification_lines
-from fitting.result.result import read_result
-from fitting.text.records import write_json
 
 NAME = "identify"
 EXAMPLE = "fmu-fit identify string_q1/campaign.toml --out out/identify_q1"
@@ -81,6 +78,11 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
+    from fitting.api.jobs import with_part
+    from fitting.report.words.identification import identification_lines
+    from fitting.result.result import read_result
+    from fitting.text.records import write_json
+
     settings = _settings(args.beside)
     campaign = ff.read_campaign(args.campaign)
     out = _out(args)

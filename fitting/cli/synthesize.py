@@ -6,20 +6,15 @@ import argparse
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import fitting as ff
-from fitting.api.synthesis import (
-    CURVES,
-    PUMPED,
-    SERIES,
-    TRUTH_NAME,
-    LockIns,
-    PhaseDetectors,
-    PumpedSweeps,
-)
+from fitting.api.choices import CURVES, PUMPED, SERIES, TRUTH_NAME
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import bounded_number, seed
+
+if TYPE_CHECKING:
+    from fitting.api.synthesis import LockIns, PhaseDetectors
 
 NAME = "synthesize"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
@@ -153,6 +148,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measured(measured: Any) -> str:
+    from fitting.api.synthesis import PumpedSweeps
+
     if isinstance(measured, PumpedSweeps):
         return f"{len(measured.bench.settings)} sweeps"
     return f"{len(measured.bench.pairs_hz)} drive pairs"
@@ -175,6 +172,8 @@ def _curve(args: argparse.Namespace) -> int:
 
 
 def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:
+    from fitting.api.synthesis import LockIns, PhaseDetectors
+
     if args.phases:
         restarts = tuple(sorted({n - 1 for n in args.restart}))
         found = PhaseDetectors(both=args.cross_mode, restarts=restarts)

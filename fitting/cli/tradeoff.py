@@ -8,19 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.tradeoff import (
-    BUILT_IN,
-    QUANTITIES,
-    STUDY_FILES,
-    fmu_of,
-    memory_of,
-    write_tradeoff,
-)
+from fitting.api.choices import QUANTITIES, SCENES
+from fitting.api.written import STUDY_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import seed, worker_count
-from fitting.report.tables.tradeoff import terminal
 
 NAME = "tradeoff"
 EXAMPLE = "fmu-fit tradeoff --scene string --out out/tradeoff --quick"
@@ -32,7 +25,7 @@ ONLY = {"amplitudes": QUANTITIES[:1], "widths": QUANTITIES[1:]}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     kind = parser.add_mutually_exclusive_group()
-    kind.add_argument("--scene", choices=BUILT_IN, help=f"what is simulated ({BUILT_IN[0]})")
+    kind.add_argument("--scene", choices=SCENES, help=f"what is simulated ({SCENES[0]})")
     kind.add_argument(
         "--campaign", type=Path, metavar="CAMPAIGN.toml", help="a campaign, through its own FMU"
     )
@@ -60,13 +53,16 @@ def run(args: argparse.Namespace) -> int:
         BadInput: scene, campaign or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
+    from fitting.api.tradeoff import fmu_of, memory_of
+    from fitting.report.tables.tradeoff import terminal
+
     options = ff.StudyOptions(
         accuracies=_accuracies(args.accuracies),
         seed=args.seed,
         quick=args.quick,
         quantities=ONLY.get(args.only, QUANTITIES),
     )
-    scene = args.scene or BUILT_IN[0]
+    scene = args.scene or SCENES[0]
     campaign = ff.read_campaign(args.campaign) if args.campaign else None
     subject = campaign or scene
     with (
@@ -79,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         with status_line(NAME) as tell:
             study = ff.tradeoff(subject, fmu, options=options, memory=memory, progress=tell)
     study = replace(study, provenance={**study.provenance, "command": _command(args)})
-    for path in write_tradeoff(study, args.out):
+    for path in ff.write_tradeoff(study, args.out):
         print(path)
     print("\n".join(["", *terminal(study)]))
     if study.status != "finished":
@@ -108,7 +104,7 @@ def _command(args: argparse.Namespace) -> str:
     if args.campaign:
         words += ["--campaign", args.campaign.as_posix()]
     else:
-        words += ["--scene", args.scene or BUILT_IN[0]]
+        words += ["--scene", args.scene or SCENES[0]]
     words += ["--out", args.out.as_posix()]
     words += ["--only", args.only] if args.only else []
     words += ["--quick"] if args.quick else []

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.text.arrays import FloatArray
+from fitting.text.choices import CRITERIA
 
-CRITERIA = ("target", "D", "A")
 #: How much of the best criterion (a ratio of errors) may be given up for cheaper measurements.
 AS_GOOD = 0.02
 #: An exchange has to gain at least this much; so many are made at most.

@@ -8,10 +8,10 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.file import WrittenDesign
-from fitting.design.choice import CRITERIA
 from fitting.design.weighing import DesignGoal
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign import ContinuationSettings
-from fitting.campaign.file import ALGORITHM2, ESTIMATORS, LIKELIHOOD
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
+from fitting.text.choices import ALGORITHM2, ESTIMATORS, LIKELIHOOD
 
 __all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of"]
 

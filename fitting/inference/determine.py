@@ -29,6 +29,7 @@ from fitting.inference.adequacy import (
     is_redundant,
     outside_sentences,
 )
+from fitting.inference.budget import BUDGET
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
@@ -51,8 +52,6 @@ _log = logging.getLogger(__name__)
 
 #: Decrease of chi square along a profile from which the search begins anew at the better point.
 BETTER = 1.0
-#: Simulation runs at most, by default; runs that points of a batch share count once.
-BUDGET = 500_000
 #: Share of them for other minima and for the ends of ranges.
 FOR_MINIMA = 0.25
 

@@ -15,7 +15,8 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.alternatives import equal_fit
-from fitting.inference.determine import BUDGET, InferenceOptions, determine
+from fitting.inference.budget import BUDGET
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar

@@ -20,8 +20,9 @@ from fitting.fit.solution import Solution
 from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
+from fitting.inference.budget import BUDGET
 from fitting.inference.consistency import consistency, warnings_of
-from fitting.inference.determine import BUDGET, InferenceOptions, determine
+from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import MISFIT, Ending, ending_of
 from fitting.inference.equivalent_fits import (
     is_reason,

@@ -9,6 +9,7 @@ from fitting.lab.bench import Bench
 from fitting.lab.duffing import Cubic, CubicModes
 from fitting.lab.instruments.analyser import Analyser
 from fitting.lab.instruments.markers import Markers
+from fitting.lab.names import BENCHES, DUFFING
 from fitting.lab.string import TwoModes
 from fitting.text.errors import BadInput
 
@@ -33,10 +34,8 @@ SERIES_THETA = {"q1": 1.9498, "q2": 2.0406}
 #: The same series with the drift and the start under which the method improves as much as the
 #: paper prints: the eigenfrequencies bend by so many Hz, the damping starts at width / 2 pi.
 PUBLISHED_BEND_HZ = {"q1-published": 30.0, "q2-published": 60.0}
-DUFFING = "duffing"
 #: Cubic terms of the string that is driven hard.
 DUFFING_CUBIC = Cubic(1e32, 0.8e32, 0.5e32)
-BUILT_IN = (*SERIES_THETA, *PUBLISHED_BEND_HZ, DUFFING)
 
 
 def bench_named(name: str) -> Bench:
@@ -55,7 +54,7 @@ def bench_named(name: str) -> Bench:
     if name in PUBLISHED_BEND_HZ:
         paper = string_bench(name.removesuffix("-published"))
         return replace(paper, series=name, curvature_hz=PUBLISHED_BEND_HZ[name])
-    raise BadInput(f"bench {name!r}: wanted one of {', '.join(BUILT_IN)}")
+    raise BadInput(f"bench {name!r}: wanted one of {', '.join(BENCHES)}")
 
 
 def string_bench(series: str) -> Bench:

@@ -18,16 +18,13 @@ from typing import Any
 import numpy as np
 
 from fitting.lab.modes import CoupledModes
+from fitting.lab.names import CROSSING, CURVES, TRUTH_NAME
 from fitting.lab.string import TwoModes, steady_state
-from fitting.lab.truth import REMARK, TRUTH_NAME
+from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.toml import toml_text
-
-WIRED = ("transmission", "notch", "reflection")
-CROSSING = "crossing"
-KINDS = (*WIRED, CROSSING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,14 +272,14 @@ def curve_named(kind: str, changes: Mapping[str, Any]) -> WiredResonance | Avoid
     """A built-in curve with numbers of its own.
 
     Args:
-        kind: one of `KINDS`.
+        kind: one of `CURVES`.
         changes: numbers that are different, by the names of the record's fields.
 
     Raises:
         BadInput: no such kind, a name that it does not have, impossible numbers.
     """
-    if kind not in KINDS:
-        raise BadInput(f"curve {kind!r}: wanted one of {', '.join(KINDS)}")
+    if kind not in CURVES:
+        raise BadInput(f"curve {kind!r}: wanted one of {', '.join(CURVES)}")
     made = AvoidedCrossing() if kind == CROSSING else WiredResonance(kind=kind)
     known = {field.name for field in fields(made)} - {"kind"}
     for name in changes:

@@ -11,7 +11,8 @@ from fitting.campaign.file import read_campaign_file
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
 from fitting.lab.drive import Drive
 from fitting.lab.instruments.averaged import Averaged
-from fitting.lab.truth import TRUTH_NAME, truth_toml
+from fitting.lab.names import TRUTH_NAME
+from fitting.lab.truth import truth_toml
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_of, written_mhz
 from fitting.measurements.kinds import KINDS
 from fitting.text.errors import BadInput

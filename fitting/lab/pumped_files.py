@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from fitting.lab.names import PUMPED, TRUTH_NAME
 from fitting.lab.pumped import PumpedBench, PumpedSweeps, measure_pumped, pumped_modes
 from fitting.lab.string import TwoModes
-from fitting.lab.truth import REMARK, TRUTH_NAME, plain, values_of
+from fitting.lab.truth import REMARK, plain, values_of
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text, written_mhz
 from fitting.text.errors import BadInput
 from fitting.text.toml import Tables, rewritten, toml_text
 
-PUMPED = "pumped"
 SWEEPS_NAME = "sweeps.csv"
 #: Fields of a bench with a table of their own.
 ELSEWHERE = ("string",)

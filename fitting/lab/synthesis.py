@@ -14,10 +14,11 @@ from fitting.lab.curves import curve_named
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
+from fitting.lab.names import PUMPED, TRUTH_NAME
 from fitting.lab.plan import Plan
 from fitting.lab.pumped import PumpedBench
-from fitting.lab.pumped_files import PUMPED, changed_pumped, pumped_bench_of, pumped_files
-from fitting.lab.truth import TRUTH_NAME, read_bench, truth_tables
+from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
+from fitting.lab.truth import read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all

@@ -21,7 +21,6 @@ from fitting.text.toml import read_toml, toml_text
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-TRUTH_NAME = "truth.toml"
 REMARK = "The truth behind this campaign. No reader of a fit opens this file."
 #: Fields of a bench with a table of their own.
 ELSEWHERE = ("sample", "instrument", "levels", "weak_level")

@@ -13,7 +13,8 @@ from importlib import resources
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Cell, Measured, Series
 from fitting.lab.benches import PUBLISHED_BEND_HZ
 from fitting.lab.duffing import CubicModes
-from fitting.lab.truth import TRUTH_NAME, truth_toml
+from fitting.lab.names import TRUTH_NAME
+from fitting.lab.truth import truth_toml
 from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.text.arrays import FloatArray
 from fitting.text.toml import Tables, inline, put, rewritten

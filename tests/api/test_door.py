@@ -17,6 +17,17 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.api.choices import SCENES
+from fitting.api.design import CAMPAIGN_FOLDER, TABLE_NAME
+from fitting.api.written import DESIGN_FILES, LEVELS_FILE, STUDY_FILES
+from fitting.design import result as design_result
+from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME
+from fitting.design.sweep_campaign import SWEEPS_NAME
+from fitting.fit import checkpoint
+from fitting.lab import benches
+from fitting.lab.names import BENCHES
+from fitting.lab.tradeoff import study
+from fitting.lab.tradeoff.scenes import scene_named
 from tests.support.processes import MOST_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,6 +55,17 @@ def test_importing_the_package_loads_nothing_else() -> None:
         "[n for n in sys.modules if n.startswith('fitting.')])"
     )
     assert told(script) == "[] []"
+
+
+def test_names_that_stand_by_themselves_are_those_of_the_rooms() -> None:
+    """Help lists them before the rooms are loaded: no job writes or knows others."""
+    assert checkpoint.NAME == LEVELS_FILE
+    assert {design_result.NAME, TABLE_NAME} < set(DESIGN_FILES)
+    proposed = {CAMPAIGN_NAME, EXPERIMENTS_NAME, f"{SWEEP_NAME}.*", SWEEPS_NAME}
+    assert {f"{CAMPAIGN_FOLDER}/{name}" for name in proposed} < set(DESIGN_FILES)
+    assert study.CHECKPOINT_NAME in STUDY_FILES
+    assert (*benches.SERIES_THETA, *benches.PUBLISHED_BEND_HZ, "duffing") == BENCHES
+    assert [scene_named(name).name for name in SCENES] == list(SCENES)
 
 
 @pytest.mark.parametrize("room", ["design", "fit", "report", "simulate"])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fitting.design.choice import (
-    CRITERIA,
     DesignProblem,
     choose,
     exchange,
@@ -18,6 +17,7 @@ from fitting.design.choice import (
     ordered,
     target_sigmas,
 )
+from fitting.text.choices import CRITERIA
 
 
 def of_rows(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fitting.fit.objective import j_reg
-from fitting.fit.solver.evaluator import MISFITS, Evaluator, total
+from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.fit.solver.interior_point import (
     Solve,
     SolveSettings,
@@ -20,6 +20,7 @@ from fitting.fit.solver.interior_point import (
     to_the_last_digits,
 )
 from fitting.text.arrays import FloatArray
+from fitting.text.choices import MISFITS
 from tests.support.rows import bent_at, rows_evaluator
 
 B = np.array([1.0, 2.0, 10.0])

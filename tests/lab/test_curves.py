@@ -11,7 +11,8 @@ import pytest
 
 import fitting as ff
 from fitting.campaign.complex_trace import read_complex
-from fitting.lab.curves import WIRED, AvoidedCrossing, WiredResonance
+from fitting.lab.curves import AvoidedCrossing, WiredResonance
+from fitting.lab.names import WIRED
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra

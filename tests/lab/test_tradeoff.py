@@ -19,12 +19,13 @@ import build_fmu
 from fitting.cli.main import main
 from fitting.fmu import FmuWorkers
 from fitting.lab import exact as exact_modes
+from fitting.lab.names import AMPLITUDES
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.tradeoff.bench import Bench, Patience, largest_lines, read, window_of
 from fitting.lab.tradeoff.extrapolation import closed_orbits, stepped_setting
 from fitting.lab.tradeoff.front import cheapest, pareto
 from fitting.lab.tradeoff.quantities import error_of, values_of
-from fitting.lab.tradeoff.records import AMPLITUDES, COHERENT, Cost, Measurement, Setting
+from fitting.lab.tradeoff.records import COHERENT, Cost, Measurement, Setting
 from fitting.lab.tradeoff.reference import references_of
 from fitting.lab.tradeoff.scenes import SENSOR, STRING, STRING_TONES, scene_named
 from fitting.lab.tradeoff.study import Memory, StudyOptions, run_study

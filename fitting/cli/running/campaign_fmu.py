@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from fitting.api.fmu import Fmu
-from fitting.api.problem import Campaign, fmu_of
 from fitting.cli.words.values import default_workers
+
+if TYPE_CHECKING:
+    from fitting.api.fmu import Fmu
+    from fitting.api.problem import Campaign
 
 
 def fmu_for(campaigns: Sequence[Campaign], out: Path, workers: int | None) -> Fmu:
@@ -21,4 +24,6 @@ def fmu_for(campaigns: Sequence[Campaign], out: Path, workers: int | None) -> Fm
     Raises:
         BadInput: they name different ones, or one that is not there.
     """
+    from fitting.api.problem import fmu_of  # takes libraries along, help does not
+
     return fmu_of(campaigns, out / "fmu", workers or default_workers())

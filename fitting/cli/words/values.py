@@ -25,9 +25,13 @@ def seed() -> Callable[[str], int]:
 
 def worker_count() -> Callable[[str], int]:
     """An argparse type: a number of worker processes."""
-    from fitting.api.fmu import MOST_WORKERS  # not every command has any
 
-    return whole_number(1, MOST_WORKERS)
+    def read(text: str) -> int:
+        from fitting.api.fmu import MOST_WORKERS  # takes libraries along, help does not
+
+        return whole_number(1, MOST_WORKERS)(text)
+
+    return read
 
 
 def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:

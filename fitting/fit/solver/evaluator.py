@@ -16,7 +16,6 @@ from fitting.text.arrays import FloatArray
 
 Kept = TypeVar("Kept")
 
-MISFITS = ("slack", "absolute", "squares")
 #: Points and Jacobians kept; a solver goes back by one or two iterates at most.
 REMEMBERED = 8
 

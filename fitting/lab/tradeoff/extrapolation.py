@@ -10,19 +10,12 @@ import numpy as np
 
 from fitting.lab import exact as exact_modes
 from fitting.lab.drive import Drive
+from fitting.lab.names import AMPLITUDES
 from fitting.lab.string import TwoModes
 from fitting.lab.tradeoff.bench import Bench
 from fitting.lab.tradeoff.grid import setting_of
 from fitting.lab.tradeoff.quantities import error_of, largest_change
-from fitting.lab.tradeoff.records import (
-    AMPLITUDES,
-    COHERENT,
-    SUBSTEPS,
-    Cost,
-    Measurement,
-    Reference,
-    Setting,
-)
+from fitting.lab.tradeoff.records import COHERENT, SUBSTEPS, Cost, Measurement, Reference, Setting
 from fitting.lab.tradeoff.scenes import Scene
 from fitting.text.arrays import FloatArray
 

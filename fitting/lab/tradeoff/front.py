@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fitting.lab.tradeoff.records import QUANTITIES, Measurement, Study
+from fitting.lab.names import QUANTITIES
+from fitting.lab.tradeoff.records import Measurement, Study
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,16 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
-from fitting.lab.tradeoff.records import (
-    AMPLITUDES,
-    FLAT_TOP,
-    HELD,
-    NO_WINDOW,
-    SUBSTEPS,
-    WIDTH_PEAKS,
-    WIDTH_SWEEP,
-    Setting,
-)
+from fitting.lab.names import AMPLITUDES, WIDTH_PEAKS, WIDTH_SWEEP
+from fitting.lab.tradeoff.records import FLAT_TOP, HELD, NO_WINDOW, SUBSTEPS, Setting
 from fitting.lab.tradeoff.scenes import Scene, Solver
 
 Start = tuple[bool, float]  # periodic start, settling in s

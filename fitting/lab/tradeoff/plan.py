@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitting.lab.names import AMPLITUDES
 from fitting.lab.tradeoff.bench import Bench
-from fitting.lab.tradeoff.records import AMPLITUDES, SUBSTEPS, Setting
+from fitting.lab.tradeoff.records import SUBSTEPS, Setting
 from fitting.lab.tradeoff.scenes import Scene
 from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.knowledge import knowledge_of

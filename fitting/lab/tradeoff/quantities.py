@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fitting.lab.names import AMPLITUDES, WIDTH_SWEEP
 from fitting.lab.tradeoff.bench import Bench
-from fitting.lab.tradeoff.records import AMPLITUDES, WIDTH_SWEEP, Reference, Setting
+from fitting.lab.tradeoff.records import Reference, Setting
 from fitting.signal.peaks import fit_resonance
 from fitting.signal.scale import nodes_around, refine_maximum
 from fitting.text.arrays import FloatArray

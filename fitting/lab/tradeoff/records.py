@@ -7,13 +7,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from fitting.lab.names import QUANTITIES
 from fitting.text.arrays import Scalar
 from fitting.text.records import to_plain
 
-#: What is measured: the amplitudes of a two-tone drive; the line width, read off a sweep by a fit
-#: of one mode; the line width, fitted through the simulator to the amplitudes.
-AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS = "amplitudes", "width by sweep", "width by amplitudes"
-QUANTITIES = (AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS)
 #: A reference that is none of these: amplitudes over the maximum of the sweep.
 RATIOS = "amplitudes over the maximum"
 

@@ -9,20 +9,12 @@ import numpy as np
 from fitting.lab import exact
 from fitting.lab.drive import Drive
 from fitting.lab.duffing import CLOSED, CubicModes, lines_to_order
+from fitting.lab.names import AMPLITUDES, WIDTH_PEAKS, WIDTH_SWEEP
 from fitting.lab.string import TwoModes
 from fitting.lab.tradeoff.bench import Bench
 from fitting.lab.tradeoff.grid import setting_of
 from fitting.lab.tradeoff.quantities import largest_change, values_of
-from fitting.lab.tradeoff.records import (
-    AMPLITUDES,
-    HELD,
-    RATIOS,
-    SUBSTEPS,
-    WIDTH_PEAKS,
-    WIDTH_SWEEP,
-    Reference,
-    Setting,
-)
+from fitting.lab.tradeoff.records import HELD, RATIOS, SUBSTEPS, Reference, Setting
 from fitting.lab.tradeoff.scenes import Scene, Solver
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure

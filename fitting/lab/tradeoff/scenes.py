@@ -15,6 +15,7 @@ from fitting.campaign import WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.lab.duffing import Cubic, CubicModes
 from fitting.lab.exact import line_width_hz
+from fitting.lab.names import SCENES
 from fitting.lab.sample import Sample
 from fitting.lab.string import TwoModes
 from fitting.lab.tradeoff.records import SUBSTEPS, TOLERANCE
@@ -248,7 +249,6 @@ _SCENES: dict[str, tuple[str, TwoModes, tuple[float, float], dict[str, float]]] 
         {"alpha1": 1.5e31, "alpha2": 1.5e31, "kappa": 5e30},
     ),
 }
-BUILT_IN = tuple(_SCENES)
 
 
 def scene_named(name: str) -> Scene:
@@ -261,7 +261,7 @@ def scene_named(name: str) -> Scene:
         BadInput: no such scene.
     """
     if name not in _SCENES:
-        raise BadInput(f"--scene {name}: wanted one of {', '.join(BUILT_IN)}")
+        raise BadInput(f"--scene {name}: wanted one of {', '.join(SCENES)}")
     title, modes, tones_hz, cubic = _SCENES[name]
     width = line_width_hz(modes, 0)
     values: dict[str, Scalar] = {

@@ -10,17 +10,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.fmu import FmuWorkers
+from fitting.lab.names import AMPLITUDES, QUANTITIES, WIDTH_PEAKS
 from fitting.lab.tradeoff.bench import Bench, Patience
 from fitting.lab.tradeoff.extrapolation import Extrapolation
 from fitting.lab.tradeoff.grid import settings_of
 from fitting.lab.tradeoff.plan import Planned, plan_scene
 from fitting.lab.tradeoff.quantities import error_of, values_of
 from fitting.lab.tradeoff.records import (
-    AMPLITUDES,
-    QUANTITIES,
     RATIOS,
     TOLERANCE,
-    WIDTH_PEAKS,
     Cost,
     Measurement,
     Reference,

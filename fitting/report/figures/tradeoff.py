@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from fitting.lab.names import QUANTITIES
 from fitting.lab.tradeoff.front import pareto
-from fitting.lab.tradeoff.records import COHERENT, QUANTITIES, Measurement, Study
+from fitting.lab.tradeoff.records import COHERENT, Measurement, Study
 from fitting.report.figures.style import (
     Drawing,
     FigureFile,

@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import math
 
+from fitting.lab.names import QUANTITIES, WIDTH_SWEEP
 from fitting.lab.tradeoff.front import Choice, choices, pareto
-from fitting.lab.tradeoff.records import (
-    COHERENT,
-    QUANTITIES,
-    TOLERANCE,
-    WIDTH_SWEEP,
-    Measurement,
-    Setting,
-    Study,
-)
+from fitting.lab.tradeoff.records import COHERENT, TOLERANCE, Measurement, Setting, Study
 from fitting.report.table import Cell, Column, Table, csv_text, tabulate
 from fitting.text.notation import number, prefixed
 

@@ -1,0 +1,24 @@
+"""What people may choose from, by name: known before any library is loaded."""
+
+from __future__ import annotations
+
+from fitting.inference.budget import BUDGET
+from fitting.lab.names import BENCHES, CURVES, PUMPED, QUANTITIES, SCENES, TRUTH_NAME
+from fitting.text.choices import CRITERIA, ESTIMATORS, MISFITS, STYLES
+
+__all__ = [
+    "BUDGET",
+    "CRITERIA",
+    "CURVES",
+    "ESTIMATORS",
+    "MISFITS",
+    "PUMPED",
+    "QUANTITIES",
+    "SCENES",
+    "SERIES",
+    "STYLES",
+    "TRUTH_NAME",
+]
+
+#: Series of the virtual laboratory.
+SERIES = (*BENCHES, PUMPED)

@@ -1,0 +1,240 @@
+"""The work of ``fmu-fit reconstruct``, once its words are read."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import fitting as ff
+from fitting.api.choices import STYLES
+from fitting.api.cost import expected_of
+from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
+from fitting.api.jobs import draw_report
+from fitting.api.problem import Campaign
+from fitting.cli.running.campaign_fmu import fmu_for
+from fitting.cli.running.interrupts import to_the_end
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.cli.running.remaining import Remaining
+from fitting.report.words.cost import cost_lines, measured_lines
+from fitting.report.words.result import result_lines
+from fitting.result.external import check_external, with_external
+from fitting.result.result import Result, write_result
+from fitting.text.errors import NoScale
+from fitting.text.scratch import Scratch
+
+NAME = "reconstruct"
+#: Of a result that is written before the profiles are done, and stands where they never are.
+NO_PROFILES = (
+    "The command ended before the profiles were done: errors are those of the linearised "
+    "problem, and no verdict is given."
+)
+#: Exit code by how the fit ended; any other ending is 1.
+EXIT_CODES = {"converged": 0, "does not describe the data": 4}
+
+
+def reconstruct(args: argparse.Namespace, out: Path) -> int:
+    """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
+
+    Args:
+        args: of the command.
+        out: folder of the results.
+
+    Raises:
+        BadInput: campaign, data or FMU are not what they should be.
+        FmuFailure: the FMU failed.
+    """
+    check_external(args.external)
+    campaigns = [ff.read_campaign(path) for path in args.campaign]
+    return _tell_cost(args, campaigns) if args.dry_run else _reconstructed(args, campaigns, out)
+
+
+def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path) -> int:
+    with fmu_for(campaigns, out, args.workers) as fmu:
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
+        check_external(args.external, _units(problem))
+        memory = _memory(args, problem, out)
+        try:
+            with status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell:
+                ended = _ending(args, _Reconstruction(problem, out, memory, tell))
+        except KeyboardInterrupt:
+            print(f"interrupted before there was a result{_way_on(args, memory)}")
+            return 1
+        except NoScale as refused:
+            named = ", ".join(str(path) for path in args.campaign)
+            raise ff.BadInput(f"{named}: {refused}") from None
+        except ff.FmuFailure as failure:
+            if way_on := _way_on(args, memory):
+                failure.add_note(way_on.removeprefix("; "))
+            raise
+    result = ended.result
+    files = write_result(result, out)  # before anything else that may fail
+    if args.external:
+        result = with_external(result, args.external)
+        write_result(result, out)
+    hand_over(args, result)
+    print("\n".join(result_lines(result)))
+    print(f"\nwritten: {', '.join(str(path) for path in files)}")
+    if not ended.done:
+        print(f"go on with: {_command(args, resume=True)}")
+        return 1
+    if not args.no_report:
+        print(f"report: {_drawn(ended.found, result, out, args.style or STYLES[0])}")
+    memory.remove()  # when all is done that may be killed
+    return EXIT_CODES.get(result.status, 1)
+
+
+def _drawn(found: Valued, result: Result, out: Path, style: str) -> Path:
+    with status_line(NAME) as tell:
+        tell("figures and report")
+        return draw_report(found, result, out, style)
+
+
+def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
+    """What the job will cost; a model of this project is built where it does not stay."""
+    with (
+        Scratch() as folder,
+        fmu_for(campaigns, folder, args.workers) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
+    ):
+        tell("planning")
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
+        found = ff.cost(
+            problem,
+            _method(args, problem),
+            starts=_starts(args),
+            profiles=not args.no_profiles,
+            bootstrap=args.bootstrap or 0,
+        )
+    hand_over(args, found)
+    print(*cost_lines(found.seconds, found.runs, found.expected), sep="\n")
+    planning = (found.planning_runs, found.planning_s)
+    each = (found.runs_each, found.seconds_each)
+    print(*measured_lines(planning, each, found.workers, found.memory_bytes), sep="\n")
+    return 0
+
+
+def _units(problem: ff.Problem) -> dict[str, str]:
+    """Units of the values that there will be, by name."""
+    record, variables = problem.record, problem.fmu.description.variables
+    shared = {p.name: p.unit for p in record.parameters if not p.experiments}
+    return shared | {name: variables[name].unit or "" for name in record.outputs}
+
+
+@dataclass(frozen=True)
+class _Reconstruction:
+    """What is solved, where results and finished levels go, and who is told how far it is."""
+
+    problem: ff.Problem
+    out: Path
+    memory: KeptLevels
+    tell: Callable[[str], None]
+
+
+class _Ending(NamedTuple):
+    """What was found, the result of it, and whether all that was asked for is done."""
+
+    found: Valued
+    result: Result
+    done: bool
+
+
+def _way_on(args: argparse.Namespace, memory: KeptLevels) -> str:
+    """Where finished levels are kept: how to go on from them."""
+    count = len(memory)
+    return f"; {count} finished levels are kept, go on with: {_command(args, resume=True)}" * (
+        count > 0
+    )
+
+
+def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
+    """As the campaign says, but for what the options change."""
+    method = replace(ff.Tikhonov.of(problem.options), quick=args.quick)
+    asked = {name: getattr(args, name) for name in ("misfit", "estimator")}
+    return replace(method, **{name: value for name, value in asked.items() if value is not None})
+
+
+def _starts(args: argparse.Namespace) -> int | None:
+    return 1 if args.quick and args.starts is None else args.starts
+
+
+def _memory(args: argparse.Namespace, problem: ff.Problem, out: Path) -> KeptLevels:
+    """Finished levels of this very job: those of an interrupted run, or none yet."""
+    options = search_options(problem, _method(args, problem), _starts(args), args.seed)
+    memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
+    if args.resume:
+        print(memory.resumed("levels"))
+    return memory
+
+
+def _ending(args: argparse.Namespace, job: _Reconstruction) -> _Ending:
+    """Fit and infer; the fit is written before profiles are walked, which take most of the time."""
+    job.tell("planning")
+    method = _method(args, job.problem)
+    expected = expected_of(
+        job.problem,
+        method,
+        _starts(args),
+        profiles=not args.no_profiles,
+        refits=args.bootstrap or 0,
+    )
+    remaining = Remaining(expected)
+    found: Valued
+    found = fitted = ff.fit(
+        job.problem,
+        method,
+        starts=_starts(args),
+        seed=args.seed,
+        progress=lambda state: job.tell(remaining.searching(state)),
+        memory=job.memory,
+    )
+    fitted.command = _command(args)
+    with to_the_end():
+        result = fitted.result
+    interrupted = fitted.status == "interrupted"
+    if args.no_profiles or interrupted:
+        return _Ending(found, result, not interrupted)
+    done = False
+    try:
+        with to_the_end():
+            result = replace(result, warnings=(*result.warnings, NO_PROFILES))
+            write_result(result, job.out)
+        inferred = ff.profile(
+            fitted,
+            bootstrap=args.bootstrap or 0,
+            progress=lambda evaluations: job.tell(remaining.walking(evaluations)),
+        )
+        with to_the_end():
+            found, result, done = inferred, inferred.result, inferred.profiled
+    except KeyboardInterrupt:
+        pass
+    return _Ending(found, result, done)
+
+
+def _command(args: argparse.Namespace, *, resume: bool = False) -> str:
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
+    for name in (
+        "out",
+        "workers",
+        "accuracy",
+        "misfit",
+        "estimator",
+        "seed",
+        "starts",
+        "bootstrap",
+        "style",
+    ):
+        value = getattr(args, name)
+        if value is not None:
+            words += [f"--{name}", str(value)]
+    for text in args.external:
+        words += ["--external", text]
+    flags = [name for name in ("quick", "no_profiles", "no_report") if getattr(args, name)]
+    if args.resume or resume:
+        flags.insert(0, "resume")
+    words += [f"--{name.replace('_', '-')}" for name in flags]
+    return shlex.join(words)

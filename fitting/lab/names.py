@@ -1,0 +1,21 @@
+"""Names of what is built in here: the help of a command lists them before any library is loaded."""
+
+from __future__ import annotations
+
+#: Benches, `fitting.lab.benches`.
+DUFFING = "duffing"
+BENCHES = ("q1", "q2", "q1-published", "q2-published", DUFFING)
+#: The bench under a parametric pump, `fitting.lab.pumped_files`.
+PUMPED = "pumped"
+#: Curves, `fitting.lab.curves`.
+WIRED = ("transmission", "notch", "reflection")
+CROSSING = "crossing"
+CURVES = (*WIRED, CROSSING)
+#: Scenes of a study of accuracy against cost, `fitting.lab.tradeoff.scenes`.
+SCENES = ("string", "low-q", "duffing", "duffing-string")
+#: What such a study measures: the amplitudes of a two-tone drive; the line width, read off a sweep
+#: by a fit of one mode; the line width, fitted through the simulator to the amplitudes.
+AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS = "amplitudes", "width by sweep", "width by amplitudes"
+QUANTITIES = (AMPLITUDES, WIDTH_SWEEP, WIDTH_PEAKS)
+#: The file that holds the truth behind a campaign.
+TRUTH_NAME = "truth.toml"

@@ -1,0 +1,15 @@
+"""Words that people choose from, in campaigns, on the command line and in Python.
+
+They stand by themselves, so that the help of a command knows them before any library is loaded.
+"""
+
+from __future__ import annotations
+
+#: Forms of the misfit, see `fitting.fit.solver.evaluator`.
+MISFITS = ("slack", "absolute", "squares")
+#: Whose estimate is reported: the likelihood's, or where Algorithm 2 ends.
+LIKELIHOOD, ALGORITHM2 = ESTIMATORS = ("likelihood", "algorithm2")
+#: What further measurements are to make small: the error of the target, or of all parameters.
+CRITERIA = ("target", "D", "A")
+#: Whether figures for print are written, too.
+STYLES = ("report", "paper")
