@@ -53,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--series",
         choices=(*SERIES, *CURVES),
         help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
-        "under a parametric pump, one mode as a network analyser sees it, or spectra over a "
-        "voltage",
+        "under a parametric pump, one mode as a network analyser sees it, spectra over a "
+        "voltage, or a string over time, let go or under a chirp",
     )
     kind.add_argument(
         "--like",
@@ -99,7 +99,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=bounded_number,
         metavar="X",
         help="with --cross-mode or --phases: relative noise of every quadrature (default 0.01); "
-        "of a network analyser or spectra: over the largest value",
+        "of a network analyser, spectra or a trace: over the largest value",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():

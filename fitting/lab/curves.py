@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from fitting.lab.modes import CoupledModes
-from fitting.lab.names import CROSSING, CURVES, TRUTH_NAME
+from fitting.lab.names import CROSSING, CURVES, TIME_SERIES, TRUTH_NAME
 from fitting.lab.string import TwoModes, steady_state
+from fitting.lab.time_series import StringTrace
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -268,7 +269,9 @@ FEW_LEVELS = {
 }
 
 
-def curve_named(kind: str, changes: Mapping[str, Any]) -> WiredResonance | AvoidedCrossing:
+def curve_named(
+    kind: str, changes: Mapping[str, Any]
+) -> WiredResonance | AvoidedCrossing | StringTrace:
     """A built-in curve with numbers of its own.
 
     Args:
@@ -280,7 +283,7 @@ def curve_named(kind: str, changes: Mapping[str, Any]) -> WiredResonance | Avoid
     """
     if kind not in CURVES:
         raise BadInput(f"curve {kind!r}: wanted one of {', '.join(CURVES)}")
-    made = AvoidedCrossing() if kind == CROSSING else WiredResonance(kind=kind)
+    made = _built_in(kind)
     known = {field.name for field in fields(made)} - {"kind"}
     for name in changes:
         if name not in known:
@@ -288,6 +291,12 @@ def curve_named(kind: str, changes: Mapping[str, Any]) -> WiredResonance | Avoid
                 f"{name}: has no meaning for the curve {kind!r}, wanted {', '.join(sorted(known))}"
             )
     return replace(made, **changes)
+
+
+def _built_in(kind: str) -> WiredResonance | AvoidedCrossing | StringTrace:
+    if kind in TIME_SERIES:
+        return StringTrace(kind=kind)
+    return AvoidedCrossing() if kind == CROSSING else WiredResonance(kind=kind)
 
 
 def _parameter(

@@ -10,7 +10,9 @@ PUMPED = "pumped"
 #: Curves, `fitting.lab.curves`.
 WIRED = ("transmission", "notch", "reflection")
 CROSSING = "crossing"
-CURVES = (*WIRED, CROSSING)
+#: Time series, `fitting.lab.time_series`.
+RINGDOWN, CHIRP = TIME_SERIES = ("ringdown", "chirp")
+CURVES = (*WIRED, CROSSING, *TIME_SERIES)
 #: Scenes of a study of accuracy against cost, `fitting.lab.tradeoff.scenes`.
 SCENES = ("string", "low-q", "duffing", "duffing-string")
 #: What such a study measures: the amplitudes of a two-tone drive; the line width, read off a sweep

@@ -66,19 +66,21 @@ def synthesize_curves(
     command: str = "fitting.synthesize_curves",
     **changes: Any,
 ) -> SyntheticFiles:
-    """A campaign of one complex sweep, or of spectra over a voltage, with known truth.
+    """A campaign of one complex sweep, of spectra over a voltage, or of a trace, with known truth.
 
-    S = a e (1 + s x + c H) behind a wiring, or |q1| of two coupled modes, by closed forms that are
-    not the FMU.
+    S = a e (1 + s x + c H) behind a wiring, |q1| of two coupled modes, or q1 over time, by closed
+    forms that are not the FMU.
 
     Args:
         kind: "transmission", "notch" or "reflection": one mode as a network analyser sees it;
-            "crossing": two modes that a voltage tunes through each other.
+            "crossing": two modes that a voltage tunes through each other; "ringdown": two beating
+            modes that are let go, over time; "chirp": the same under a chirp.
         seed: Seed of the noise, a whole number of at least 0.
         out: Folder for the files; None: nothing is written.
         command: What the head of every file says that it was made by.
-        **changes: Numbers that are different, by the names of the fields of `WiredResonance` or
-            `AvoidedCrossing`: ``noise``, ``points``, ``delay_s`` (s), ``lambda_hz`` (Hz), ...
+        **changes: Numbers that are different, by the names of the fields of `WiredResonance`,
+            `AvoidedCrossing` or `StringTrace`: ``noise``, ``points``, ``delay_s`` (s),
+            ``lambda_hz`` (Hz), ...
 
     Returns:
         The files and the truth behind them.

@@ -233,8 +233,12 @@ class ReadTrace:
         """
         table, where = self.table, f"{setup.source}: [[trace]]"
         seen = binder.real(table.output or setup.output, f"{where} output", READABLE, "observed")
-        values = self.output
-        if table.gain == ONE:
+        driven = None
+        if table.input is not None:
+            driver = binder.real(table.input, f"{where} input", ("input",), "driven")
+            driven = self._driven(binder, driver)
+        values, decays = self.output, table.start == UNKNOWN and driven is None
+        if table.gain == ONE and not decays:  # a free decay has no gain of its own
             if seen.unit is None:
                 binder.note_missing_unit(seen)
             values = values.into(seen.unit)
@@ -243,10 +247,6 @@ class ReadTrace:
             sigma = in_unit(table.sigma, values.unit)
             if not sigma > 0.0:
                 raise BadInput(f"{table.sigma.where}: found {sigma:g}, wanted more than zero")
-        driven = None
-        if table.input is not None:
-            driver = binder.real(table.input, f"{where} input", ("input",), "driven")
-            driven = self._driven(binder, driver)
         return TraceRecord(
             self.time.values,
             values.values,
