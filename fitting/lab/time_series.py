@@ -35,7 +35,8 @@ LEAST_SAMPLES = 64
 class StringTrace:
     """A string over time: ``ringdown``, a tone until zero, then nothing; or under a ``chirp``.
 
-    ``rate_hz`` samples a second over ``length_s`` s, of the first of both strings. It is seen with
+    ``rate_hz`` samples a second over ``length_s`` s, of the first of both strings; a ringdown is
+    recorded from ``before_s`` before zero on. It is seen with
     ``gain_v`` V per m, and ``offset_v``; ``level`` (m/s^2) is the amplitude of the drive, of a
     ringdown at ``drive_hz`` until zero, of a chirp from ``start_hz`` to ``stop_hz`` over its first
     nine tenths. ``noise`` is the standard deviation of a sample over the largest distance from the
@@ -56,6 +57,7 @@ class StringTrace:
     start_hz: float = 980.0
     stop_hz: float = 1035.0
     length_s: float = 0.3
+    before_s: float = 0.02
     rate_hz: float = 2500.0
     gain_v: float = 100.0
     offset_v: float = 0.02
@@ -65,12 +67,13 @@ class StringTrace:
         for name, value in asdict(self).items():
             if isinstance(value, str):
                 continue
-            signed = name in ("theta_rad", "offset_v", "noise")
+            signed = name in ("theta_rad", "offset_v", "noise", "before_s")
             if not math.isfinite(value) or not (signed or value > 0.0):
                 wanted = "a number" if signed else "a number above zero"
                 raise BadInput(f"synthesize: {name}: found {value!r}, wanted {wanted}")
-        if self.noise < 0.0:
-            raise BadInput(f"synthesize: noise: found {self.noise}, wanted zero or more")
+        for name, value in (("noise", self.noise), ("before_s", self.before_s)):
+            if value < 0.0:
+                raise BadInput(f"synthesize: {name}: found {value}, wanted zero or more")
         if not self.eta_plus_hz < self.eta_minus_hz:
             raise BadInput(
                 f"synthesize: eta_plus_hz: found {self.eta_plus_hz}, wanted less than eta_minus_hz "
@@ -93,8 +96,9 @@ class StringTrace:
         )
 
     def times_s(self) -> FloatArray:
-        """Of the samples, (n,)."""
-        return np.arange(round(self.length_s * self.rate_hz)) / self.rate_hz
+        """Of the samples, (n,); the drive of a ringdown ends at zero."""
+        before = round(self.before_s * self.rate_hz) if self.kind == RINGDOWN else 0
+        return np.arange(-before, round(self.length_s * self.rate_hz)) / self.rate_hz
 
     def source(self) -> FloatArray:
         """What the generator holds from each sample to the next, (n,), m/s^2; of a chirp."""
@@ -105,18 +109,26 @@ class StringTrace:
 
     def values(self) -> FloatArray:
         """What is seen at the samples, (n,), V, without noise."""
+        seen = self._let_go() if self.kind == RINGDOWN else self._driven()
+        return np.asarray(self.offset_v + self.gain_v * seen)
+
+    def _let_go(self) -> FloatArray:
+        """Of the first string, m: steady under the tone until zero, free from then on."""
         decays, shapes = _normal_modes(self.modes)
-        t = self.times_s()
-        read = np.concatenate([self.modes.transform()[:, 0], np.zeros(2)]) @ shapes
-        if self.kind == RINGDOWN:
-            [x] = steady_state(self.modes, np.array([self.drive_hz]))
-            start = np.concatenate([x, 2j * math.pi * self.drive_hz * x]).real * self.level
-            z = np.linalg.solve(shapes, start.astype(complex))
-            turned = np.exp(decays[:, None] * t) * z[:, None]
-        else:
-            push = np.linalg.solve(shapes, np.array([0.0, 0.0, 1.0, 1.0]) + 0j)
-            turned = _held(decays, push.astype(complex), self.source(), t[1])
-        return np.asarray(self.offset_v + self.gain_v * (read @ turned).real)
+        t, read = self.times_s(), self.modes.transform()[:, 0]
+        [x] = steady_state(self.modes, np.array([self.drive_hz])) * self.level
+        tone = 2j * math.pi * self.drive_hz
+        z = np.linalg.solve(shapes, np.concatenate([x, tone * x]).real + 0j)
+        free = read @ shapes[:2] @ (np.exp(decays[:, None] * np.maximum(t, 0.0)) * z[:, None])
+        steady = (read @ x) * np.exp(tone * t)
+        return np.asarray(np.where(t < 0.0, steady.real, free.real))
+
+    def _driven(self) -> FloatArray:
+        """Of the first string, m: from rest, under the source."""
+        decays, shapes = _normal_modes(self.modes)
+        push = np.linalg.solve(shapes, np.array([0.0, 0.0, 1.0, 1.0]) + 0j).astype(complex)
+        z = _held(decays, push, self.source(), 1.0 / self.rate_hz)
+        return np.asarray((self.modes.transform()[:, 0] @ shapes[:2] @ z).real)
 
     def files(self, seed: int, head: Sequence[str]) -> dict[str, str]:
         """Texts by file name: campaign, trace and truth.
@@ -145,7 +157,7 @@ class StringTrace:
         fixed: dict[str, Any] = {"A1": 0.0, "A2": 0.0}
         if self.kind == RINGDOWN:
             del trace["gain"]  # the start is free, and with it the gain
-            trace |= {"start": "unknown", "states": 4}
+            trace |= {"start": "unknown", "begin": "found", "states": 4}
             fixed["theta"] = self.theta_rad
         else:
             names["input"] = "source"

@@ -302,6 +302,23 @@ def test_a_ringdown_of_two_beating_modes(oscillator_fmu: Path, noise: float) -> 
         assert fit.x == pytest.approx(truth, rel=1e-6)
 
 
+def test_a_decay_is_found_behind_its_drive(beam: ff.Fmu) -> None:
+    """0.1 s of a tone that clips, then 0.2 s of decay; samples before its end are not used."""
+    t = np.linspace(0.0, 0.3, 601)
+    matrices = oscillator(MASS, C, K)
+    free = held_response(matrices, np.zeros(401), 5e-4, start=(1.0, 300.0))
+    driven = np.clip(1.4 * np.sin(2.0 * np.pi * 320.0 * t[:200]), -1.0, 1.0)
+    y = np.concatenate([driven, free])
+    y += 0.005 * np.random.default_rng(9).standard_normal(t.size)
+    trace = ff.Trace(
+        t, y, setup=BEAM, input="force", start="unknown", begin="found", offset=True, unit="m"
+    )
+    assert 0.0995 <= trace.t[0] < 0.103
+    fit = ff.fit(ff.Problem(beam, BEAM_PARAMETERS, trace), method=QUICK, starts=1)
+    for name, true in (("damping", C), ("stiffness", K)):
+        assert abs(fit[name].value - true) < 4.0 * fit[name].std
+
+
 def test_an_unknown_start_wants_a_linear_fmu_that_answers(lag: ff.Fmu) -> None:
     trace = ff.Trace(RING_T, RING, setup=LAG, input="u", start="unknown", unit="V")
     deaf = replace(LAG, start_values={"gain": 0.0})
@@ -494,6 +511,7 @@ def test_bad_files_are_told_in_a_sentence(
         pytest.param('level = "1000 mV", ', "", "key 'level' is missing", id="level"),
         pytest.param('kind = "step"', 'kind = "pulse"', "'length' is missing", id="length"),
         pytest.param('gain = "fit"', "states = 3", 'with start = "unknown" only', id="states"),
+        pytest.param('gain = "fit"', 'begin = "found"', "for a free decay, with", id="begin"),
         pytest.param('sigma = "140 mV"', 'sigma = "0 V"', "wanted more than zero", id="sigma"),
     ],
 )
@@ -537,6 +555,14 @@ def test_what_rests_on_tones_wants_a_drive(lag_file: Path, tmp_path: Path) -> No
             id="short",
         ),
         pytest.param(RING_T, RING, {"start": "unknown"}, "response to a pulse", id="no pulse"),
+        pytest.param(RING_T, RING, {"begin": "found"}, "looks for a free decay", id="begin"),
+        pytest.param(
+            RING_T,
+            np.cos(0.3 * RING_T / RING_T[1]),
+            {"input": "u", "start": "unknown", "begin": "found"},
+            "shows no free decay of 2 states",
+            id="no decay",
+        ),
     ],
 )
 def test_bad_arrays_are_told_in_a_sentence(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.measurements.traces.record import REST, TraceRecord
+from fitting.measurements.traces.record import FOUND, REST, TraceRecord
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
@@ -95,4 +95,7 @@ def _input(trace: TraceRecord) -> str:
 def _start(trace: TraceRecord) -> str:
     if trace.start == REST:
         return "the FMU begins with its start values"
-    return f"its state at the first sample, {trace.states} numbers, is solved for"
+    first = "the first sample"
+    if trace.begin == FOUND:
+        first = f"{trace.t[0]:.6g} s, where the free decay was found to begin"
+    return f"its state at {first}, {trace.states} numbers, is solved for"

@@ -12,12 +12,14 @@ import numpy.typing as npt
 from fitting.fmu import HeldSignal
 from fitting.measurements.traces.grid import refuse_clipped, spacing_s
 from fitting.measurements.traces.waveform import LINEAR, Recorded, Waveform
+from fitting.signal.decay import decay_start
 from fitting.signal.window import Window
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 ONE, FIT = GAINS = ("one", "fit")
 REST, UNKNOWN = STARTS = ("rest", "unknown")
+FIRST, FOUND = BEGINS = ("first", "found")
 #: Shifts of the response to a pulse, for each state that is to be spanned.
 SHIFTS = 4
 #: Singular values below this share of the largest are rounding.
@@ -45,6 +47,8 @@ class TraceRecord:
         start: "rest": the FMU begins with its start values; "unknown": with a state that is solved
             for, by the free responses of a linear FMU.
         states: Number of states that decay, two for each mode.
+        begin: "first": the trace begins with its first sample; "found": where the free decay
+            begins, after a drive was switched off or a blow, and earlier samples are not used.
         settings: Start values of the FMU during the trace by variable, in the FMU's units.
         label: Name of the trace, for values of its own; wanted where there are several.
         unit: Of the values.
@@ -68,6 +72,7 @@ class TraceRecord:
     lead_s: float = 0.0
     start: str = REST
     states: int = 2
+    begin: str = FIRST
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     label: str = ""
     unit: str = "V"
@@ -83,10 +88,11 @@ class TraceRecord:
         if not (np.isfinite(t).all() and np.isfinite(y).all()):
             raise BadInput(f"{self.source}: wanted finite numbers")
         object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
-        object.__setattr__(self, "t", t)
-        object.__setattr__(self, "y", y)
-        refuse_clipped(y, self.source)
         self._check_words()
+        first = self._first(y)
+        object.__setattr__(self, "t", t[first:])
+        object.__setattr__(self, "y", y[first:])
+        refuse_clipped(self.y, self.source)
         if self.driven is not None and not self.input:
             raise BadInput(f"{self.source}: is driven, but by no input; wanted the FMU's input")
         if self.start == UNKNOWN:
@@ -100,12 +106,29 @@ class TraceRecord:
             raise BadInput(f"{self.source}: sigma and lead_s are wanted as zero or more")
 
     def _check_words(self) -> None:
-        for name, known in (("gain", GAINS), ("start", STARTS)):
+        for name, known in (("gain", GAINS), ("start", STARTS), ("begin", BEGINS)):
             if getattr(self, name) not in known:
                 raise BadInput(
                     f"{self.source}: {name} is {getattr(self, name)!r}, wanted "
                     f"{' or '.join(repr(word) for word in known)}"
                 )
+
+    def _first(self, y: FloatArray) -> int:
+        """Index of the first sample that is used."""
+        if self.begin == FIRST:
+            return 0
+        if self.start != UNKNOWN or self.driven is not None:
+            raise BadInput(
+                f'{self.source}: begin = "found" looks for a free decay; wanted start = "unknown" '
+                "and no drive"
+            )
+        found = decay_start(y, self.states)
+        if found is None:
+            raise BadInput(
+                f"{self.source}: shows no free decay of {self.states} states; wanted a longer "
+                'record after the drive is off, or begin = "first"'
+            )
+        return found
 
     def _check_unknown_start(self) -> None:
         if not self.input:

@@ -16,7 +16,17 @@ from fitting.campaign.instruments import unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.measurements.traces.grid import spacing_s
-from fitting.measurements.traces.record import GAINS, ONE, REST, STARTS, UNKNOWN, TraceRecord
+from fitting.measurements.traces.record import (
+    BEGINS,
+    FIRST,
+    FOUND,
+    GAINS,
+    ONE,
+    REST,
+    STARTS,
+    UNKNOWN,
+    TraceRecord,
+)
 from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.text.arrays import FloatArray
@@ -140,6 +150,9 @@ class TraceTable(MeasurementTable):
     FMU."""
     states: Annotated[Count | None, Usually(ONE_MODE)] = None
     """(unknown start) how many states decay, two for each mode."""
+    begin: Annotated[Text, OneOf(BEGINS)] = FIRST
+    """(unknown start) "first": the trace begins with its first sample; "found": where the free
+    decay begins, after the drive was switched off or a blow; samples before are not used."""
     label: Text = ""
     """Name of the trace, for values of its own; without it "1", "2" where there are several."""
     set: dict[str, Value] = field(default_factory=dict)
@@ -157,6 +170,8 @@ class TraceTable(MeasurementTable):
             raise Refused(
                 "key 'input' is missing: an unknown start takes the response to a pulse at it"
             )
+        if self.begin == FOUND and (self.start != UNKNOWN or self.signal is not None):
+            raise Refused('has a meaning for a free decay, with start = "unknown", only', "begin")
         if self.start == UNKNOWN and self.lead is not None:
             raise Refused('has no meaning with start = "unknown"', "lead")
 
@@ -176,7 +191,8 @@ class TraceTable(MeasurementTable):
         driven = None
         if self.input is not None and self.signal is None:
             wanted = names.input or self.input
-            if names.input or self.start != UNKNOWN or table.find(wanted) is not None:
+            known = names.input or self.start != UNKNOWN or table.find(wanted) is not None
+            if known and self.begin == FIRST:
                 driven = self._column(table, wanted, f"{wanted} (V)")
         return ReadTrace(self, time, self._column(table, seen, f"{seen} (V)"), driven)
 
@@ -260,6 +276,7 @@ class ReadTrace:
             lead_s=_in(table.lead, "s"),
             start=table.start,
             states=table.states or ONE_MODE,
+            begin=table.begin,
             settings={name: binder.setting(name, w) for name, w in table.set.items()},
             label=label,
             unit=values.unit or "1",

@@ -65,6 +65,8 @@ class Trace(TraceRecord):
         start: "rest": the FMU begins with its start values; "unknown": with a state that is solved
             for, by the free responses of a linear FMU.
         states: Number of states that decay, two for each mode.
+        begin: "first": the trace begins with its first sample; "found": where the free decay
+            begins, after a drive was switched off or a blow, and earlier samples are not used.
         settings: Start values of the FMU during the trace by variable, in the FMU's units.
         label: Name of the trace, for values of its own; wanted where there are several.
         unit: Of the values.

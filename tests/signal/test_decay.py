@@ -1,0 +1,44 @@
+"""Where a free decay begins: two beating modes after a tone, after silence, after noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fitting.signal.decay import decay_start
+from fitting.text.arrays import FloatArray
+
+COUNT, MODES = 2500, ((0.11, 1 / 600.0, 1.0, 0.3), (0.1148, 1 / 780.0, 0.7, 1.0))
+
+
+def record(before: str, begin: int, noise: float, rng: np.random.Generator) -> FloatArray:
+    """Free from sample ``begin`` on; a constant beside it."""
+    t = np.arange(COUNT) - begin
+    free = sum(
+        a * np.exp(-rate * np.maximum(t, 0)) * np.cos(2 * np.pi * f * t + phase)
+        for f, rate, a, phase in MODES
+    )
+    earlier = {
+        "silence": np.zeros(COUNT),
+        "noise": rng.standard_normal(COUNT),
+        "tone": 1.2 * np.cos(2 * np.pi * 0.112 * t + 0.5),
+    }[before]
+    y = np.where(t < 0, earlier, free)
+    return np.asarray(3.0 + y + noise * np.max(np.abs(y)) * rng.standard_normal(COUNT))
+
+
+@pytest.mark.parametrize("before", ["silence", "noise", "tone"])
+@pytest.mark.parametrize("begin", [0, 40, 700])
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2, 5e-2])
+def test_the_decay_begins_where_the_drive_ends(before: str, begin: int, noise: float) -> None:
+    """Late by a few samples at most times, never early by more than noise can hide."""
+    for seed in range(4):
+        found = decay_start(record(before, begin, noise, np.random.default_rng(seed)), 4)
+        assert found is not None
+        assert -1 <= found - begin <= 100
+
+
+def test_what_does_not_decay_has_no_beginning() -> None:
+    rng, t = np.random.default_rng(1), np.arange(1000)
+    assert decay_start(rng.standard_normal(1000), 2) is None
+    assert decay_start(np.cos(0.3 * t), 2) is None
