@@ -1,13 +1,16 @@
 """Build the FMUs of ``fmu_src/``: the same sources and options give the same bytes.
 
     python build_fmu.py [--out DIR] [--model NAME ...] [--modes N] [--set NAME=VALUE ...]
+    python build_fmu.py --native [--platforms NAME ...] [--model NAME ...] ...
     python build_fmu.py --like FMU [--name NAME] [--history TEXT] [--out DIR] [--set NAME=VALUE ...]
 
-pythonfmu does the building; what it leaves to chance is settled here. Every FMU is assembled twice:
-first under a blank name, then under the name that is the digest of that content. The name goes into
-the GUID and into the module names inside the FMU, so that two FMUs, or a rebuilt one, never share a
-Python module in one process. The archive is stored, not deflated: deflated bytes differ between
-zlib and its replacements, and half a megabyte is not worth an FMU that depends on it.
+pythonfmu does the building; what it leaves to chance is settled here. With ``--native`` a C
+compiler does it: the same model and variables in a binary that needs no Python. Every FMU is
+assembled twice: first under a blank name, then under the name that is the digest of that content.
+The name goes into the GUID and into the module names inside the FMU, so that two FMUs, or a rebuilt
+one, never share a Python module in one process. The archive is stored, not deflated: deflated bytes
+differ between zlib and its replacements, and half a megabyte is not worth an FMU that depends on
+it.
 """
 
 from __future__ import annotations
@@ -20,18 +23,20 @@ import importlib
 import importlib.metadata
 import importlib.util
 import io
+import json
 import os
 import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jinja2
 import pythonfmu
 
+from fmu_src import native_binary
 from fmu_src.start_values import BuildError, checked_start_values
 
 if TYPE_CHECKING:
@@ -99,6 +104,7 @@ class _Job(NamedTuple):
     module: str
     overrides: Mapping[str, StartValue]
     variant: Variant
+    native: Sequence[str] | None
 
     @property
     def name(self) -> str:
@@ -113,17 +119,20 @@ def build(
     *,
     source: Path = SOURCE,
     variant: Variant | None = None,
+    native: Sequence[str] | None = None,
 ) -> Path:
     """Build one model into ``out`` and return the path of the FMU.
 
     ``start_values`` replaces start values of parameters, by variable name, in the variable's unit;
     text is read as on the command line. ``source`` is the package with the models; ``variant``
-    gives the FMU another name.
+    gives the FMU another name; ``native`` names platforms to compile the native twin for (none: the
+    present one) instead.
 
-    Raises ``BuildError`` for an unknown model and for a start value that is unknown, not a
-    parameter's, of the wrong type or out of bounds; nothing is written then.
+    Raises ``BuildError`` for an unknown model, for a start value that is unknown, not a
+    parameter's, of the wrong type or out of bounds, and where a compiler is missing; nothing is
+    written then.
     """
-    content = fmu_bytes(model, start_values, source=source, variant=variant)
+    content = fmu_bytes(model, start_values, source=source, variant=variant, native=native)
     name = variant.name if variant is not None and variant.name else model
     return _write_all({name: content}, out)[0]
 
@@ -134,13 +143,18 @@ def build_all(
     start_values: Mapping[str, StartValue] | None = None,
     *,
     source: Path = SOURCE,
+    native: Sequence[str] | None = None,
 ) -> list[Path]:
     """Build several models (all of them by default); either all are written or none is.
 
-    Raises ``BuildError`` as ``build`` does, for a start value that one of the models refuses too.
+    Where ``native`` is given, all that have a native twin are built by default. Raises
+    ``BuildError`` as ``build`` does, for a start value that one of the models refuses too.
     """
-    names = list(models) if models is not None else list(model_modules(source))
-    contents = {name: fmu_bytes(name, start_values, source=source) for name in names}
+    modules = model_modules(source)
+    names = list(models) if models is not None else list(modules)
+    if models is None and native is not None:
+        names = [name for name in names if native_binary.has_twin(source, modules[name])]
+    contents = {name: fmu_bytes(name, start_values, source=source, native=native) for name in names}
     return _write_all(contents, out)
 
 
@@ -159,6 +173,7 @@ def fmu_bytes(
     *,
     source: Path = SOURCE,
     variant: Variant | None = None,
+    native: Sequence[str] | None = None,
 ) -> bytes:
     """Return the archive of one FMU; raises ``BuildError`` as ``build`` does."""
     variant = variant or Variant()
@@ -169,15 +184,59 @@ def fmu_bytes(
         model_class = getattr(module, model)
         overrides = checked_start_values(model_class, start_values or {})
         _try_start(model_class, overrides)
-        job = _Job(model, source, module_name, overrides, variant)
+        job = _Job(model, source, module_name, overrides, variant, native)
+        with tempfile.TemporaryDirectory(prefix="build_fmu_") as folder:
+            assemble = _compiled if native is not None else _packaged
+            entries = assemble(Path(folder), job, model_class)
+            return _archive(entries(_identity(entries(_Identity(BLANK_TAG, BLANK_GUID)))))
 
-        def entries(identity: _Identity) -> list[_Entry]:
-            with tempfile.TemporaryDirectory(prefix="build_fmu_") as folder:
-                stage = Path(folder)
-                _write_documentation(stage / "documentation", _page(job, model_class, identity))
-                return _assemble(stage, job, identity)
 
-        return _archive(entries(_identity(entries(_Identity(BLANK_TAG, BLANK_GUID)))))
+def _packaged(
+    stage: Path, job: _Job, model_class: type[ModelSlave]
+) -> Callable[[_Identity], list[_Entry]]:
+    """Return what assembles the Python FMU under an identity."""
+
+    def entries(identity: _Identity) -> list[_Entry]:
+        folder = stage / identity.tag
+        _write_documentation(folder / "documentation", _page(job, model_class, identity))
+        return _assemble(folder, job, identity)
+
+    return entries
+
+
+def _compiled(
+    stage: Path, job: _Job, model_class: type[ModelSlave]
+) -> Callable[[_Identity], list[_Entry]]:
+    """Compile the native twin, and return what assembles it under an identity."""
+    folder = job.source / native_binary.FOLDER
+    if not native_binary.has_twin(job.source, job.module):
+        raise BuildError(f"--native: {job.model} has no native twin")
+    made_here = native_binary.written(model_class, job.module, job.overrides)
+    sources = native_binary.needed_sources(folder, job.module)
+    platforms = job.native or ()
+    objects = [
+        native_binary.compiled(stage, sources, made_here, tool)
+        for tool in native_binary.toolchains(platforms)
+    ]
+
+    def entries(identity: _Identity) -> list[_Entry]:
+        licence = (ROOT / "LICENSE").read_bytes()
+        model = (model_class, job.name, job.overrides, identity.guid)
+        page = _page(job, model_class, identity).encode()
+        made = [
+            _Entry("modelDescription.xml", native_binary.description(*model)),
+            _Entry(
+                native_binary.RECORD,
+                native_binary.record(job.model, job.overrides, platforms),
+            ),
+            _Entry("documentation/index.html", page),
+            _Entry("documentation/licenses/license.txt", licence),
+            _Entry("documentation/licenses/fmi.txt", native_binary.headers_licence()),
+        ]
+        made += [_Entry(*e) for e in native_binary.binaries(objects, job.name, identity.guid)]
+        return sorted(made)
+
+    return entries
 
 
 def _try_start(model_class: type[ModelSlave], overrides: Mapping[str, StartValue]) -> None:
@@ -217,12 +276,16 @@ class Built(NamedTuple):
 
     model: str
     start_values: Mapping[str, StartValue]
+    native: Sequence[str] | None = None
 
 
 def built_from(fmu: Path) -> Built:
     """Return what an FMU was built from; raises ``BuildError`` if this builder did not make it."""
     try:
         with zipfile.ZipFile(fmu) as archive:
+            if native_binary.RECORD in archive.namelist():
+                made = json.loads(archive.read(native_binary.RECORD))
+                return Built(made["model"], dict(made["start_values"]), made["platforms"])
             module = archive.read("resources/slavemodule.txt").decode().strip()
             tree = ast.parse(archive.read(f"resources/{module}.py"))
         imported = next(
@@ -371,6 +434,9 @@ def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
         keep_trailing_newline=True,
     )
     binaries = Path(pythonfmu.__file__).parent / "resources" / "binaries"
+    platforms = [path.name for path in binaries.iterdir() if path.is_dir()]
+    if job.native is not None:
+        platforms = [tool.platform for tool in native_binary.toolchains(job.native)]
     family = job.model.rstrip("0123456789")
     templates = [f"{name}.html.j2" for name in (job.model, family, "base")]
     return environment.select_template(templates).render(
@@ -380,7 +446,8 @@ def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
         version=model_class.version,
         guid=identity.guid,
         pythonfmu_version=pythonfmu.__version__,
-        platforms=sorted(path.name for path in binaries.iterdir() if path.is_dir()),
+        platforms=sorted(set(platforms)),
+        native=job.native is not None,
         variables=model_class.variables,
         overrides=job.overrides,
         number=_number,
@@ -452,6 +519,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--history", default="", help="with --like: a sentence on the start values, for its page"
     )
+    parser.add_argument(
+        "--native",
+        action="store_true",
+        help="build the native twins, which need no Python, with this machine's C compiler",
+    )
+    parser.add_argument(
+        "--platforms",
+        nargs="+",
+        action="extend",
+        metavar="NAME",
+        help="with --native: compile for these with the package ziglang instead: "
+        + ", ".join(native_binary.TARGETS),
+    )
     options = parser.parse_args(arguments)
     try:
         start_values = dict(_assignment(text) for text in options.set)
@@ -460,8 +540,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.like is not None:
             print(_build_like(options, start_values))
             return 0
+        if options.platforms and not options.native:
+            raise BuildError("--platforms: has a meaning with --native alone")
         models = _numbered(options.model, options.modes)
-        for path in build_all(models, options.out, start_values):
+        native = (options.platforms or ()) if options.native else None
+        for path in build_all(models, options.out, start_values, native=native):
             print(path)
     except BuildError as error:
         print(f"build_fmu.py: {error}", file=sys.stderr)
@@ -472,9 +555,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _build_like(options: argparse.Namespace, start_values: Mapping[str, str]) -> Path:
     if options.model or options.modes:
         raise BuildError("--like: has the model and its modes; --model and --modes have no meaning")
+    if options.native or options.platforms:
+        raise BuildError("--like: has its platforms; --native and --platforms have no meaning")
     like = built_from(options.like)
+    values = {**like.start_values, **start_values}
     variant = Variant(options.name, options.history)
-    return build(like.model, options.out, {**like.start_values, **start_values}, variant=variant)
+    return build(like.model, options.out, values, variant=variant, native=like.native)
 
 
 def _numbered(models: Sequence[str] | None, modes: str | None) -> Sequence[str] | None:

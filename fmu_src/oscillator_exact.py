@@ -127,8 +127,14 @@ def rotating_pencil(p: Parameters, centre: float) -> Pencil:
     """Return the pencil of the slow envelope in the frame rotating at ``centre`` Hz.
 
     q~ = Re z, z = a(t) exp(2 pi i centre t) with a'' and D~ a' dropped: P(x) =
-    2 i centre (x - i centre) + eta^2 - centre^2 + i centre D~/2 pi, divided by 2 i centre.
+    2 i centre (x - i centre) + eta^2 - centre^2 + i centre D~/2 pi, divided by 2 i centre. Raises
+    ModelError for a frame that does not rotate.
     """
+    if centre == 0.0:
+        raise ModelError(
+            "the rotating frame of solver 1 (envelope) needs a drive above 0 Hz; use solver 0 "
+            "(exact) or 2 (rk4)"
+        )
     w11, w22, w12 = (Precise(w) for w in damping(p))
     half, zero, one = Precise(0.5), Precise(0), Precise(1)
     carrier = Precise(0.0, centre)

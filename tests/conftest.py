@@ -16,6 +16,7 @@ import build_fmu
 from fitting.fmu.worker import process as worker_process
 from tests.support.fmus import Instance, Unpacked, unpack
 from tests.support.processes import MOST_S, Clock
+from tests.support.twins import twin_of
 
 # no claim about time: a busy machine is no fault of the code
 hypothesis.settings.register_profile(
@@ -37,6 +38,12 @@ def oscillator_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def oscillator(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> Unpacked:
     """The same FMU, unpacked."""
     return unpack(oscillator_fmu, tmp_path_factory.mktemp("unpacked"))
+
+
+@pytest.fixture(scope="session")
+def twin_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its native twin, as ``build_fmu.py --native`` makes it."""
+    return twin_of("CoupledOscillator", tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

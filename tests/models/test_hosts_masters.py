@@ -17,12 +17,23 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.support import reference
-from tests.support.fmus import LIVELY, REFUSALS, Refusal, Unpacked, steady_state, worst
+from tests.support.fmus import LIVELY, REFUSALS, Refusal, Unpacked, steady_state, unpack, worst
 from tests.support.processes import MOST_S
 
 HOSTS = Path(__file__).parents[1] / "support" / "hosts"
 ORBIT: Mapping[str, Any] = {"phase1": 0.4, "A2": 0.5}
 SOME_REFUSALS = [r for r in REFUSALS if r.label in ("eta-negative", "indefinite")]
+
+
+@pytest.fixture(scope="module", params=["python", "native"])
+def master_fmu(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Unpacked:
+    """The FMU in Python, and its native twin."""
+    fmu: Path = request.getfixturevalue(
+        "twin_fmu" if request.param == "native" else "oscillator_fmu"
+    )
+    return unpack(fmu, tmp_path_factory.mktemp("masters"))
 
 
 class Row(NamedTuple):
@@ -88,26 +99,26 @@ class TestLibcosim:
         ends = ((int(row.time) - step_ns, int(row.time)) for row in found)
         return [start / 1e9 + (end / 1e9 - start / 1e9) for start, end in ends]
 
-    def test_the_string_on_its_orbit(self, oscillator: Unpacked) -> None:
+    def test_the_string_on_its_orbit(self, master_fmu: Unpacked) -> None:
         """1 us steps to 5 ms, 35,000 periods; the master's time is exact in nanoseconds."""
-        found, _ = self.run(oscillator.path, 1000, 500, 10, {"periodic_start": True, **ORBIT})
+        found, _ = self.run(master_fmu.path, 1000, 500, 10, {"periodic_start": True, **ORBIT})
         times = self.times(found, 1000)
         assert times == pytest.approx([5e-4 * k for k in range(1, 11)], rel=1e-15)
-        truth = steady_state(oscillator.parameters(**ORBIT), times)
+        truth = steady_state(master_fmu.parameters(**ORBIT), times)
         assert worst([row.values for row in found], truth) < 1e-12
         assert {row.message for row in found} == {""}
 
-    def test_a_run_from_rest(self, oscillator: Unpacked) -> None:
-        found, _ = self.run(oscillator.path, 700, 10, 40, LIVELY)
+    def test_a_run_from_rest(self, master_fmu: Unpacked) -> None:
+        found, _ = self.run(master_fmu.path, 700, 10, 40, LIVELY)
         times = self.times(found, 700)
-        truth = reference.displacements(oscillator.parameters(**LIVELY), times)
+        truth = reference.displacements(master_fmu.parameters(**LIVELY), times)
         assert worst([row.values for row in found], [row[:2] for row in truth]) < 1e-12
 
     @pytest.mark.parametrize("refusal", SOME_REFUSALS, ids=lambda r: r.label)
     def test_a_failure_ends_the_simulation_not_the_process(
-        self, oscillator: Unpacked, refusal: Refusal
+        self, master_fmu: Unpacked, refusal: Refusal
     ) -> None:
-        found, last = self.run(oscillator.path, 1000, 1, 2, refusal.values)
+        found, last = self.run(master_fmu.path, 1000, 1, 2, refusal.values)
         assert "ERROR" in last.upper()
         assert all(math.isnan(x) for row in found for x in row.values)
 
@@ -123,27 +134,27 @@ class TestEcos:
         )
         return found
 
-    def test_the_string_on_its_orbit(self, oscillator: Unpacked) -> None:
+    def test_the_string_on_its_orbit(self, master_fmu: Unpacked) -> None:
         """1 us steps to 5 ms; the truth is taken at the sum of the steps, which is not 5 ms."""
-        found = self.run(oscillator.path, 1e-6, 500, 10, {"periodic_start": True, **ORBIT})
+        found = self.run(master_fmu.path, 1e-6, 500, 10, {"periodic_start": True, **ORBIT})
         times = [float.fromhex(row.time) for row in found]
         assert times == pytest.approx([5e-4 * k for k in range(1, 11)], rel=1e-11)
-        truth = steady_state(oscillator.parameters(**ORBIT), times)
+        truth = steady_state(master_fmu.parameters(**ORBIT), times)
         assert worst([row.values for row in found], truth) < 1e-12
         assert {row.message for row in found} == {""}
 
-    def test_a_run_from_rest(self, oscillator: Unpacked) -> None:
-        found = self.run(oscillator.path, 7e-7, 10, 40, LIVELY)
+    def test_a_run_from_rest(self, master_fmu: Unpacked) -> None:
+        found = self.run(master_fmu.path, 7e-7, 10, 40, LIVELY)
         times = [float.fromhex(row.time) for row in found]
-        truth = reference.displacements(oscillator.parameters(**LIVELY), times)
+        truth = reference.displacements(master_fmu.parameters(**LIVELY), times)
         assert worst([row.values for row in found], [row[:2] for row in truth]) < 1e-12
 
     @pytest.mark.parametrize("refusal", SOME_REFUSALS, ids=lambda r: r.label)
     def test_a_failure_is_told_and_no_number_comes_out(
-        self, oscillator: Unpacked, refusal: Refusal
+        self, master_fmu: Unpacked, refusal: Refusal
     ) -> None:
         """Ecos looks at no status and carries on: what it reads must not look like a result."""
-        for row in self.run(oscillator.path, 1e-6, 1, 3, refusal.values):
+        for row in self.run(master_fmu.path, 1e-6, 1, 3, refusal.values):
             assert all(map(math.isnan, row.values))
             assert refusal.name in row.message
             assert refusal.value in row.message

@@ -91,8 +91,9 @@ static void load(const char *libpython, const char *path)
     LOAD(get_state, "fmi2GetFMUstate");
     LOAD(set_state, "fmi2SetFMUstate");
     LOAD(free_state, "fmi2FreeFMUstate");
-    LOAD(release, "finalizePythonInterpreter");
 #undef LOAD
+    /* only pythonfmu's binary has it */
+    *(void **)(&release) = dlsym(library, "finalizePythonInterpreter");
 }
 
 static int answer(const char *verb, int slot, fmi2Status status)
@@ -210,6 +211,7 @@ int main(int count, char **arguments)
         call(verb, slot, line + read, arguments[4], arguments[3]);
     }
     printf("end\n");
-    release(); /* or the binary's own destructors touch what they have freed, when the process exits */
+    if (release != NULL)
+        release(); /* or its destructors touch what they have freed, when the process exits */
     return 0;
 }

@@ -1,0 +1,274 @@
+/* The FMU CoupledOscillator: two hybridised modes under a two-tone drive. */
+#include "coupled_oscillator.h"
+
+#include <string.h>
+
+#include "slave.h"
+
+static struct parameters parameters_of(const struct slave *slave)
+{
+    const double *v = slave->values;
+    const struct parameters p = {
+        v[V_theta], v[V_reflection] != 0.0, v[V_d1], v[V_d2], v[V_eta_plus], v[V_eta_minus],
+        v[V_u1],    v[V_u2],                v[V_A1], v[V_A2], v[V_phase1],   v[V_phase2],
+        v[V_g1],    v[V_g2],
+    };
+    return p;
+}
+
+/* Refuse numbers of solvers that there are not. */
+static bool check_choice(const double *values, struct report *report)
+{
+    const int solver = (int)values[V_solver], other = (int)values[V_other_mode];
+    const double substep = values[V_rk4_substep];
+    if (solver < EXACT || solver > RK4)
+        return refuse(report, "solver = %d: 0 (exact), 1 (envelope) or 2 (rk4) is wanted", solver);
+    if (!(0.0 <= substep && substep < INFINITY))
+        return refuse(report, "rk4_substep = %r s: 0 or a positive time is wanted", substep);
+    if (other < FULL || other > LEFT_OUT)
+        return refuse(report,
+                      "other_mode = %d: 0 (full), 1 (quasi-static) or 2 (left out) is wanted",
+                      other);
+    return true;
+}
+
+/* Make the solver that the values ask for, not yet started. */
+static bool prepare(struct motion *motion, const double *values, const struct parameters *p,
+                    const double offsets[2], struct report *report)
+{
+    const int solver = (int)values[V_solver], other = (int)values[V_other_mode];
+    if (!check_choice(values, report))
+        return false;
+    if (solver == EXACT && other != FULL) {
+        motion->method = SINGLE;
+        return single_prepare(&motion->single, p, other, offsets, report);
+    }
+    if (solver == RK4) {
+        motion->method = RUNGE_KUTTA;
+        rk4_prepare(&motion->rk4, p, values[V_rk4_substep], offsets);
+        return true;
+    }
+    motion->method = LINEAR;
+    return linear_prepare(&motion->linear, p, solver == ENVELOPE, offsets, report);
+}
+
+static bool start(struct motion *motion, double t, const struct state *state, double b,
+                  struct report *report)
+{
+    switch (motion->method) {
+    case SINGLE:
+        return single_start(&motion->single, t, state, b, report);
+    case RUNGE_KUTTA:
+        return rk4_start(&motion->rk4, t, state, b, report);
+    default:
+        return linear_start(&motion->linear, t, state, b, report);
+    }
+}
+
+bool model_begin(struct slave *slave, double t, struct report *report)
+{
+    static const double no_offsets[2] = {0.0, 0.0};
+    const struct parameters p = parameters_of(slave);
+    const bool periodic = slave->values[V_periodic_start] != 0.0;
+    struct state at_rest;
+    memset(&at_rest, 0, sizeof at_rest);
+    return check_parameters(&p, periodic, report) &&
+           prepare(&slave->motion, slave->values, &p, no_offsets, report) &&
+           start(&slave->motion, t, periodic ? NULL : &at_rest, slave->values[V_b], report);
+}
+
+/* What all solvers have, under one name. */
+static const struct parameters *present_parameters(const struct motion *motion)
+{
+    switch (motion->method) {
+    case SINGLE:
+        return &motion->single.p;
+    case RUNGE_KUTTA:
+        return &motion->rk4.p;
+    default:
+        return &motion->linear.p;
+    }
+}
+
+static const double *present_offsets(const struct motion *motion)
+{
+    switch (motion->method) {
+    case SINGLE:
+        return motion->single.offsets;
+    case RUNGE_KUTTA:
+        return motion->rk4.offsets;
+    default:
+        return motion->linear.offsets;
+    }
+}
+
+static double present_input(const struct motion *motion)
+{
+    switch (motion->method) {
+    case SINGLE:
+        return motion->single.b;
+    case RUNGE_KUTTA:
+        return motion->rk4.b;
+    default:
+        return motion->linear.b;
+    }
+}
+
+/* State and phases are kept; solver and other_mode are fixed, so the method stays. */
+bool model_change(struct slave *slave, double t, struct report *report)
+{
+    const struct parameters p = parameters_of(slave);
+    const struct parameters before = *present_parameters(&slave->motion);
+    const double *offsets = present_offsets(&slave->motion);
+    const double kept[2] = {kept_phase(offsets[0], before.u1, p.u1, t),
+                            kept_phase(offsets[1], before.u2, p.u2, t)};
+    const double b = present_input(&slave->motion);
+    struct state state;
+    if (!check_parameters(&p, false, report))
+        return false;
+    if (slave->motion.method == RUNGE_KUTTA) {
+        const struct rk4_solver old = slave->motion.rk4;
+        rk4_prepare(&slave->motion.rk4, &p, old.requested, kept);
+        rk4_take_over(&slave->motion.rk4, &old);
+        return true;
+    }
+    state = slave->motion.method == SINGLE ? single_state(&slave->motion.single, t)
+                                           : linear_state(&slave->motion.linear, t);
+    return prepare(&slave->motion, slave->values, &p, kept, report) &&
+           start(&slave->motion, t, &state, b, report);
+}
+
+static bool grows(const struct motion *motion)
+{
+    if (motion->method == RUNGE_KUTTA)
+        return true; /* a long substep diverges whatever the damping */
+    return motion->method == SINGLE ? single_grows(&motion->single)
+                                    : linear_grows(&motion->linear);
+}
+
+static void displacement(const struct motion *motion, double t, double q[2])
+{
+    if (motion->method == SINGLE) {
+        single_displacement(&motion->single, t, q);
+    } else if (motion->method == LINEAR) {
+        linear_displacement(&motion->linear, t, q);
+    } else {
+        q[0] = motion->rk4.at.y[0];
+        q[1] = motion->rk4.at.y[1];
+    }
+}
+
+/* Hold another input from t on. */
+static bool with_input(struct motion *motion, double b, double t, struct report *report)
+{
+    struct state state;
+    if (!isfinite(b))
+        return refuse(report, "b = %r m/s2 is not a finite number", b);
+    if (motion->method == RUNGE_KUTTA) {
+        motion->rk4.b = b;
+        return true;
+    }
+    state = motion->method == SINGLE ? single_state(&motion->single, t)
+                                     : linear_state(&motion->linear, t);
+    return start(motion, t, &state, b, report);
+}
+
+bool model_step(struct slave *slave, double t, double end, struct report *report)
+{
+    struct motion *motion = &slave->motion;
+    const double b = slave->values[V_b];
+    double q[2];
+    if (b != present_input(motion) && !with_input(motion, b, t, report))
+        return false;
+    if (motion->method == RUNGE_KUTTA && !rk4_advance(&motion->rk4, end, report))
+        return false;
+    if (!grows(motion))
+        return true;
+    displacement(motion, end, q);
+    if (!isfinite(q[0] + q[1]))
+        return refuse(report, "the growing oscillation left the range of numbers before %r s", end);
+    return true;
+}
+
+bool model_moving(struct slave *slave, double *outputs, struct report *report)
+{
+    (void)report;
+    displacement(&slave->motion, slave->time, outputs);
+    physical_displacements(present_parameters(&slave->motion), outputs, outputs + 2);
+    return true;
+}
+
+/* --- outputs that depend on the parameters only ------------------------------------------------ */
+
+static bool response(const struct motion *motion, double u, struct pair *x, struct report *report)
+{
+    if (motion->method == SINGLE)
+        return single_response(&motion->single, u, x, report);
+    if (motion->method == LINEAR)
+        return linear_response(&motion->linear, u, x, report);
+    return phasors(&motion->rk4.p, u, x, report);
+}
+
+/* |X - X_full|/|X_full|, which bounds the relative error of the amplitude; 1 where one of them is
+ * 0 only. */
+static double left_out(struct complex found, struct complex full)
+{
+    if (found.re == full.re && found.im == full.im)
+        return 0.0;
+    return c_is_zero(full) ? 1.0 : c_abs(c_subtract(found, full)) / c_abs(full);
+}
+
+/* Quadratures mode by mode and tone by tone, then the errors of both modes. */
+static bool write_quadratures(const struct motion *motion, double *outputs, struct report *report)
+{
+    const struct parameters *p = present_parameters(motion);
+    const double u[] = {p->u1, p->u2}, size[] = {p->A1, p->A2}, phase[] = {p->phase1, p->phase2};
+    const bool judged = motion->method != RUNGE_KUTTA && (p->g1 != 0.0 || p->g2 != 0.0);
+    double *errors = outputs + 8;
+    memset(outputs, 0, 10 * sizeof *outputs);
+    for (int tone = 0; tone < 2; ++tone) {
+        const struct complex amplitude = c_rect(size[tone], phase[tone]);
+        struct pair found, full;
+        if (size[tone] == 0.0)
+            continue;
+        if (!response(motion, u[tone], &found, report) ||
+            (judged && !phasors(p, u[tone], &full, report)))
+            return false;
+        for (int mode = 0; mode < 2; ++mode) {
+            const struct complex seen = c_multiply(found.z[mode], amplitude);
+            outputs[4 * mode + 2 * tone] = seen.re;
+            outputs[4 * mode + 2 * tone + 1] = seen.im;
+            if (judged)
+                errors[mode] = fmax(errors[mode], left_out(found.z[mode], full.z[mode]));
+        }
+    }
+    return true;
+}
+
+bool model_steady(struct slave *slave, double *outputs, struct report *report)
+{
+    const struct parameters *p = present_parameters(&slave->motion);
+    const struct coupling c = coupling_of(p);
+    const struct damping w = damping_of(p);
+    const double derived[] = {
+        c.lambda,
+        c.f1,
+        c.f2,
+        TWO_PI * w.w11,
+        TWO_PI * w.w22,
+        TWO_PI * w.w12,
+        w.w11,
+        w.w22,
+        w.w11 > 0.0 ? p->eta_plus / w.w11 : NAN,
+        w.w22 > 0.0 ? p->eta_minus / w.w22 : NAN,
+    };
+    if (!write_quadratures(&slave->motion, outputs, report))
+        return false;
+    if (isnan(c.lambda))
+        warn(report,
+             "lambda is not a real number at theta = %r rad (sin 2 theta > 0 with eta_plus = %r "
+             "Hz, eta_minus = %r Hz): it is NaN",
+             p->theta, p->eta_plus, p->eta_minus);
+    memcpy(outputs + 10, derived, sizeof derived);
+    return true;
+}

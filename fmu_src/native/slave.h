@@ -1,0 +1,58 @@
+/* The life of one slave between an FMI and a model: values, phases, failure. It knows neither
+ * memory nor the host, so that its state is the record itself, copied.
+ *
+ * "model.h" is written by build_fmu.py: the model's own header, and its variable table in numbers.
+ */
+#ifndef SLAVE_H
+#define SLAVE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "model.h"
+#include "sentence.h"
+
+enum kind { REAL, INTEGER, BOOLEAN, STRING };
+enum causality { PARAMETER, INPUT, OUTPUT };
+enum phase { INSTANTIATED, INITIALISING, STEPPING, FAILED };
+
+struct variable {
+    const char *name;
+    enum kind kind;
+    enum causality causality;
+    bool fixed;  /* a parameter that is settled at initialisation */
+    bool moving; /* an output that changes with time */
+    double start;
+};
+
+extern const struct variable variables[VARIABLE_COUNT];
+
+struct slave {
+    int32_t phase;
+    bool changed, moving_stale, steady_stale;
+    double time;
+    double values[VARIABLE_COUNT]; /* whole numbers and truth values too */
+    struct sentence message;       /* the one String, status_message */
+    struct motion motion;          /* the model's own */
+};
+
+/* What a model provides; each may refuse. */
+bool model_begin(struct slave *slave, double t, struct report *report);
+bool model_change(struct slave *slave, double t, struct report *report);
+bool model_step(struct slave *slave, double t, double end, struct report *report);
+bool model_moving(struct slave *slave, double *outputs, struct report *report);
+bool model_steady(struct slave *slave, double *outputs, struct report *report);
+
+/* Calls of FMI, which are recorded as failed by the slave itself. */
+void slave_start(struct slave *slave);
+void slave_enter_initialisation(struct slave *slave);
+void slave_exit_initialisation(struct slave *slave, struct report *report);
+bool slave_step(struct slave *slave, double t, double step, struct report *report);
+void slave_settle(struct slave *slave, struct report *report);
+void slave_get(struct slave *slave, enum kind kind, const unsigned *references, size_t count,
+               double *values, struct report *report);
+void slave_set(struct slave *slave, enum kind kind, const unsigned *references, size_t count,
+               const double *values, struct report *report);
+void slave_fail(struct slave *slave, struct report *report);
+
+#endif

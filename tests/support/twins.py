@@ -1,0 +1,67 @@
+"""The native twin in tests: built once for all test processes; where that cannot be, why."""
+
+from __future__ import annotations
+
+import importlib
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import filelock
+import fmpy
+import pytest
+
+import build_fmu
+from fmu_src import native_binary
+from tests.support.processes import MOST_S
+
+STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Werror")
+
+
+def need_compiler() -> None:
+    """Skip where the twin cannot be built."""
+    if shutil.which("cc") is None:
+        pytest.skip("this machine has no C compiler")
+
+
+def shared_folder(factory: pytest.TempPathFactory, name: str) -> Path:
+    """A folder that the test processes of this session have in common."""
+    base = factory.getbasetemp()
+    # with pytest-xdist each process has a folder of its own in that of the session
+    folder = (base.parent if base.name.startswith("popen-") else base) / name
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+def twin_of(model: str, factory: pytest.TempPathFactory) -> Path:
+    """The native FMU of a model as ``build_fmu.py --native`` makes it."""
+    need_compiler()
+    folder = shared_folder(factory, "twins")
+    with filelock.FileLock(folder / f"{model}.lock", timeout=MOST_S):
+        path = folder / f"{model}.fmu"
+        return path if path.exists() else build_fmu.build(model, folder, native=())
+
+
+def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:
+    """Compile an FMU's binary anew, with all warnings as errors and further options; its path."""
+    made = build_fmu.built_from(fmu)
+    module = build_fmu.model_modules()[made.model]
+    model_class = getattr(importlib.import_module(f"fmu_src.{module}"), made.model)
+    [tool] = native_binary.toolchains(())
+    tool = replace(
+        tool,
+        command=(*tool.command, *options),
+        compile=(*tool.compile, "-g", "-O1", *STRICT),
+        link=tuple(word for word in tool.link if word != "-s"),
+    )
+    objects = native_binary.compiled(
+        folder / "objects",
+        native_binary.needed_sources(build_fmu.SOURCE / native_binary.FOLDER, module),
+        native_binary.written(model_class, module, made.start_values),
+        tool,
+    )
+    guid = fmpy.read_model_description(str(fmu)).guid
+    [(name, content)] = native_binary.binaries([objects], made.model, guid)
+    path = folder / Path(name).name
+    path.write_bytes(content)
+    return path
