@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from fitting.measurements.control.spectrum import ControlSpectrum
     from fitting.measurements.control.sweep import ControlSweep
     from fitting.measurements.kinds import read_campaign
+    from fitting.measurements.noise.spectra import NoiseSpectrum
     from fitting.measurements.traces.traces import Trace
     from fitting.measurements.traces.waveform import Chirp, Pulse
     from fitting.text.errors import BadInput, FmuFailure
@@ -66,6 +67,7 @@ _HOMES = {
     "campaign.noise": ("Noise",),
     "measurements.complex.curve": ("ComplexCurve",),
     "measurements.complex.sweep": ("ComplexSweep",),
+    "measurements.noise.spectra": ("NoiseSpectrum",),
     "measurements.traces.traces": ("Trace",),
     "measurements.traces.waveform": ("Chirp", "Pulse"),
     "measurements.complex.wiring": ("Wiring",),
@@ -92,6 +94,7 @@ __all__ = [
     "Limits",
     "Line",
     "Noise",
+    "NoiseSpectrum",
     "Parameter",
     "Problem",
     "Pulse",

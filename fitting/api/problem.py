@@ -36,6 +36,7 @@ from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
+from fitting.measurements.noise.spectra import NoiseSpectrum
 from fitting.measurements.traces.traces import Trace
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -44,7 +45,7 @@ from fitting.text.units import checked_accuracy
 __all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
 #: What a program gives as measured.
-Measured = Tones | Sweep | ComplexSweep | Trace | Measurement
+Measured = Tones | Sweep | ComplexSweep | Trace | NoiseSpectrum | Measurement
 #: Makes the model of one discrete alternative.
 Respond = Callable[[Mapping[str, Scalar]], Response]
 
@@ -59,8 +60,9 @@ class Problem:
     Args:
         fmu: The FMU, its path, or the name of a model that is shipped.
         parameters: What is looked for, one or several.
-        measurements: `Tones`, `Sweep`, `ComplexSweep`, `Trace`, or records of a further kind
-            (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
+        measurements: `Tones`, `Sweep`, `ComplexSweep`, `Trace`, `NoiseSpectrum`, or records
+            of a further kind (`fitting.measurements.measurement.Measurement`), one or several, at
+            least one fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
         noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.

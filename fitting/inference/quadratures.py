@@ -32,6 +32,8 @@ from fitting.text.notation import number
 STEP = 1e-3
 #: Standard deviations of a Gaussian between which 95 % lie.
 NINETY_FIVE = 1.959964
+#: What is said of qualities of a line, by the beginnings of their names.
+LOADED_NAMES, LOADED = ("Q_",), ", with the FMU's line as the loaded one"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +174,7 @@ def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
     """
     said = [
         f"{q.name} = {number(q.value, 6)} ± {number(q.std, 2)}, {number(q.ci95[0], 6)} to "
-        f"{number(q.ci95[1], 6)} at 95 %, with the FMU's line as the loaded one."
+        f"{number(q.ci95[1], 6)} at 95 %{LOADED if q.name.startswith(LOADED_NAMES) else ''}."
         for q in told.qualities
     ]
     for gain in told.gains:

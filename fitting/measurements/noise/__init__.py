@@ -1,0 +1,1 @@
+"""Noise spectra: power spectral densities of an FMU's output under a random force."""

@@ -1,0 +1,69 @@
+"""Figure of a noise spectrum: measured and simulated density, and the signed deviances."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import gammaincinv
+
+from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.noise.record import NoiseRecord
+from fitting.text.arrays import FloatArray
+from fitting.text.notation import number
+
+#: Share of the points that the band about the model holds.
+INSIDE = 0.95
+#: Points that are drawn of a layer, at most.
+DRAWN = 4000
+
+
+def noise_figure(
+    spectrum: NoiseRecord, before: FloatArray, after: FloatArray, series: str = ""
+) -> Figure:
+    """A spectrum with the model and the band that holds 95 % of the points; signed deviances below.
+
+    Args:
+        spectrum: as measured.
+        before: as simulated with the start parameters, (n,), in the spectrum's unit.
+        after: with the fitted ones.
+        series: name of the series.
+    """
+    every = slice(None, None, -(-spectrum.seen_hz.size // DRAWN))
+    u, x = spectrum.seen_hz[every], Axis("frequency", "Hz")
+    tails = 0.5 * (1.0 - INSIDE)
+    low, high = gammaincinv(spectrum.averages, [tails, 1.0 - tails]) / spectrum.averages
+    y = Axis(f"density ({spectrum.unit}²/Hz)", log=True)
+    band = "95 % of the points, if the model is right"
+    shown = Panel(
+        x=x,
+        y=y,
+        layers=(
+            Layer(Role.MEASURED, Form.POINTS, u, spectrum.y[every], label="measured"),
+            Layer(Role.START, Form.CURVE, u, before[every], label="model, start parameters"),
+            Layer(Role.SIMULATED, Form.CURVE, u, after[every], label="model, fitted parameters"),
+            Layer(Role.OTHER, Form.CURVE, u, low * after[every], label=band),
+            Layer(Role.OTHER, Form.CURVE, u, high * after[every]),
+        ),
+    )
+    rows = spectrum.rows_of(after)
+    rest = Panel(
+        x=x,
+        y=Axis("signed root of deviance"),
+        layers=(Layer(Role.SIMULATED, Form.POINTS, u, rows[every]),),
+        level=0.0,
+        height=0.5,
+    )
+    share = float(np.mean((spectrum.y >= low * after) & (spectrum.y <= high * after)))
+    said = f" {spectrum.label}" if spectrum.label else ""
+    inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
+    return Figure(
+        name=f"8_noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
+        title=f"Noise spectrum{said}: measured and simulated",
+        caption=(
+            f"{spectrum.seen_hz.size} points of {number(spectrum.averages, 4)} averages with the "
+            f"model before and after the fit, level and floor solved for; {inside} that holds "
+            "95 % of them if the model is right. Below: the signed roots of their deviances."
+        ),
+        alt=f"A noise spectrum of {spectrum.seen_hz.size} points with the fitted model; {inside}.",
+        rows=((shown,), (rest,)),
+        series=series,
+    )

@@ -1,0 +1,220 @@
+"""Noise record: a power spectral density as measured, and what is known of its force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.constants import Boltzmann
+from scipy.special import digamma
+
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.errors import BadInput
+
+WHITE, THERMAL = FORCES = ("white", "thermal")
+TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
+WINDOWS = ("none", *TAPERS)
+#: Points of a spectrum, at least.
+LEAST_POINTS = 8
+#: Averages from which on the residuals are asked whether neighbours hang together: of fewer, rows
+#: of a right model have a mean.
+SEEN = 10.0
+#: Length of a window by which its power spectrum is taken, and how many points that reaches.
+LENGTH, REACH = 1024, 3
+#: Every second point is used beside a window: neighbours are nearly one under it (of a Hann window
+#: two points are worth 1.03), those two apart nearly independent (1/36).
+EVERY = 2
+#: How far a spacing of frequencies may be from the usual one where a window is told, relative.
+EVEN = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseRecord:
+    """A power spectral density of one output of the FMU under a random force.
+
+    Args:
+        frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
+        density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
+        averages: Number of independent periodograms that were averaged, 1 or more.
+        force: "white": a force of constant density, whose level is solved for; "thermal": the one
+            that the damping asks for at a temperature.
+        temperature_k: Of the resonator, K; 0: not known, and solved for.
+        mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
+        spring_constant: Instead of the mass, N/m; 0: not told.
+        floor: Whether a white floor is solved for.
+        window: Of the periodograms, whose length is one over the spacing of the frequencies: it
+            widens the lines, and every second point is used, as neighbours hang together by it.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        label: Name of the spectrum, for values of its own; wanted where there are several.
+        output: The FMU's output that is seen; empty: the setup's.
+        unit: Whose square per Hz the density has.
+        source: What complaints name it by.
+
+    Raises:
+        BadInput: shapes that differ, frequencies that do not rise, densities that are not above
+            zero, fewer averages than one, a negative temperature, mass or spring constant.
+    """
+
+    frequency_hz: npt.ArrayLike
+    density: npt.ArrayLike
+    _: KW_ONLY
+    averages: float
+    force: str = WHITE
+    temperature_k: float = 0.0
+    mass_kg: float = 0.0
+    spring_constant: float = 0.0
+    floor: bool = True
+    window: str = "none"
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str = ""
+    output: str = ""
+    unit: str = "V"
+    source: str = "noise spectrum"
+    u_hz: FloatArray = field(init=False)
+    seen_hz: FloatArray = field(init=False)
+    y: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        u, y = (np.asarray(v, dtype=float) for v in (self.frequency_hz, self.density))
+        if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS + 1:
+            raise BadInput(
+                f"{self.source}: {u.shape} frequencies and {y.shape} densities; wanted as many of "
+                f"both, more than {LEAST_POINTS}"
+            )
+        if not (np.isfinite(u).all() and np.isfinite(y).all()):
+            raise BadInput(f"{self.source}: wanted finite numbers")
+        for k in np.flatnonzero(np.diff(u) <= 0.0)[:1]:
+            raise BadInput(
+                f"{self.source}: point {k + 2}: frequency {u[k + 1]:.9g} Hz after {u[k]:.9g} Hz; "
+                "wanted frequencies that rise"
+            )
+        if u[0] < 0.0:
+            raise BadInput(f"{self.source}: frequency {u[0]:g} Hz; wanted none below zero")
+        first = int(u[0] == 0.0)  # the mean is no noise
+        u, y = u[first:], y[first:]
+        for k in np.flatnonzero(y <= 0.0)[:1]:
+            raise BadInput(
+                f"{self.source}: density {y[k]:g} at {u[k]:.9g} Hz; wanted densities above zero, "
+                "as they are, not in dB"
+            )
+        object.__setattr__(self, "u_hz", u)
+        every = 1 if self.window == "none" else EVERY
+        object.__setattr__(self, "seen_hz", u[::every])
+        object.__setattr__(self, "y", y[::every])
+        self._check_numbers()
+
+    def _check_numbers(self) -> None:
+        if not 1.0 <= self.averages < np.inf:
+            raise BadInput(f"{self.source}: averages: found {self.averages:g}, wanted 1 or more")
+        for name, known in (("force", FORCES), ("window", WINDOWS)):
+            if getattr(self, name) not in known:
+                raise BadInput(
+                    f"{self.source}: {name} is {getattr(self, name)!r}, wanted {', '.join(known)}"
+                )
+        for name in ("temperature_k", "mass_kg", "spring_constant"):
+            value = getattr(self, name)
+            if not 0.0 <= value < np.inf:
+                raise BadInput(f"{self.source}: {name}: found {value:g}, wanted more than zero")
+            if value and self.force == WHITE:
+                raise BadInput(f'{self.source}: {name} has a meaning with force = "thermal" only')
+        steps = np.diff(self.u_hz)
+        if self.window != "none" and np.ptp(steps) > EVEN * float(np.median(steps)):
+            raise BadInput(
+                f"{self.source}: frequencies are {np.min(steps):.4g} to {np.max(steps):.4g} Hz "
+                "apart; wanted even ones beside a window"
+            )
+        if self.mass_kg and self.spring_constant:
+            raise BadInput(f"{self.source}: mass and spring constant; wanted one of them")
+
+    @cached_property
+    def sigma(self) -> float:
+        """Standard deviation of a row: of the signed root of its deviance.
+
+        The mean of the deviance is 2 M (ln M - psi(M)), near 1 + 1/(6 M).
+        """
+        m = self.averages
+        return float(np.sqrt(2.0 * m * (np.log(m) - float(digamma(m)))))
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether its residuals may be asked how neighbours hang together."""
+        return self.averages >= SEEN
+
+    def widened(self, shape: FloatArray) -> FloatArray:
+        """A density (n,) as periodograms under the window show it, at the points that are used.
+
+        That of each point is shared among its neighbours by the window's own power spectrum, as
+        1/6, 2/3, 1/6 for a Hann window.
+
+        Args:
+            shape: without a window, (n,).
+        """
+        if self.window == "none":
+            return shape
+        power = np.abs(np.fft.fft(TAPERS[self.window](LENGTH + 1)[:-1])) ** 2
+        kernel = np.concatenate([power[-REACH:], power[: REACH + 1]])
+        longer = np.pad(shape, REACH, mode="reflect", reflect_type="odd")
+        seen = np.convolve(np.maximum(longer, 0.0), kernel / np.sum(kernel), "valid")
+        return np.asarray(seen[::EVERY])
+
+    @property
+    def is_absolute(self) -> bool:
+        """Whether the level is known: a temperature, of a displacement."""
+        return bool(self.force == THERMAL and self.temperature_k and self.unit == "m")
+
+    @property
+    def known_level(self) -> float | None:
+        """k_B T where it is known, J; None: the level is solved for."""
+        return Boltzmann * self.temperature_k if self.is_absolute else None
+
+    @property
+    def solved_inside(self) -> int:
+        """Level and floor, where they are not known."""
+        return int(not self.is_absolute) + int(self.floor)
+
+    def shape(self, response: ComplexArray) -> FloatArray:
+        """Density N (n,) of a unit level.
+
+            white      |H|^2                        level: that of the force
+            thermal    -4 Im H/(2 pi u m)           level: k_B T (times the square of a read-out)
+
+        The second is the fluctuation-dissipation theorem: the output has to be the coordinate
+        that the drive pushes. Source: H. Callen and T. Welton, Phys. Rev. 83 (1951) 34.
+
+        Args:
+            response: H, (n,), output over drive.
+
+        Raises:
+            BadInput: a response that gives energy back.
+        """
+        if self.force == WHITE:
+            return np.asarray(np.abs(response) ** 2)
+        w = 2.0 * np.pi * self.u_hz
+        top = int(np.argmax(np.abs(response)))
+        if response[top].imag >= 0.0:
+            raise BadInput(
+                f"{self.source}: the response does not lag its drive at its top, "
+                f'{self.u_hz[top]:.6g} Hz; force = "thermal" wants the output that the drive '
+                "pushes, and a drive without a phase"
+            )
+        share = 1.0 / self.mass_kg if self.mass_kg else 1.0
+        if self.spring_constant:
+            share = float((1.0 / response[top]).real + w[top] ** 2) / self.spring_constant
+        return np.asarray(np.maximum(-4.0 * response.imag / w * share, 0.0))
+
+    def rows_of(self, spectrum: FloatArray) -> FloatArray:
+        """Signed roots of the deviances, (n,).
+
+            r = sign(S - P) sqrt(2 M (P/S - 1 - ln(P/S)))
+
+        Args:
+            spectrum: S, (n,), as the model has it.
+        """
+        x = self.y / spectrum
+        apart = x - 1.0
+        near = np.abs(apart) < 1e-4  # by its series: the difference would cancel
+        deviance = np.where(near, 0.5 * apart**2 - apart**3 / 3.0, apart - np.log(x))
+        return np.asarray(-np.sign(apart) * np.sqrt(2.0 * self.averages * np.maximum(deviance, 0)))

@@ -1,0 +1,308 @@
+"""Noise spectrum: the power spectral density of an output under a random force.
+
+    S = a N + b        r = sign(S - P) sqrt(2 M (P/S - 1 - ln(P/S)))        P measured
+
+N is |H|^2 for a white force, and -4 Im H/(2 pi u m) for a thermal one; H is the FMU's response to
+single tones. The squares of the rows add up to the deviance of the Whittle likelihood: their least
+sum is its maximum. Level a and floor b are solved inside (`noise.levels`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.constants import Boltzmann
+from scipy.linalg import block_diag
+
+from fitting.campaign import Setup
+from fitting.campaign.parameters import Parameter
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.figure import Figure
+from fitting.measurements.measurement import (
+    Estimated,
+    MeasurementKind,
+    Predicting,
+    Prediction,
+    Sampled,
+    Values,
+    without_drive,
+)
+from fitting.measurements.noise.figure import noise_figure
+from fitting.measurements.noise.levels import best_levels
+from fitting.measurements.noise.record import THERMAL, NoiseRecord
+from fitting.measurements.plan import Plan
+from fitting.measurements.response_curve import ResponseCurve, together
+from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.drive import Drive
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.errors import BadInput
+
+#: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
+FAR, AS_WELL = 3.0, 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolvedSpectra(Prediction):
+    """Spectra as predicted: shapes N (n,) of each, and levels (a, b)."""
+
+    shapes: tuple[FloatArray, ...] = ()
+    levels: tuple[FloatArray, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseSpectrum(NoiseRecord):
+    """A power spectral density of one output of the FMU under a random force.
+
+    Args:
+        frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
+        density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
+        averages: Number of independent periodograms that were averaged, 1 or more.
+        force: "white": a force of constant density, whose level is solved for; "thermal": the one
+            that the damping asks for at a temperature.
+        temperature_k: Of the resonator, K; 0: not known, and solved for.
+        mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
+        spring_constant: Instead of the mass, N/m; 0: not told.
+        floor: Whether a white floor is solved for.
+        window: Of the periodograms, whose length is one over the spacing of the frequencies: it
+            widens the lines, and every second point is used, as neighbours hang together by it.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        label: Name of the spectrum, for values of its own; wanted where there are several.
+        output: The FMU's output that is seen; empty: the setup's.
+        unit: Whose square per Hz the density has.
+        source: What complaints name it by.
+        setup: How single tones drive the FMU, and what is observed.
+        series: Measurements of one series share their setup.
+
+    Raises:
+        BadInput: shapes that differ, frequencies that do not rise, densities that are not above
+            zero, fewer averages than one, a negative temperature, mass or spring constant.
+    """
+
+    _: KW_ONLY
+    setup: Setup
+    series: str = ""
+
+    @property
+    def rows(self) -> int:
+        """Number of residual rows: one for each point."""
+        return int(self.y.size)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings."""
+        return ((self.label, self.settings),)
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """None: settings are variables of the FMU."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """None beside the FMU's."""
+        return ()
+
+    def within(self, setup: Setup, series: str) -> NoiseSpectra:
+        """The measurement, as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        return NoiseSpectra(setup=setup, spectra=(self,)).within(setup, series)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSpectra(MeasurementKind):
+    """One or several noise spectra that are fitted together, a row for each point.
+
+    Raises:
+        BadInput: no spectrum, or two of one name.
+    """
+
+    setup: Setup
+    spectra: tuple[NoiseRecord, ...]
+    series: str = ""
+
+    def __post_init__(self) -> None:
+        labels = [each.label for each in self.spectra]
+        if not labels or len(set(labels)) < len(labels):
+            raise BadInput(
+                f"noise spectra: labels {', '.join(labels) or 'of no spectrum'}; wanted one "
+                "spectrum at least, each with a name of its own"
+            )
+        if not self.setup.drive.amplitude > 0.0:
+            raise BadInput(
+                "noise spectrum: the drive's level is zero; wanted one, for the response to tones"
+            )
+
+    @property
+    def is_curve(self) -> bool:
+        """Its residuals tell how neighbours hang together, where enough was averaged."""
+        return all(each.is_curve for each in self.spectra)
+
+    @property
+    def rows(self) -> int:
+        """One for each point."""
+        return sum(each.y.size for each in self.spectra)
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of every row, (rows,)."""
+        return np.concatenate([np.full(each.y.size, each.sigma) for each in self.spectra])
+
+    @property
+    def solved_inside(self) -> int:
+        """Levels and floors of all spectra."""
+        return sum(each.solved_inside for each in self.spectra)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings of every spectrum."""
+        return tuple((each.label, each.settings) for each in self.spectra)
+
+    def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
+        """Those of the first spectrum's first point, its largest and its last one."""
+        each = self.spectra[0]
+        tones = dict.fromkeys((float(each.u_hz[0]), _top_hz(each), float(each.u_hz[-1])))
+        output = each.output or self.setup.output
+        return [
+            model.drive(
+                model.single_tone_values(p, each.settings, u, each.label or None), (u,), output
+            )
+            for u in tones
+        ]
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with few runs for each spectrum, where the response is rational."""
+        for each in self.spectra:
+            plan = self._curve(model, each).planned(each.u_hz, points, workers, _top_hz(each))
+            model = replace(model, plan=plan)
+        return model.plan
+
+    def _curve(self, model: DrivenModel, each: NoiseRecord) -> ResponseCurve:
+        return ResponseCurve(model, each.settings, each.output, label=each.label or None)
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Spectra with the levels and floors that suit the data best."""
+        curves = [(self._curve(model, each), each.u_hz) for each in self.spectra]
+        found = yield from together([each.predict(table, u, batch) for each, u in curves])
+        size = model.setup.drive.amplitude
+        return [
+            self.solved([responses[k] / size for responses in found]) for k in range(len(table))
+        ]
+
+    def solved(self, responses: Sequence[ComplexArray]) -> SolvedSpectra:
+        """Spectra that responses make, with the best levels and floors.
+
+        Args:
+            responses: H of every spectrum, (n,), output over drive.
+        """
+        pairs = zip(self.spectra, responses, strict=True)
+        shapes = tuple(x.widened(x.shape(h)) for x, h in pairs)
+        levels = tuple(
+            best_levels(shape, each.y, each.known_level, floor=each.floor)
+            for each, shape in zip(self.spectra, shapes, strict=True)
+        )
+        values = [a * shape + b for shape, (a, b) in zip(shapes, levels, strict=True)]
+        return SolvedSpectra(np.concatenate(values), shapes=shapes, levels=levels)
+
+    def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
+        """The run at the first point of every spectrum."""
+        found = []
+        for each in self.spectra:
+            window = model.single_tone_window(float(each.u_hz[0]))
+            [tone] = window.tones_hz
+            values = model.single_tone_values(p, each.settings, tone, each.label or None)
+            output, signal = each.output or self.setup.output, model.signal(window, (tone,))
+            run = batch.ask(values, window, signal, output)
+            found.append(Sampled(run, window, output))
+        return found
+
+    def first_drive(self, *, driven: bool) -> NoiseSpectra:
+        """Its first spectrum, which begins with its first point."""
+        each = self.spectra[0]
+        if driven:
+            return replace(self, spectra=(each,))
+        setup, settings = without_drive(self.setup, each.settings)
+        return replace(self, setup=setup, spectra=(replace(each, settings=settings),))
+
+    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
+        """Signed roots of the deviances, (rows,)."""
+        pairs = zip(self.spectra, self._split(prediction.values), strict=True)
+        return np.concatenate([each.rows_of(s) for each, s in pairs])
+
+    def scaled(self, prediction: Prediction, chi: float) -> Values:
+        """S itself: the level is in it."""
+        return prediction.values
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives of the rows by levels and floors."""
+        found = _found(prediction)
+        blocks = []
+        for each, shape, (a, b) in zip(self.spectra, found.shapes, found.levels, strict=True):
+            slope = np.sqrt(each.averages) / (a * shape + b)  # of a row near S = P
+            columns = [] if each.is_absolute else [shape * slope]
+            columns += [slope] if each.floor else []
+            blocks.append(np.stack(columns, axis=1) if columns else np.empty((shape.size, 0)))
+        return np.asarray(block_diag(*blocks))
+
+    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
+        """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
+        solved = _found(prediction)
+        columns, begin = self.solved_columns(prediction), 0
+        found: dict[str, Estimated] = {}
+        inverse = np.linalg.pinv((columns / sigma[:, None]).T @ (columns / sigma[:, None]))
+        for each, (a, _) in zip(self.spectra, solved.levels, strict=True):
+            at, begin = begin, begin + each.solved_inside
+            if each.force != THERMAL or each.is_absolute or not a > 0.0:
+                continue
+            tag, std = f"[{each.label}]" if each.label else "", float(np.sqrt(inverse[at, at]))
+            if each.temperature_k:
+                value = float(np.sqrt(a / (Boltzmann * each.temperature_k)))
+                found[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
+            elif each.unit == "m":
+                found[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
+        return found
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Spectra that a constant describes half as well, and that are far off."""
+        flat = np.concatenate([x.rows_of(np.full(x.y.size, np.mean(x.y))) for x in self.spectra])
+        left = float(residuals @ residuals)
+        if left > AS_WELL * float(flat @ flat) and left > FAR * residuals.size:
+            return "the simulated spectrum does not follow the measured one"
+        return ""
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """Every spectrum with the model, the band of its likelihood, and the signed deviances."""
+        trios = zip(self.spectra, self._split(before), self._split(after), strict=True)
+        return tuple(noise_figure(x, b, a, self.series) for x, b, a in trios)
+
+    def _split(self, values: Values) -> list[FloatArray]:
+        ends = np.cumsum([each.y.size for each in self.spectra])[:-1]
+        return list(np.split(np.asarray(values.real, dtype=float), ends))
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same as part of a series, whose name its labels carry."""
+        spectra = self.spectra
+        if series and series != self.series:
+            spectra = tuple(
+                replace(x, label=f"{series}/{x.label}") if x.label else x for x in spectra
+            )
+        return replace(self, setup=setup, series=series, spectra=spectra)
+
+
+def _top_hz(each: NoiseRecord) -> float:
+    return float(each.seen_hz[int(np.argmax(each.y))])
+
+
+def _found(prediction: Prediction) -> SolvedSpectra:
+    if not isinstance(prediction, SolvedSpectra):
+        raise TypeError(f"a noise spectrum is predicted by {prediction!r}")
+    return prediction

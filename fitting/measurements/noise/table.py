@@ -1,0 +1,199 @@
+"""The table [[noise_spectrum]] of a campaign, and the columns that its files hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, ClassVar, Self
+
+from fitting.campaign import Setup
+from fitting.campaign.binder import Binder
+from fitting.campaign.instruments import unit_of
+from fitting.campaign.kind import MeasurementTable
+from fitting.fmu.variables import READABLE
+from fitting.measurements.noise.record import FORCES, THERMAL, WHITE, WINDOWS, NoiseRecord
+from fitting.measurements.noise.spectra import NoiseSpectra
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, gathered
+from fitting.text.keys import (
+    FileName,
+    Keys,
+    Missing,
+    OneOf,
+    Positive,
+    Refused,
+    Switch,
+    Text,
+    Value,
+)
+from fitting.text.tables import read_table
+from fitting.text.units import convert
+from fitting.text.written import in_unit
+
+#: Units of what is seen whose squares per Hz a density may have.
+SEEN_UNITS = ("m", "V", "m/s", "m/s**2", "A", "1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenNoiseColumns(Keys):
+    """Names of a noise spectrum's columns where they are not the usual ones (empty)."""
+
+    frequency: Text = ""
+    """Column of frequencies; without it "frequency"."""
+    density: Text = ""
+    """Column of the power spectral density; without it "density"."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSpectrumTable(MeasurementTable):
+    """A power spectral density of one output of the FMU under a random force.
+
+    Several of these tables are fitted together.
+    """
+
+    TABLE: ClassVar[str] = "noise_spectrum"
+    REPEATED: ClassVar[bool] = True
+
+    file: Annotated[FileName, Missing("wanted a table of frequencies and densities with units")]
+    """Columns frequency and density, each with its unit, as "density (V2/Hz)"; one-sided."""
+    averages: Annotated[Positive, Missing("wanted how many periodograms were averaged, 1 or more")]
+    """Number of independent periodograms that were averaged."""
+    columns: WrittenNoiseColumns = field(default_factory=WrittenNoiseColumns)
+    """Names of columns, where they are not the usual ones."""
+    output: Text | None = None
+    """The FMU output that is seen; without it that of [observe]."""
+    force: Annotated[Text, OneOf(FORCES)] = WHITE
+    """"white": a force of constant density; "thermal": the one that the damping asks for."""
+    temperature: Value | None = None
+    """(thermal) of the resonator, as "300 K"; without it, it is solved for from a displacement."""
+    mass: Value | None = None
+    """(thermal) of the mode, where the FMU's drive is an acceleration; without it the drive is a
+    force."""
+    spring_constant: Value | None = None
+    """(thermal) instead of the mass."""
+    floor: Switch = True
+    """Whether a white floor is solved for."""
+    window: Annotated[Text, OneOf(WINDOWS)] = "none"
+    """Of the periodograms, whose length is one over the spacing of the frequencies."""
+    label: Text = ""
+    """Name of the spectrum, for values of its own; without it "1", "2" where there are several."""
+    set: dict[str, Value] = field(default_factory=dict)
+    """Start values of the FMU during the spectrum."""
+
+    def __post_init__(self) -> None:
+        if self.averages < 1.0:
+            raise Refused(f"found {self.averages:g}, wanted 1 or more", "averages")
+        for key in ("temperature", "mass", "spring_constant"):
+            if getattr(self, key) is not None and self.force != THERMAL:
+                raise Refused('has a meaning with force = "thermal" only', key)
+        if self.mass is not None and self.spring_constant is not None:
+            raise Refused("stands beside mass; wanted one of them", "spring_constant")
+
+    def columns_read(self) -> ReadNoise:
+        """The columns of the file, in SI units.
+
+        Raises:
+            BadInput: a column or unit that is missing, or no unit of a power spectral density.
+        """
+        table, names = read_table(self.file), self.columns
+        frequency = table.column(names.frequency or "frequency")
+        density = table.column(names.density or "density")
+        hertz = unit_of(table, frequency, "frequency (Hz)")
+        where = f"{self.file}: column '{frequency.name}'"
+        to_hz = convert(1.0, hertz, "Hz", where=where)
+        unit = unit_of(table, density, "density (V2/Hz)")
+        seen, factor = _seen_unit(unit, f"{self.file}: column '{density.name}'")
+        return ReadNoise(
+            self, to_hz * table.numbers(frequency), factor * table.numbers(density), seen
+        )
+
+    @classmethod
+    def read_together(cls, tables: Sequence[Self]) -> ReadNoiseSpectra:
+        """All spectra, with the labels that they are told apart by."""
+        alone = len(tables) == 1
+        labels = [x.label or ("" if alone else str(k)) for k, x in enumerate(tables, start=1)]
+        for k, label in enumerate(labels):
+            if label in labels[:k]:
+                raise BadInput(
+                    f"{tables[k].file}: is the second spectrum of the label '{label}'; wanted a "
+                    "label of its own for every [[noise_spectrum]]"
+                )
+        return ReadNoiseSpectra(tuple(gathered(x.columns_read for x in tables)), tuple(labels))
+
+
+def _seen_unit(unit: str, where: str) -> tuple[str, float]:
+    """SI unit of what is seen, and the factor to its square per Hz."""
+    for seen in SEEN_UNITS:
+        try:
+            return seen, convert(1.0, unit, f"({seen})**2/Hz", where=where)
+        except BadInput:
+            continue
+    raise BadInput(
+        f"{where}: found unit '{unit}', wanted that of a power spectral density, as V2/Hz or nm2/Hz"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ReadNoise:
+    """The columns of one table [[noise_spectrum]], (n,), and the unit of what is seen."""
+
+    table: NoiseSpectrumTable
+    frequency_hz: FloatArray
+    density: FloatArray
+    unit: str
+
+    def record(self, binder: Binder, setup: Setup, label: str) -> NoiseRecord:
+        """The spectrum in the names and units of the FMU.
+
+        Args:
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+            label: of the spectrum.
+        """
+        table, where = self.table, f"{setup.source}: [[noise_spectrum]]"
+        if table.output:
+            binder.real(table.output, f"{where} output", READABLE, "observed")
+        told = {"temperature": "K", "mass": "kg", "spring_constant": "N/m"}
+        numbers = {}
+        for key, unit in told.items():
+            written = getattr(table, key)
+            numbers[key] = 0.0 if written is None else in_unit(written, unit)
+            if written is not None and not numbers[key] > 0.0:
+                raise BadInput(f"{written.where}: found {numbers[key]:g}, wanted more than zero")
+        return NoiseRecord(
+            self.frequency_hz,
+            self.density,
+            averages=table.averages,
+            force=table.force,
+            temperature_k=numbers["temperature"],
+            mass_kg=numbers["mass"],
+            spring_constant=numbers["spring_constant"],
+            floor=table.floor,
+            window=table.window,
+            settings={name: binder.setting(name, w) for name, w in table.set.items()},
+            label=label,
+            output=table.output or "",
+            unit=self.unit,
+            source=str(table.file),
+        )
+
+
+@dataclass(frozen=True)
+class ReadNoiseSpectra:
+    """The spectra of all tables [[noise_spectrum]], as their files have them."""
+
+    read: tuple[ReadNoise, ...]
+    labels: tuple[str, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of all tables, each once."""
+        return tuple(dict.fromkeys(one.table.file for one in self.read))
+
+    def bind(self, binder: Binder, setup: Setup) -> NoiseSpectra:
+        """The spectra in the names and units of the FMU."""
+        pairs = zip(self.read, self.labels, strict=True)
+        records = gathered(partial(one.record, binder, setup, label) for one, label in pairs)
+        return NoiseSpectra(setup=setup, spectra=tuple(records))
