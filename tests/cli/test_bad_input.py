@@ -141,7 +141,7 @@ def test_everything_that_is_wrong_is_told_at_once(
 ) -> None:
     """A line for each key of the campaign; once that is right, for each of its data files."""
     for old, new in (
-        ("timeout_s = 1.5", 'timeout_s = "long"'),
+        ("timeout_s = 60", 'timeout_s = "long"'),
         ("[observe]\n", "[observe]\nsteady = true\n"),
         ('"3 kHz"', '"3 s"'),
         ("upper = 0.6\n", ""),
@@ -222,6 +222,8 @@ def test_an_fmu_that_fails_is_exit_code_3_with_its_words(
     how: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     number, words = FAILING[how]
+    if how == "hangs":  # in its first run: no other can be late on a busy machine
+        broken(folder, TOML, "timeout_s = 60", "timeout_s = 1.5")
     broken(folder, TOML, 'mass = "1 g"', f'mass = "1 g"\nmisbehave = {number}')
     said = refused(folder, capsys, code=3)
     for word in ["oscillator.fmu: ", *words, "[with ", f"misbehave = {number}", "mass = 0.001"]:
