@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -25,11 +27,28 @@ DATA = Path(__file__).parents[2] / "data"
 SIGMA, SPAN = 0.02, 4.0
 
 
+def campaign(folder: Path, **changes: str) -> Path:
+    """The first shipped campaign, asked for two of its seven outputs.
+
+    Args:
+        folder: that is made.
+        **changes: lines of the campaign file, by the key with which they begin.
+    """
+    shutil.copytree(DATA / "string_q1", folder)
+    path = folder / "campaign.toml"
+    text = path.read_text("utf-8")
+    for key, line in {"outputs": 'outputs = ["lambda", "width_plus"]', **changes}.items():
+        text, count = re.subn(rf"^{key} = .*$", line, text, flags=re.MULTILINE)
+        assert count == 1, key
+    path.write_text(text, "utf-8")
+    return path
+
+
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The command on the first shipped campaign, with its report; folder and what it printed."""
+    """The command with its report; folder and what it printed."""
     out = tmp_path_factory.mktemp("identified")
-    path = DATA / "string_q1" / "campaign.toml"
+    path = campaign(tmp_path_factory.mktemp("string") / "q1")
     with pytest.MonkeyPatch.context() as patch:
         said: list[str] = []
         patch.setattr(
@@ -89,12 +108,18 @@ def test_a_result_of_other_parameters_is_refused(
 def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected data fit exactly; the width's interval is centred on the reference."""
-    path = DATA / "string_q1" / "campaign.toml"
+    """Expected data fit exactly; the width's interval is centred on the reference.
+
+    Two drive pairs of five: the width is the sweep's, the coupling nobody's.
+    """
+    path = campaign(tmp_path / "string", reflection="reflection = [false]")
+    pairs = path.with_name("experiments.csv")
+    lines = pairs.read_text("utf-8").splitlines(keepends=True)
+    pairs.write_text("".join(x for x in lines if not re.match("pair[245],", x)), "utf-8")
     words = ["identify", str(path), "--expected", "--no-report", "--workers", "2"]
-    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
     assert "expected data, set out from the campaign's start" in capsys.readouterr().out
-    knowledge = read_json(tmp_path / "identify.json", Identification).knowledge
+    knowledge = read_json(tmp_path / "out" / "identify.json", Identification).knowledge
     assert not knowledge.data
     assert knowledge.chi_square < 1e-6
     assert knowledge.inflation == 1.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -84,12 +85,17 @@ def test_python_that_is_not_run_is_python(name: str) -> None:
             compile(block.text, f"{name}:{block.line}", "exec")
 
 
+@cache
+def schema() -> jsonschema.Draft7Validator:
+    """Of a part of a campaign."""
+    return jsonschema.Draft7Validator(without_required(json.loads(campaign_schema())))
+
+
 @pytest.mark.parametrize("name", named("toml"))
 def test_campaigns_and_parts_of_them_fit_the_schema(name: str) -> None:
-    schema = jsonschema.Draft7Validator(without_required(json.loads(campaign_schema())))
     for block in ALL[name]:
         if block.language == "toml" and "not run" not in block.remarks:
-            errors = [e.message for e in schema.iter_errors(tomllib.loads(block.text))]
+            errors = [e.message for e in schema().iter_errors(tomllib.loads(block.text))]
             assert not errors, f"{name}:{block.line}: {errors}"
 
 
