@@ -17,11 +17,16 @@ from fitting.campaign import ContinuationSettings
 from fitting.fit.options import options_of
 from fitting.result.external import with_external
 from fitting.result.result import read_result
+from tests.support.string_part import string_part
 
 
 @pytest.fixture(scope="module")
-def fit(oscillator_fmu: Path) -> ff.Fit:
-    problem = ff.Problem.of(ff.example("string_q1"), ff.Fmu(oscillator_fmu))
+def fit(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fit:
+    """Of the string, by two drive pairs and its sweep."""
+    folder = tmp_path_factory.mktemp("string") / "string"
+    asked = 'outputs = ["lambda", "width_plus", "Q_plus"]'
+    path = string_part(folder, pairs=(1, 3), outputs=asked)
+    problem = ff.Problem.of(path, ff.Fmu(oscillator_fmu))
     return ff.fit(problem, ff.Tikhonov(levels=3, quick=True), starts=1)
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
-import shutil
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -22,33 +20,20 @@ from fitting.inference.likelihood.bootstrap import _displaced, bootstrap
 from fitting.inference.likelihood.knowledge import Identification, Knowledge
 from fitting.text.records import read_json
 from tests.support import single_line
+from tests.support.string_part import string_part
 
 DATA = Path(__file__).parents[2] / "data"
 SIGMA, SPAN = 0.02, 4.0
 
 
-def campaign(folder: Path, **changes: str) -> Path:
-    """The first shipped campaign, asked for two of its seven outputs.
-
-    Args:
-        folder: that is made.
-        **changes: lines of the campaign file, by the key with which they begin.
-    """
-    shutil.copytree(DATA / "string_q1", folder)
-    path = folder / "campaign.toml"
-    text = path.read_text("utf-8")
-    for key, line in {"outputs": 'outputs = ["lambda", "width_plus"]', **changes}.items():
-        text, count = re.subn(rf"^{key} = .*$", line, text, flags=re.MULTILINE)
-        assert count == 1, key
-    path.write_text(text, "utf-8")
-    return path
+OUTPUTS = 'outputs = ["lambda", "width_plus"]'
 
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The command with its report; folder and what it printed."""
     out = tmp_path_factory.mktemp("identified")
-    path = campaign(tmp_path_factory.mktemp("string") / "q1")
+    path = string_part(tmp_path_factory.mktemp("string") / "q1", outputs=OUTPUTS)
     with pytest.MonkeyPatch.context() as patch:
         said: list[str] = []
         patch.setattr(
@@ -112,10 +97,8 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
 
     Two drive pairs of five: the width is the sweep's, the coupling nobody's.
     """
-    path = campaign(tmp_path / "string", reflection="reflection = [false]")
-    pairs = path.with_name("experiments.csv")
-    lines = pairs.read_text("utf-8").splitlines(keepends=True)
-    pairs.write_text("".join(x for x in lines if not re.match("pair[245],", x)), "utf-8")
+    one_form = "reflection = [false]"
+    path = string_part(tmp_path / "string", pairs=(1, 3), outputs=OUTPUTS, reflection=one_form)
     words = ["identify", str(path), "--expected", "--no-report", "--workers", "2"]
     assert main([*words, "--out", str(tmp_path / "out")]) == 0
     assert "expected data, set out from the campaign's start" in capsys.readouterr().out
