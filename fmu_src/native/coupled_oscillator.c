@@ -3,28 +3,18 @@
 
 #include <string.h>
 
-#include "slave.h"
+#include "two_mode_slave.h"
 
-static struct parameters parameters_of(const struct slave *slave)
-{
-    const double *v = slave->values;
-    const struct parameters p = {
-        v[V_theta], v[V_reflection] != 0.0, v[V_d1], v[V_d2], v[V_eta_plus], v[V_eta_minus],
-        v[V_u1],    v[V_u2],                v[V_A1], v[V_A2], v[V_phase1],   v[V_phase2],
-        v[V_g1],    v[V_g2],
-    };
-    return p;
-}
+enum { QUADRATURES = 8 };
 
 /* Refuse numbers of solvers that there are not. */
 static bool check_choice(const double *values, struct report *report)
 {
     const int solver = (int)values[V_solver], other = (int)values[V_other_mode];
-    const double substep = values[V_rk4_substep];
     if (solver < EXACT || solver > RK4)
         return refuse(report, "solver = %d: 0 (exact), 1 (envelope) or 2 (rk4) is wanted", solver);
-    if (!(0.0 <= substep && substep < INFINITY))
-        return refuse(report, "rk4_substep = %r s: 0 or a positive time is wanted", substep);
+    if (!check_substep(values[V_rk4_substep], report))
+        return false;
     if (other < FULL || other > LEFT_OUT)
         return refuse(report,
                       "other_mode = %d: 0 (full), 1 (quasi-static) or 2 (left out) is wanted",
@@ -224,8 +214,8 @@ static bool write_quadratures(const struct motion *motion, double *outputs, stru
     const struct parameters *p = present_parameters(motion);
     const double u[] = {p->u1, p->u2}, size[] = {p->A1, p->A2}, phase[] = {p->phase1, p->phase2};
     const bool judged = motion->method != RUNGE_KUTTA && (p->g1 != 0.0 || p->g2 != 0.0);
-    double *errors = outputs + 8;
-    memset(outputs, 0, 10 * sizeof *outputs);
+    double *errors = outputs + QUADRATURES;
+    memset(outputs, 0, (QUADRATURES + 2) * sizeof *outputs);
     for (int tone = 0; tone < 2; ++tone) {
         const struct complex amplitude = c_rect(size[tone], phase[tone]);
         struct pair found, full;
@@ -248,27 +238,8 @@ static bool write_quadratures(const struct motion *motion, double *outputs, stru
 bool model_steady(struct slave *slave, double *outputs, struct report *report)
 {
     const struct parameters *p = present_parameters(&slave->motion);
-    const struct coupling c = coupling_of(p);
-    const struct damping w = damping_of(p);
-    const double derived[] = {
-        c.lambda,
-        c.f1,
-        c.f2,
-        TWO_PI * w.w11,
-        TWO_PI * w.w22,
-        TWO_PI * w.w12,
-        w.w11,
-        w.w22,
-        w.w11 > 0.0 ? p->eta_plus / w.w11 : NAN,
-        w.w22 > 0.0 ? p->eta_minus / w.w22 : NAN,
-    };
     if (!write_quadratures(&slave->motion, outputs, report))
         return false;
-    if (isnan(c.lambda))
-        warn(report,
-             "lambda is not a real number at theta = %r rad (sin 2 theta > 0 with eta_plus = %r "
-             "Hz, eta_minus = %r Hz): it is NaN",
-             p->theta, p->eta_plus, p->eta_minus);
-    memcpy(outputs + 10, derived, sizeof derived);
+    write_derived(p, outputs + QUADRATURES + 2, report);
     return true;
 }

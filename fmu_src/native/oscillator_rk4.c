@@ -95,9 +95,11 @@ static void acceleration(const struct rk4_solver *solver, double force, const st
                          double a[2])
 {
     const struct damping d = solver->damping;
-    const double *y = at->y, *c = solver->stiffness;
-    a[0] = solver->p.g1 * force - d.w11 * y[2] - d.w12 * y[3] - c[0] * y[0];
-    a[1] = solver->p.g2 * force - d.w12 * y[2] - d.w22 * y[3] - c[1] * y[1];
+    const double *y = at->y, s1 = y[0] * y[0], s2 = y[1] * y[1];
+    const double c1 = solver->stiffness[0] + solver->alpha1 * s1 + solver->kappa * s2;
+    const double c2 = solver->stiffness[1] + solver->alpha2 * s2 + solver->kappa * s1;
+    a[0] = solver->p.g1 * force - d.w11 * y[2] - d.w12 * y[3] - c1 * y[0];
+    a[1] = solver->p.g2 * force - d.w12 * y[2] - d.w22 * y[3] - c2 * y[1];
 }
 
 /* One substep of the classical fourth-order method, with the drive at its start, middle, end. */

@@ -18,7 +18,8 @@ struct rk4_solver {
     struct parameters p;
     int32_t tones;
     double offsets[2], requested, substep, t, b;
-    struct damping damping; /* in 1/s */
+    double alpha1, alpha2, kappa; /* of cubic forces, 0 in the linear system */
+    struct damping damping;       /* in 1/s */
     double stiffness[2];
     struct rk4_tone tone[2];
     struct point at;

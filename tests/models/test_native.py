@@ -424,3 +424,27 @@ def test_a_macs_binary_of_two_processors_names_both() -> None:
         assert place % 2**power == 0
         assert made[place : place + size] == part
         assert kind == struct.unpack_from("<I", part, 4)[0]
+
+
+def test_other_platforms_export_what_a_host_calls(tmp_path: Path) -> None:
+    """What cannot be run here: the kind of each file, its processor, the names that it exports."""
+    pytest.importorskip("ziglang", reason="compiles for other platforms")
+    platforms = ("aarch64-linux", "darwin64", "win64")
+    fmu = build_fmu.build("CoupledOscillator", tmp_path, native=platforms)
+    with zipfile.ZipFile(fmu) as archive:
+        held = {
+            name.split("/")[1]: archive.read(name)
+            for name in archive.namelist()
+            if name.startswith("binaries/")
+        }
+    assert sorted(held) == sorted(platforms)
+    elf, mac, windows = (held[name] for name in platforms)
+    assert (elf[:4], struct.unpack_from("<H", elf, 18)) == (b"\x7fELF", (183,))  # AArch64
+    assert struct.unpack_from(">II", mac) == (0xCAFEBABE, 2)
+    [header] = struct.unpack_from("<I", windows, 60)
+    assert windows[header : header + 6] == b"PE\0\0\x64\x86"  # x86-64
+    for name in ("fmi2Instantiate", "fmi2DoStep", "fmi2GetReal", "fmi2SerializeFMUstate"):
+        assert f"\0{name}\0".encode() in elf
+        assert f"\0{name}\0".encode() in windows
+        assert mac.count(f"_{name}\0".encode()) >= 2  # one for each processor
+    assert not any(b"Py_Initialize" in binary for binary in held.values())

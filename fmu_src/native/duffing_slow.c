@@ -1,0 +1,323 @@
+#include "duffing_slow.h"
+
+#include <string.h>
+
+/* The frame turns between these multiples of an eigenfrequency, no tone is further from it than the
+ * third part of it, and three times its frequency is further than the fourth from an
+ * eigenfrequency. */
+#define LOWEST 0.5
+#define HIGHEST 2.0
+#define SPREAD 0.25
+#define THIRD 0.1
+
+double frame_frequency(const struct parameters *p)
+{
+    const double u[] = {p->u1, p->u2}, size[] = {p->A1, p->A2};
+    double total = 0.0;
+    int active = 0;
+    bool any = false;
+    for (int i = 0; i < 2; ++i)
+        if (size[i] != 0.0) {
+            total += u[i];
+            ++active;
+            any = any || u[i] != 0.0;
+        }
+    if (any)
+        return total / active;
+    return fabs(p->eta_plus - p->u1) <= fabs(p->eta_minus - p->u1) ? p->eta_plus : p->eta_minus;
+}
+
+/* Refuse a frame that does not hold the cubic motion. */
+static bool check_frame(const struct slow_model *model, struct report *report)
+{
+    const struct parameters *p = &model->p;
+    const double centre = model->centre, low = fmin(p->eta_plus, p->eta_minus);
+    const double high = fmax(p->eta_plus, p->eta_minus);
+    const double u[] = {p->u1, p->u2}, size[] = {p->A1, p->A2};
+    struct sentence why = {""};
+    bool apart = false;
+    for (int i = 0; i < 2; ++i)
+        apart = apart || (size[i] != 0.0 && fabs(u[i] - centre) > SPREAD * centre);
+    if (!(LOWEST * low <= centre && centre <= HIGHEST * high))
+        say(&why, "the drive is beyond %r to %r times the eigenfrequencies", LOWEST, HIGHEST);
+    else if (apart)
+        say(&why, "u1 = %r Hz and u2 = %r Hz are too far apart for one rotating frame", p->u1,
+            p->u2);
+    else if (fabs(3.0 * centre / p->eta_plus - 1.0) < THIRD ||
+             fabs(3.0 * centre / p->eta_minus - 1.0) < THIRD)
+        say(&why, "the third harmonic of the drive meets an eigenfrequency");
+    else
+        return true;
+    return refuse(report,
+                  "%s (the drive's centre %r Hz, eta_plus = %r Hz, eta_minus = %r Hz): use solver 2 "
+                  "(rk4)",
+                  why.text, centre, p->eta_plus, p->eta_minus);
+}
+
+/* What the counter-rotating half of a force at a frequency does. */
+static struct pair mirrored(const struct slow_model *model, double omega)
+{
+    const struct plane *plane = &model->plane;
+    const struct complex s11 = c_conjugate(plane->solvent.m11);
+    const struct complex s22 = c_conjugate(plane->solvent.m22);
+    const struct complex turn = complex_of(0.0, omega);
+    const struct pair found = {{
+        c_divide(complex_of(0.0, plane->gain[0]), c_subtract(turn, s11)),
+        c_divide(complex_of(0.0, plane->gain[3]), c_subtract(turn, s22)),
+    }};
+    return found;
+}
+
+/* The responses of each mode to its cubic forces, to first order without the damping's coupling. */
+static void set_corrections(struct slow_model *model)
+{
+    const struct parameters *p = &model->p;
+    const double omega = TWO_PI * model->centre, eta[] = {p->eta_plus, p->eta_minus};
+    const struct damping w = damping_of(p);
+    const double width[] = {w.w11, w.w22};
+    model->behind = mirrored(model, omega);
+    model->behind3 = mirrored(model, 3.0 * omega);
+    for (int i = 0; i < 2; ++i) {
+        const double detuning = TWO_PI * (eta[i] - 3.0 * model->centre) * TWO_PI *
+                                (eta[i] + 3.0 * model->centre);
+        model->third.z[i] = c_divide(complex_of(1.0, 0.0),
+                                     complex_of(detuning, 3.0 * omega * TWO_PI * width[i]));
+    }
+}
+
+static bool prepare_tone(struct slow_model *model, double u, struct complex amplitude,
+                         double offset, struct report *report)
+{
+    const struct parameters *p = &model->p;
+    const struct matrix s = matrix_conjugate(model->plane.solvent);
+    const struct complex turn = complex_of(0.0, TWO_PI * u);
+    const struct matrix apart = {c_subtract(turn, s.m11), c_scale(-1.0, s.m12),
+                                 c_scale(-1.0, s.m21), c_subtract(turn, s.m22)};
+    const struct matrix answer = matrix_inverse(apart);
+    const struct pair gains = {{{p->g1, 0.0}, {p->g2, 0.0}}};
+    struct slow_tone *tone = &model->tone[model->tones++];
+    tone->detuning = frequency_of(u - model->centre, 0.0);
+    tone->offset = offset;
+    if (!phasors(p, u, &tone->response, report))
+        return false;
+    tone->mirror = matrix_times(&answer, plane_turned_gain(&model->plane, gains));
+    for (int i = 0; i < 2; ++i) {
+        tone->response.z[i] = c_multiply(tone->response.z[i], amplitude);
+        tone->mirror.z[i] = c_multiply(tone->mirror.z[i], amplitude);
+    }
+    return true;
+}
+
+bool slow_prepare(struct slow_model *model, const struct parameters *p, const struct cubic *cubic,
+                  const double offsets[2], struct report *report)
+{
+    const double u[] = {p->u1, p->u2}, size[] = {p->A1, p->A2}, phase[] = {p->phase1, p->phase2};
+    memset(model, 0, sizeof *model);
+    model->p = *p;
+    model->cubic = *cubic;
+    model->centre = frame_frequency(p);
+    model->carrier = frequency_of(model->centre, 0.0);
+    if (any_cubic(cubic) && !check_frame(model, report))
+        return false;
+    if (!plane_of(p, model->centre, &model->plane, report))
+        return false;
+    set_corrections(model);
+    for (int i = 0; i < 2; ++i)
+        if (size[i] != 0.0 &&
+            !prepare_tone(model, u[i], c_rect(size[i], phase[i]), offsets[i], report))
+            return false;
+    return true;
+}
+
+/* --- the slow equations ------------------------------------------------------------------------ */
+
+static struct complex detuned_turn(const struct slow_tone *tone, double t)
+{
+    return c_rect(1.0, TWO_PI * (frequency_cycles(&tone->detuning, t, 0.0) + tone->offset));
+}
+
+struct pair slow_linear(const struct slow_model *model, double t)
+{
+    struct pair q = {{{0.0, 0.0}, {0.0, 0.0}}};
+    for (int k = 0; k < model->tones; ++k) {
+        const struct complex turn = detuned_turn(&model->tone[k], t);
+        for (int i = 0; i < 2; ++i)
+            q.z[i] = c_add(q.z[i], c_multiply(model->tone[k].response.z[i], turn));
+    }
+    return q;
+}
+
+/* What the other mode adds to a mode's cubic force, beside kappa/4. */
+static struct complex coupled_force(const struct complex q[2], const struct complex r[2])
+{
+    const struct complex c1 = c_conjugate(q[0]), c2 = c_conjugate(q[1]);
+    const struct complex own = c_scale(2.0 * c_multiply(q[1], c2).re, q[0]);
+    const struct complex back = c_multiply(c1, c_multiply(q[1], q[1]));
+    const struct complex third = c_multiply(c_multiply(c2, c2), r[0]);
+    const struct complex other = c_multiply(c_multiply(c_scale(2.0, c1), c2), r[1]);
+    return c_add(c_add(c_add(own, back), third), other);
+}
+
+/* N, the cubic forces at the carrier, of both modes. */
+static struct pair forces(const struct slow_model *model, struct pair at)
+{
+    const double alpha[] = {model->cubic.alpha1, model->cubic.alpha2}, kappa = model->cubic.kappa;
+    const struct complex *q = at.z;
+    const struct complex square[] = {c_multiply(q[0], q[0]), c_multiply(q[1], q[1])};
+    struct complex r[2];
+    struct pair n;
+    for (int i = 0; i < 2; ++i) { /* the third harmonics, R = -X(3 c) N3 */
+        const struct complex cube =
+            c_add(c_scale(alpha[i], square[i]), c_scale(kappa, square[1 - i]));
+        r[i] = c_multiply(c_multiply(c_scale(-0.25, model->third.z[i]), q[i]), cube);
+    }
+    for (int i = 0; i < 2; ++i) {
+        const struct complex c = c_conjugate(q[i]);
+        const struct complex own = c_scale(c_multiply(q[i], c).re, q[i]);
+        n.z[i] = c_scale(0.75 * alpha[i], c_add(own, c_multiply(c_multiply(c, c), r[i])));
+    }
+    if (kappa != 0.0)
+        for (int i = 0; i < 2; ++i) {
+            const struct complex both[] = {q[i], q[1 - i]}, thirds[] = {r[i], r[1 - i]};
+            n.z[i] = c_add(n.z[i], c_scale(0.25 * kappa, coupled_force(both, thirds)));
+        }
+    return n;
+}
+
+/* N3, the cubic forces at three times the carrier, to first order. */
+static struct pair third_forces(const struct slow_model *model, struct pair q)
+{
+    const double alpha[] = {model->cubic.alpha1, model->cubic.alpha2}, kappa = model->cubic.kappa;
+    struct pair n;
+    for (int i = 0; i < 2; ++i) {
+        const struct complex own = c_multiply(q.z[i], q.z[i]);
+        const struct complex other = c_multiply(q.z[1 - i], q.z[1 - i]);
+        n.z[i] = c_multiply(c_scale(0.25, q.z[i]),
+                            c_add(c_scale(alpha[i], own), c_scale(kappa, other)));
+    }
+    return n;
+}
+
+struct pair slow_amplitudes(const struct slow_model *model, struct pair w, struct pair linear)
+{
+    struct pair q = plane_amplitudes(&model->plane, w), n;
+    for (int i = 0; i < 2; ++i)
+        q.z[i] = c_add(linear.z[i], q.z[i]);
+    n = forces(model, q);
+    for (int i = 0; i < 2; ++i)
+        q.z[i] = c_subtract(q.z[i], c_multiply(model->behind.z[i], n.z[i]));
+    return q;
+}
+
+struct pair slow_deviation(const struct slow_model *model, struct pair q, struct pair linear)
+{
+    const struct pair n = forces(model, q);
+    for (int i = 0; i < 2; ++i)
+        q.z[i] = c_subtract(c_add(q.z[i], c_multiply(model->behind.z[i], n.z[i])), linear.z[i]);
+    return plane_coordinates(&model->plane, q);
+}
+
+void slow_slope(const void *context, const struct pair *w, const struct pair *linear,
+                struct pair *n, struct pair *q)
+{
+    const struct slow_model *model = context;
+    const struct plane *plane = &model->plane;
+    *q = slow_amplitudes(model, *w, *linear);
+    *n = plane_coordinates(plane, plane_turned_gain(plane, forces(model, *q)));
+    n->z[0] = c_add(n->z[0], c_multiply(plane->cross[0], w->z[1]));
+    n->z[1] = c_add(n->z[1], c_multiply(plane->cross[1], w->z[0]));
+}
+
+/* --- the full motion --------------------------------------------------------------------------- */
+
+static struct complex carrier_turn(const struct slow_model *model, double t)
+{
+    return c_rect(1.0, TWO_PI * frequency_cycles(&model->carrier, t, 0.0));
+}
+
+void slow_displacement(const struct slow_model *model, struct pair q, double t, double found[2])
+{
+    const struct complex turn = carrier_turn(model, t);
+    const struct complex cube = c_multiply(c_multiply(turn, turn), turn);
+    const struct pair n = third_forces(model, q);
+    for (int i = 0; i < 2; ++i)
+        found[i] = c_multiply(q.z[i], turn).re -
+                   c_multiply(c_multiply(model->third.z[i], n.z[i]), cube).re;
+}
+
+/* Z less y exp(i phi): the linear response and the parts away from the carrier. */
+static struct pair beside(const struct slow_model *model, struct pair w, struct pair linear,
+                          double t)
+{
+    const struct complex turn = carrier_turn(model, t);
+    const struct complex cube = c_multiply(c_multiply(turn, turn), turn);
+    const struct pair y = plane_amplitudes(&model->plane, w);
+    const struct pair q = slow_amplitudes(model, w, linear), third = third_forces(model, q);
+    struct pair ahead = {{{0.0, 0.0}, {0.0, 0.0}}}, mirror = ahead, total;
+    for (int k = 0; k < model->tones; ++k) {
+        const struct slow_tone *tone = &model->tone[k];
+        const struct complex part = detuned_turn(tone, t);
+        for (int i = 0; i < 2; ++i) {
+            const struct complex rest = c_subtract(tone->response.z[i], tone->mirror.z[i]);
+            mirror.z[i] = c_add(mirror.z[i], c_multiply(tone->mirror.z[i], part));
+            ahead.z[i] = c_add(ahead.z[i], c_multiply(rest, part));
+        }
+    }
+    for (int i = 0; i < 2; ++i) {
+        const struct complex moved = c_subtract(c_subtract(q.z[i], linear.z[i]), y.z[i]);
+        const struct complex behind = c_add(mirror.z[i], moved);
+        const struct complex behind3 =
+            c_multiply(c_scale(-1.0, model->behind3.z[i]), third.z[i]);
+        const struct complex ahead3 = c_subtract(
+            c_multiply(c_scale(-1.0, model->third.z[i]), third.z[i]), behind3);
+        const struct complex front =
+            c_add(c_multiply(ahead.z[i], turn), c_multiply(ahead3, cube));
+        const struct complex back = c_add(c_multiply(behind, turn), c_multiply(behind3, cube));
+        total.z[i] = c_add(front, c_conjugate(back));
+    }
+    return total;
+}
+
+struct state slow_full_state(const struct slow_model *model, struct pair w, double t)
+{
+    const struct complex turn = carrier_turn(model, t);
+    const struct pair rest = beside(model, w, slow_linear(model, t), t);
+    const struct pair y = plane_amplitudes(&model->plane, w);
+    struct state state;
+    struct pair z, v;
+    memset(&state, 0, sizeof state);
+    for (int i = 0; i < 2; ++i)
+        z.z[i] = c_add(c_multiply(y.z[i], turn), rest.z[i]);
+    v = matrix_times(&model->plane.solvent, z);
+    for (int i = 0; i < 2; ++i) {
+        state.z[i].re = z.z[i].re;
+        state.z[2 + i].re = v.z[i].re / TWO_PI;
+    }
+    return state;
+}
+
+/* What lies beside w depends on it through the cubic forces: iterated, it gains the factor of the
+ * relative frequency shift each time. */
+struct pair slow_from_state(const struct slow_model *model, const struct state *state, double t)
+{
+    const struct matrix s = matrix_conjugate(model->plane.solvent);
+    const struct pair q = {{{state->z[0].re, 0.0}, {state->z[1].re, 0.0}}};
+    const struct pair pulled = matrix_times(&s, q), linear = slow_linear(model, t);
+    const struct complex back = c_conjugate(carrier_turn(model, t));
+    struct pair z, w;
+    for (int i = 0; i < 2; ++i)
+        z.z[i] = c_subtract(complex_of(TWO_PI * state->z[2 + i].re, 0.0), pulled.z[i]);
+    z = plane_turned_gain(&model->plane, z);
+    for (int i = 0; i < 2; ++i) {
+        z.z[i] = c_scale(-2.0, z.z[i]);
+        w.z[i] = c_subtract(c_multiply(z.z[i], back), linear.z[i]);
+    }
+    w = plane_coordinates(&model->plane, w);
+    for (int round = 0; round < 12; ++round) {
+        const struct pair rest = beside(model, w, linear, t);
+        for (int i = 0; i < 2; ++i)
+            w.z[i] = c_multiply(c_subtract(z.z[i], rest.z[i]), back);
+        w = plane_coordinates(&model->plane, w);
+    }
+    return w;
+}

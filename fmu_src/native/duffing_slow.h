@@ -1,0 +1,46 @@
+/* The slow model of the Duffing oscillator: averaging to second order around an exact linear part.
+ * The derivation is in fmu_src/duffing_slow.py. */
+#ifndef DUFFING_SLOW_H
+#define DUFFING_SLOW_H
+
+#include "duffing_equations.h"
+#include "duffing_plane.h"
+#include "oscillator_linear.h"
+
+/* A drive tone: detuning from the frame, cycles added, the responses with amplitude, and the
+ * conjugate of what its counter-rotating half does to Z. */
+struct slow_tone {
+    struct frequency detuning;
+    double offset;
+    struct pair response, mirror;
+};
+
+struct slow_model {
+    struct parameters p;
+    struct cubic cubic;
+    double centre;
+    int32_t tones;
+    struct slow_tone tone[2];
+    struct frequency carrier;
+    struct plane plane;
+    struct pair behind, behind3, third; /* responses to cubic forces away from the carrier */
+};
+
+/* The mean of the active tones' frequencies, or the mode nearest to u1, in Hz. */
+double frame_frequency(const struct parameters *p);
+bool slow_prepare(struct slow_model *model, const struct parameters *p, const struct cubic *cubic,
+                  const double offsets[2], struct report *report);
+/* Slow amplitudes of the linear periodic response. */
+struct pair slow_linear(const struct slow_model *model, double t);
+/* Q from w, and back. */
+struct pair slow_amplitudes(const struct slow_model *model, struct pair w, struct pair linear);
+struct pair slow_deviation(const struct slow_model *model, struct pair q, struct pair linear);
+/* w' less the part with the plane's rates, and Q; a slope_function. */
+void slow_slope(const void *model, const struct pair *w, const struct pair *linear,
+                struct pair *n, struct pair *q);
+void slow_displacement(const struct slow_model *model, struct pair q, double t, double found[2]);
+/* Displacements and velocities over 2 pi from w, and back. */
+struct state slow_full_state(const struct slow_model *model, struct pair w, double t);
+struct pair slow_from_state(const struct slow_model *model, const struct state *state, double t);
+
+#endif

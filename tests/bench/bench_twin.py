@@ -1,0 +1,142 @@
+"""The native twin beside the Python FMU: processor time of starts, of steps and of whole fits.
+
+    python tests/bench/bench_twin.py [--steps 2000] [--starts 200] [--fit string_q1 ...]
+
+The scene is the 7 MHz string under its two tones, from rest, sampled every 10 us; after each step
+one getReal fetches both hybridised displacements. A start sets one parameter, initialises and
+reads all outputs. Calls go through fmpy, whose share is in both columns; ``loop`` is the time of as
+many calls of an FMU that does next to nothing, getInteger. A fit is ``fmu-fit reconstruct`` of a
+shipped campaign with the one FMU or the other, its worker processes included, without the report.
+Times are processor times, so that other programs on the machine count for little.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import build_fmu
+from fitting.result.result import read_result
+from tests.support.fmus import Instance, Unpacked, unpack
+
+ROOT = Path(build_fmu.__file__).parent
+STEP_S = 1e-5
+OUTPUTS = ("q1_hybrid", "q2_hybrid")
+SOLVERS: dict[str, dict[str, Any]] = {
+    "exact": {},
+    "envelope": {"solver": 1},
+    "far mode left out": {"other_mode": 2},
+    "rk4": {"solver": 2},
+}
+
+
+def microseconds(calls: Callable[[], int]) -> float:
+    """Processor time of one of the calls that a function makes and counts."""
+    begin = process_time()
+    count = calls()
+    return 1e6 * (process_time() - begin) / count
+
+
+def steps(fmu: Instance, values: dict[str, Any], count: int) -> float:
+    """Microseconds of a step with its reading."""
+    fmu.slave.reset()
+    fmu.start(**values)
+    fmu.step(0.0, STEP_S)
+
+    def run() -> int:
+        for k in range(1, count + 1):
+            fmu.step(k * STEP_S, STEP_S)
+            fmu.get(*OUTPUTS)
+        return count
+
+    return microseconds(run)
+
+
+def starts(fmu: Instance, values: dict[str, Any], count: int) -> float:
+    """Microseconds of a reset, a start with another damping, and a reading of all outputs."""
+
+    def run() -> int:
+        for k in range(count):
+            fmu.slave.reset()
+            fmu.start(**values, d1=100.0 + 0.1 * k)
+            fmu.outputs()
+        return count
+
+    return microseconds(run)
+
+
+def loop(fmu: Instance, count: int) -> float:
+    """Microseconds of two calls through fmpy that do next to nothing."""
+
+    def run() -> int:
+        for _ in range(count):
+            fmu.slave.getInteger([15])
+            fmu.slave.getInteger([15])
+        return count
+
+    return microseconds(run)
+
+
+def fit(name: str, folder: Path, native: tuple[str, ...] | None) -> tuple[float, dict[str, float]]:
+    """Processor seconds of a fit of a shipped campaign with one FMU or the other; values."""
+    place = folder / f"{name}_{'python' if native is None else 'native'}"
+    shutil.copytree(ROOT / "data" / name, place)
+    text = (place / "campaign.toml").read_text("utf-8")
+    model = tomllib.loads(text)["fmu"]["model"]
+    fmu = build_fmu.build(model, place / "fmu", native=native)
+    text = text.replace(f'model = "{model}"', f'file = "{fmu.as_posix()}"')
+    (place / "campaign.toml").write_text(text, "utf-8")
+    before = os.times()
+    command = [sys.executable, "-m", "fitting", "reconstruct", str(place / "campaign.toml")]
+    options = ["--no-report", "--quiet", "--workers", "1", "--out", str(place / "out")]
+    subprocess.run([*command, *options], check=True, cwd=ROOT)
+    after = os.times()
+    spent = sum(after[2:4]) - sum(before[2:4])
+    found = read_result(place / "out" / "result.json")
+    return spent, {name: p.value for name, p in found.parameters.items()}
+
+
+def main() -> int:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--steps", type=int, default=2000)
+    parser.add_argument("--starts", type=int, default=200)
+    parser.add_argument("--fit", nargs="*", default=["string_q1"], help="shipped campaigns")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        python = build_fmu.build("CoupledOscillator", folder / "python")
+        native = build_fmu.build("CoupledOscillator", folder / "native", native=())
+        unpacked: list[Unpacked] = [unpack(f, f.parent / "unpacked") for f in (python, native)]
+        with Instance(unpacked[0]) as slow, Instance(unpacked[1]) as quick:
+            print(f"{'processor time, us':<28}{'Python':>10}{'native':>10}{'ratio':>8}")
+            measures = (("step", steps, options.steps), ("start", starts, options.starts))
+            for title, measure, count in measures:
+                for label, values in SOLVERS.items():
+                    few = max(1, count // 50) if label == "rk4" and title == "step" else count
+                    a, b = (measure(fmu, values, few) for fmu in (slow, quick))
+                    print(f"{title + ', ' + label:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+            a, b = (loop(fmu, options.steps) for fmu in (slow, quick))
+            print(f"{'loop':<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+        for campaign in options.fit:
+            kinds: tuple[tuple[str, ...] | None, ...] = (None, ())
+            (a, ours), (b, theirs) = (fit(campaign, folder, kind) for kind in kinds)
+            apart = max(abs(theirs[k] - v) / abs(v) if v else 0.0 for k, v in ours.items())
+            print(f"{'fit ' + campaign + ', s':<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}", end="")
+            print(f"   parameters differ by {apart:.0e}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
