@@ -27,6 +27,7 @@ from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep
 from fitting.campaign.noise import Noise
 from fitting.campaign.places import Places, places_of_series
 from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.stated import DriftPriors, bind_sigmas, with_offsets
 from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.peaks import BACKGROUNDS
@@ -238,6 +239,8 @@ class Sweep:
         amplitude_v: Measured peak amplitudes, shape (n,), in ``amplitude_unit``.
         phase_rad: Measured phases, shape (n,), rad, for the figures; None: not measured.
         settings: Start values of the FMU during the sweep by variable, in the FMU's units.
+        setting_sigma: Standard deviations of settings, numbers in the FMU's units or texts as
+            "0.2 Hz": an offset of each is fitted; what has none is exact.
         use: "fit": every point is fitted; "scale": the sweep gives the scale alone.
         scale: The factor between simulated and measured amplitudes: "fit": least squares over the
             points; "maximum": ratio of the maxima; "robust": Huber's estimate over the points;
@@ -257,6 +260,7 @@ class Sweep:
     _: KW_ONLY
     phase_rad: npt.ArrayLike | None = None
     settings: Mapping[str, Scalar] = field(default_factory=dict)
+    setting_sigma: Mapping[str, float | str] = field(default_factory=dict)
     use: str = "fit"
     scale: str = "fit"
     background: str = "none"
@@ -277,6 +281,8 @@ class Sweep:
                 raise BadInput(
                     f"sweep: {name} is {getattr(self, name)!r}, wanted one of {', '.join(known)}"
                 )
+        if self.setting_sigma and self.use != "fit":
+            raise BadInput('sweep: setting_sigma has a meaning with use = "fit" only')
         measured = MeasuredSweep(
             frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
             amplitude_v=self.amplitude_v,  # type: ignore[arg-type]
@@ -485,6 +491,7 @@ class _Series:
             noise=self.data.noise,
             measurements=further,
         )
+        bound = with_offsets(bound, binder, DriftPriors())
         check_conflicts(bound, self.places)
         check_tones(bound, binder.variables, self.places)
         return with_laws(bound, binder, self.places)
@@ -554,6 +561,10 @@ class _Series:
             amplitude_v=factor * sweep.measured.amplitude_v,
             phase_rad=sweep.measured.phase_rad,
             settings={name: self.binder.setting(name, w) for name, w in written.items()},
+            setting_sigma=bind_sigmas(
+                written_values(sweep.setting_sigma, f"{self.top}sweep: setting_sigma"),
+                self.binder,
+            ),
             use=sweep.use,
             scale=sweep.scale,
             source=self.path,

@@ -30,6 +30,7 @@ from fitting.campaign.noise import (
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
 from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.stated import bind_sigmas, drift_priors, with_offsets
 from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar
@@ -104,6 +105,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         noise=noise,
         measurements=further,
     )
+    bound = with_offsets(bound, binder, drift_priors(campaign, binder, drift))
     check_conflicts(bound, places)
     check_tones(bound, variables, places)
     return with_laws(bound, binder, places)
@@ -274,6 +276,7 @@ def _bind_sweep(campaign: Campaign, binder: Binder) -> SweepData | None:
         amplitude_v=measured.amplitude_v,
         phase_rad=measured.phase_rad,
         settings={name: binder.setting(name, w) for name, w in choice.set.items()},
+        setting_sigma=bind_sigmas(choice.set_sigma, binder),
         use=choice.use,
         scale=choice.scale,
         source=measured.source,

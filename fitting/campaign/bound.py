@@ -44,7 +44,11 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepData:
-    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``."""
+    """The FRF sweep, ``settings`` in the FMU's units; what it serves in ``use``, ``scale``.
+
+    ``setting_sigma`` are declared errors of settings; ``label`` is what values of its own are named
+    by, empty where it has none.
+    """
 
     frequency_hz: FloatArray
     amplitude_v: FloatArray
@@ -56,6 +60,8 @@ class SweepData:
     background: str = "none"
     unit: str = "V"
     notes: Mapping[str, str] | None = None
+    setting_sigma: Mapping[str, float] = field(default_factory=dict)
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -91,3 +97,9 @@ class BoundCampaign:
     drift: Drift = field(default_factory=Drift)
     noise: Noise = field(default_factory=Noise)
     measurements: Mapping[str, BoundMeasurement] = field(default_factory=dict)
+
+    @property
+    def offsets(self) -> tuple[Parameter, ...]:
+        """What is added to variables in experiments, without what is in a sweep."""
+        labels = {e.label for e in self.experiments}
+        return tuple(p for p in self.parameters if p.adds_to and p.experiment in labels)

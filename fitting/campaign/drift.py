@@ -6,7 +6,8 @@ s_m from the time stamps, else (m - 1)/(n - 1) as in the paper, m counting the d
 outputs read of one drive is one state of the sample. "linear": delta = 0. "offsets": the
 delta_m are independent, delta_m ~ N(0, prior^2). "walk": delta_m = delta_(m-1) + step_m, the steps
 N(0, prior^2 dt_m/mean dt); the steps are the parameters, so that every prior stands alone.
-Experiments of one state, by time stamp or by drive, share their delta.
+Experiments of one state, by time stamp or by drive, share their delta. What a sweep or another
+measurement is fitted at is stated by itself and has a delta of its own: `campaign.stated`.
 """
 
 from __future__ import annotations
@@ -79,7 +80,9 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drifting:
         return Drifting(ends, positions, ())
     alone = choice.share is False
     groups = [(name,) for name in ends] if alone else [tuple(ends)]
-    made = [_prior(campaign, binder, group, f" {group[0]}" if alone else "") for group in groups]
+    made = [
+        prior_of_drift(campaign, binder, group, f" {group[0]}" if alone else "") for group in groups
+    ]
     return Drifting(
         ends,
         positions,
@@ -155,7 +158,7 @@ def stamp_of(written: Written | None) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Prior:
+class Prior:
     """Corrections that some variables share: ``sigma`` in ``unit``, ``suffix`` of their names."""
 
     variables: tuple[str, ...]
@@ -163,9 +166,46 @@ class _Prior:
     sigma: float
     suffix: str
 
+    def correction(
+        self, labels: Sequence[str], sigma: float | None = None, word: str = "offset"
+    ) -> Parameter:
+        """What is added to the variables at some places.
 
-def _prior(campaign: Campaign, binder: Binder, group: tuple[str, ...], suffix: str) -> _Prior:
-    """Unit of the correction of these variables, and its standard deviation there."""
+        Args:
+            labels: of the places; it is named by the first.
+            sigma: its standard deviation, in the unit; None: that of the prior.
+            word: how its name begins.
+        """
+        sigma = self.sigma if sigma is None else sigma
+        return Parameter(
+            name=f"{word}{self.suffix}[{labels[0]}]",
+            unit=self.unit,
+            lower=-REACH * sigma,
+            upper=REACH * sigma,
+            start=0.0,
+            reference=0.0,
+            scale=float(sigma),
+            experiment=labels[0],
+            further=tuple(labels[1:]),
+            adds_to=self.variables,
+            prior_sigma=float(sigma),
+        )
+
+
+def prior_of_drift(
+    campaign: Campaign, binder: Binder, group: tuple[str, ...], suffix: str
+) -> Prior:
+    """Unit of the correction of these variables, and its standard deviation there.
+
+    Args:
+        campaign: campaign as it was read, whose drift has a prior.
+        binder: of the campaign to its FMU.
+        group: variables that share a correction.
+        suffix: of its name.
+
+    Raises:
+        BadInput: variables of different units, a prior that is not above zero.
+    """
     units = {binder.variables[name].unit or "1" for name in group}
     if len(units) > 1:
         raise BadInput(
@@ -177,11 +217,11 @@ def _prior(campaign: Campaign, binder: Binder, group: tuple[str, ...], suffix: s
     sigma = in_unit(written, None if unit == "1" else unit)
     if sigma <= 0.0:
         raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
-    return _Prior(variables=group, unit=unit, sigma=sigma, suffix=suffix)
+    return Prior(variables=group, unit=unit, sigma=sigma, suffix=suffix)
 
 
 def _corrections(
-    campaign: Campaign, positions: Sequence[float], prior: _Prior
+    campaign: Campaign, positions: Sequence[float], prior: Prior
 ) -> Iterator[Parameter]:
     """One parameter per state of the sample: its offset, or the step of the walk to it."""
     choice = campaign.file.drift
@@ -198,16 +238,4 @@ def _corrections(
         if walk:
             labels = [label for later in order[k:] for label in states[later]]
             sigma *= np.sqrt((place - order[k - 1]) / mean) if k and mean else 1.0
-        yield Parameter(
-            name=f"{'step' if walk else 'offset'}{prior.suffix}[{labels[0]}]",
-            unit=prior.unit,
-            lower=-REACH * sigma,
-            upper=REACH * sigma,
-            start=0.0,
-            reference=0.0,
-            scale=float(sigma),
-            experiment=labels[0],
-            further=tuple(labels[1:]),
-            adds_to=prior.variables,
-            prior_sigma=float(sigma),
-        )
+        yield prior.correction(labels, float(sigma), "step" if walk else "offset")

@@ -354,6 +354,9 @@ class WrittenSweep(WrittenTrace):
     """The measured FRF, at least 8 points."""
     set: Mapping[str, Value] = field(default_factory=dict)
     """FMU variables during the sweep."""
+    set_sigma: Mapping[str, Value] = field(default_factory=dict)
+    """(use = "fit") Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each
+    is fitted. What [drift] names has one anyway; else the values are exact."""
     use: Annotated[Text, OneOf(("scale", "fit"))] = "scale"
     """With "scale" it sets the scale only, with "fit" each point is a residual row too."""
     scale: Annotated[Text, OneOf(SCALES)] = "maximum"
@@ -361,6 +364,11 @@ class WrittenSweep(WrittenTrace):
     over the sweep; "robust": Huber's estimate over it; "free": a fitted ln_scale; "none": 1."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
     """Of the line fit to the sweep: "none" or one "complex" constant."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.set_sigma and self.use != "fit":
+            raise Refused('has a meaning with use = "fit" only', "set_sigma")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -423,7 +431,8 @@ class WrittenDrift(Keys):
     prior: Value | None = None
     """Standard deviation of an offset, or of a step of the walk."""
     share: Annotated[Switch | None, Usually(True)] = None
-    """One offset for all drifting variables, or one each."""
+    """One offset for all drifting variables, or one each; not written: one for all in an
+    experiment, one each in a fitted sweep, whose values are stated one by one."""
     time: Text = ""
     """Column of time stamps (numbers with a unit, or ISO dates) that place the experiments
     between before and after; without it the order of the rows."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fitting.campaign.bound import BoundCampaign
+from fitting.campaign.bound import BoundCampaign, SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.text.errors import BadInput
 
@@ -55,11 +55,16 @@ def named_apart(bounds: Sequence[BoundCampaign]) -> tuple[tuple[str, BoundCampai
                     replace(e, label=f"{name}/{e.label}", output=e.output or bound.setup.output)
                     for e in bound.experiments
                 ),
+                sweep=None if bound.sweep is None else _labelled(bound.sweep, name),
                 parameters=tuple(p if is_shared(p) else _apart(p, name) for p in bound.parameters),
             ),
         )
         for name, bound in zip(series_names(bounds), bounds, strict=True)
     )
+
+
+def _labelled(sweep: SweepData, series: str) -> SweepData:
+    return replace(sweep, label=f"{series}/{sweep.label}") if sweep.label else sweep
 
 
 def is_shared(parameter: Parameter) -> bool:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self, runtime_checkable
 
 from fitting.text.arrays import Scalar
 from fitting.text.keys import Keys
@@ -58,6 +58,26 @@ class BoundMeasurement(Protocol):
         Args:
             setup: how the series drives the FMU.
             series: its name.
+        """
+
+
+@runtime_checkable
+class AtStatedValues(Protocol):
+    """What a bound measurement tells of the values that it is stated to have been made at."""
+
+    @property
+    def line_width_hz(self) -> float | None:
+        """Width of a line that the data show, Hz; None where they show none."""
+
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """Declared standard deviations of settings, by label, of kinds that can declare them."""
+
+    def named(self, label: str) -> BoundMeasurement:
+        """The same, with a label for the place that has none.
+
+        Args:
+            label: of the place.
         """
 
 

@@ -83,6 +83,7 @@ def _campaign(
             name = _sweep_name(bound.sweep)
             put(tables["sweep"], "file", name, "take it anew if the gain has changed")
             tables["sweep"]["use"] = "scale"  # fitted once, in the campaign it was taken for
+            tables["sweep"].pop("set_sigma", None)
         _edit_drive(tables["drive"], design, bound.setup.drive, limits)
         what = "what to measure: a row each, with its peaks"
         put(tables, "experiments", _experiments_table(design, bound, limits), what)

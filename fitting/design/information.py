@@ -354,7 +354,7 @@ def information_of_data(
         setting_sigmas: errors of settings that drift, in the FMU's units.
     """
     count = rows.amplitude_v.size
-    fitted = {name for parameter in series.bound.parameters for name in parameter.adds_to}
+    fitted = {name for parameter in series.bound.offsets for name in parameter.adds_to}
     errors = np.array([0.0 if name in fitted else s for name, s in setting_sigmas.items()])
     index = _experiments_of_rows(series)
     residuals = np.concatenate([rows.residuals, rows.further_residuals])

@@ -423,7 +423,7 @@ def _setting_sigmas(
         for name, (before, after) in bound.drift.ends.items()
         if after != before
     }
-    for parameter in bound.parameters:  # offsets that the campaign fits: their own prior
+    for parameter in bound.offsets:  # that the campaign fits: their own prior
         if parameter.prior_sigma is not None:
             found.update(dict.fromkeys(parameter.adds_to, parameter.prior_sigma))
     binder = Binder(variables)

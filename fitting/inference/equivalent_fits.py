@@ -14,20 +14,37 @@ EXCHANGE = "determined up to an exchange"
 SLACK = 0.5
 
 
-def contradicts(value: float, interval: tuple[float, float], period: float | None = None) -> bool:
+def contradicts(
+    value: float,
+    interval: tuple[float, float],
+    period: float | None = None,
+    slack: float | None = None,
+) -> bool:
     """Whether a value lies clearly outside an interval; one that is missing contradicts none.
 
     Args:
         value: in the unit of the interval.
         interval: its ends, the lower first.
-        period: by which values may differ and be the same.
+        period: by which values may differ, times a whole number, and be the same.
+        slack: how far beyond an end it may lie, in that unit; None: half the width.
     """
     low, high = interval
     if not all(map(math.isfinite, (value, low, high))):
         return False
-    slack = max(SLACK * (high - low), 1e-9 * max(abs(low), abs(high)))
-    turns = (0.0,) if period is None else (-period, 0.0, period)
-    return not any(low - slack <= value + turn <= high + slack for turn in turns)
+    slack = max(SLACK * (high - low) if slack is None else slack, 1e-9 * max(abs(low), abs(high)))
+    near = turned_to(value, 0.5 * (low + high), period)
+    return not low - slack <= near <= high + slack
+
+
+def turned_to(value: float, near: float, period: float | None) -> float:
+    """A value, or the one whole periods off that is the nearest to another.
+
+    Args:
+        value: in any unit.
+        near: what it is compared with.
+        period: in the same unit; None: it has none.
+    """
+    return value if period is None else value - period * round((value - near) / period)
 
 
 def exchange_words(here: float, there: float, where: str, unit: str) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model
 from fitting.fit.likelihood.descent import Optimum
-from fitting.inference.equivalent_fits import contradicts, exchange_words
+from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
@@ -184,11 +184,15 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     narrow = interval(quantity, branches, (tight[0], tight[1]), "68")
     low68, high68 = (min(max(subject.shown(end), wide[0]), wide[1]) for end in narrow)
     others = [] if goes_round else _elsewhere(explored, subject, basis.equivalents)
+    sides = (low68 - wide[0], wide[1] - high68)
+    exchange = _exchange(subject, wide, basis.equivalents, _slack(ends, sides))
+    if others or exchange:
+        wide = _no_bound(subject, wide, ends)
     found = _Found(
         interval=wide,
         ends=ends,
         others=others,
-        exchange=_exchange(subject, wide, basis.equivalents),
+        exchange=exchange,
         held=[explored.optimum.likelihood.parameters[i].name for b in branches for i in b.held],
     )
     verdict, reason = _verdict(subject, found, basis)
@@ -305,19 +309,32 @@ def _elsewhere(
         value = named.get(quantity.name, math.nan)
         if other.origin != "start" or not other.possible or not math.isfinite(value):
             continue
-        inside = any(
-            low - margin <= value + turns <= high + margin for turns in _turns(subject.period)
-        )
-        if not inside:
+        value = turned_to(value, subject.shown(quantity.best), subject.period)
+        if not low - margin <= value <= high + margin:
             values.append(value)
     return values
 
 
-def _turns(period: float | None) -> tuple[float, ...]:
-    return (0.0,) if period is None else (-period, 0.0, period)
+def _slack(ends: tuple[str, str], sides: tuple[float, float]) -> float | None:
+    """How far beyond a bound another value is still the same; None where both ends are cut.
+
+    Where one end is cut the width of the interval says nothing: the other end is that of the box.
+    `sides` are how far the 68 % interval is inside that of 95 %.
+    """
+    cut = [side for end, side in zip(ends, sides, strict=True) if end == "crossed"]
+    return 2.0 * cut[0] if len(cut) == 1 else None
 
 
-def _exchange(subject: _Subject, bounds: Interval, equivalents: Sequence[Equivalent]) -> str:
+def _no_bound(subject: _Subject, interval: Interval, ends: tuple[str, str]) -> Interval:
+    """The interval; the whole box where another fit lies beyond the only end that the data cut."""
+    if ends.count("crossed") != 1:
+        return interval
+    return min(interval[0], subject.box[0]), max(interval[1], subject.box[1])
+
+
+def _exchange(
+    subject: _Subject, bounds: Interval, equivalents: Sequence[Equivalent], slack: float | None
+) -> str:
     """What another alternative that fits as well has against an interval, in words.
 
     Where there is such an alternative, points without a value of some output count, too: they may
@@ -329,7 +346,8 @@ def _exchange(subject: _Subject, bounds: Interval, equivalents: Sequence[Equival
     for other in sorted(equivalents, key=lambda each: each.origin != "alternative"):
         values = other.parameters if subject.parameter is not None else other.derived
         there = values.get(name, math.nan)
-        if contradicts(there, bounds, subject.period):
+        if contradicts(there, bounds, subject.period, slack):
+            there = turned_to(there, best, subject.period)
             return exchange_words(best, there, other.where or "another minimum", subject.unit)
     return ""
 
@@ -350,19 +368,15 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
         return Verdict.OPEN, "its interval is that of its prior"
     if not basis.redundant:
         return Verdict.UNKNOWN, "there are no more data than unknowns: nothing tests the model"
+    elsewhere = found.exchange or _others_words(subject, found.others)
+    if elsewhere:  # it has no bound, either, that another minimum does not keep
+        return Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN, elsewhere
     if not all(cut):
         return (
             (Verdict.BELOW, f"above it {said[1]}")
             if cut[0]
-            else (
-                Verdict.ABOVE,
-                f"below it {said[0]}",
-            )
+            else (Verdict.ABOVE, f"below it {said[0]}")
         )
-    if found.exchange:
-        return Verdict.SEVERAL, found.exchange
-    if found.others:
-        return Verdict.SEVERAL, _others_words(subject, found.others)
     if share > PRIOR_IDLE:
         return Verdict.BOUNDED, "its prior has a part in its interval"
     return _by_width(subject, found)
@@ -400,6 +414,9 @@ def _both(said: Sequence[str]) -> str:
 
 
 def _others_words(subject: _Subject, others: Sequence[float]) -> str:
+    """What separate minima have; empty without any."""
+    if not others:
+        return ""
     values = [subject.shown(subject.quantity.best), *others]
     shown = " or ".join(number(value, 5) for value in values)
     return f"{shown} {subject.unit}".rstrip() + ": another minimum fits as well"

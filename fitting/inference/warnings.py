@@ -302,6 +302,8 @@ def _drift(
     said = []
     for name, bound in problem.campaigns.items():
         labels = {e.label for e in bound.experiments}
+        if bound.sweep is not None:
+            labels.add(bound.sweep.label)
         own = tuple(o for o in offsets if o.experiments[0] in labels)
         width_hz = _width_hz(bound, sweeps.lines.get(name))
         told = drift_warnings(bound, own, width_hz, describes)

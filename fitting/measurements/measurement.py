@@ -376,6 +376,19 @@ class MeasurementKind:
         """Every setting is a variable of the FMU."""
         return {}
 
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """No errors of settings can be declared."""
+        return {}
+
+    def named(self, label: str) -> Self:
+        """The same: it has a label, or can have none.
+
+        Args:
+            label: of a place without one.
+        """
+        return self
+
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """No drive to measure a plan by."""
         return []

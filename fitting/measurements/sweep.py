@@ -77,7 +77,8 @@ class Sweep(MeasurementKind):
     points), "free" (that of "fit" times a fitted factor) or "none"; `sigmas_v` (n,) the standard
     deviation of every point, `known` where it was declared, else it is the scatter of the top;
     `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error;
-    `unit` is that of the amplitudes, `background` that of the line which its figure shows.
+    `label` is empty where nothing is fitted for it alone, as an offset is; `unit` is that of the
+    amplitudes, `background` that of the line which its figure shows.
 
     Raises:
         ValueError: no points, shapes that differ, an unknown scale.
@@ -87,6 +88,7 @@ class Sweep(MeasurementKind):
     frequency_hz: FloatArray
     amplitude_v: FloatArray
     settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str = ""
     series: str = ""
     fitted: bool = False
     scaled_by: str = "maximum"
@@ -161,8 +163,8 @@ class Sweep(MeasurementKind):
 
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """The settings that all its points share; it has no label."""
-        return (("", self.settings),)
+        """The settings that all its points share; a label where it has values of its own."""
+        return ((self.label, self.settings),)
 
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Those of the first, the largest and the last point."""
@@ -170,7 +172,9 @@ class Sweep(MeasurementKind):
         tones = dict.fromkeys((self.frequency_hz[0], top, self.frequency_hz[-1]))
         return [
             model.drive(
-                model.single_tone_values(p, self.settings, tone), (tone,), self.setup.output
+                model.single_tone_values(p, self.settings, tone, self.label or None),
+                (tone,),
+                self.setup.output,
             )
             for tone in map(float, tones)
         ]
@@ -244,7 +248,7 @@ class Sweep(MeasurementKind):
         return [Prediction(np.abs(row), top) for row, top in zip(phasors, maxima, strict=True)]
 
     def _curve(self, model: DrivenModel) -> ResponseCurve:
-        return ResponseCurve(model, self.settings, self.setup.output)
+        return ResponseCurve(model, self.settings, self.setup.output, label=self.label or None)
 
     def _maxima(
         self, model: DrivenModel, table: FloatArray, batch: Batch
@@ -253,7 +257,7 @@ class Sweep(MeasurementKind):
         nodes, curve = np.array(model.plan.nodes_hz), self._curve(model)
         if not nodes.size:
             return [None] * len(table)
-        first, group = model.groups(table, None)
+        first, group = model.groups(table, self.label or None)
         requested = [curve.ask(table[k], nodes, batch, int(k)) for k in first]
         yield
         searches = [
@@ -497,6 +501,7 @@ def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:
         frequency_hz=f,
         amplitude_v=a,
         settings=data.settings,
+        label=data.label,
         series=series,
         fitted=data.use == "fit",
         scaled_by=data.scale,

@@ -34,7 +34,7 @@ from fitting.fmu.variables import VariableLike
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.lab.bench import Instrument, Series, measure
-from fitting.lab.benches import string_bench
+from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
@@ -93,9 +93,27 @@ def coupling_of(series: Series) -> float:
     return float(np.mean(found))
 
 
-def bound_of(series: Series, variables: Variables, folder: Path) -> BoundCampaign:
-    """The campaign of a series, written, read and bound; with offsets if the drift bends."""
-    write_all(folder, campaign_files(series, "bench_coverage"))
+def bound_of(
+    series: Series,
+    variables: Variables,
+    folder: Path,
+    *,
+    swept: bool = False,
+    declared_hz: float | None = None,
+) -> BoundCampaign:
+    """The campaign of a series, written, read and bound; with offsets if the drift bends.
+
+    With `swept` its sweep is fitted, with `declared_hz` as the error of what is stated of it.
+    """
+    files = dict(campaign_files(series, "bench_coverage"))
+    if swept:
+        text = 'use = "fit"'
+        if declared_hz is not None:
+            each = (f'{name} = "{declared_hz} Hz"' for name in ("eta_plus", "eta_minus"))
+            text += f"\nset_sigma = {{ {', '.join(each)} }}"
+        assert files["campaign.toml"].count('use = "scale"') == 1
+        files["campaign.toml"] = files["campaign.toml"].replace('use = "scale"', text)
+    write_all(folder, files)
     bound = bind(read_campaign(folder / "campaign.toml"), variables)
     return replace(bound, alternatives=bound.alternatives[:1])
 
@@ -131,12 +149,17 @@ def offsets(
     series = measure(replace(bench, instrument=instrument or bench.instrument), seed)
     bound = bound_of(series, variables, folder)
     truth = truth_of(series)
-    own = [p for p in bound.parameters if p.experiments]
+    return Laboratory(bound, truth | pair_offsets(series, bound), {})
+
+
+def pair_offsets(series: Series, bound: BoundCampaign) -> dict[str, float]:
+    """True offsets of the experiments, by the parameter's name; none where the drift is linear."""
     ends = series.eta_before_hz[0], series.eta_after_hz[0]
-    for k, (parameter, modes) in enumerate(zip(own, series.true_modes, strict=True)):
-        between = ends[0] + (ends[1] - ends[0]) * k / (len(own) - 1)
-        truth[parameter.name] = modes.eta_plus_hz - between
-    return Laboratory(bound, truth, {})
+    last = len(series.true_modes) - 1
+    return {
+        parameter.name: modes.eta_plus_hz - (ends[0] + (ends[1] - ends[0]) * k / last)
+        for k, (parameter, modes) in enumerate(zip(bound.offsets, series.true_modes, strict=False))
+    }
 
 
 def phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
@@ -205,6 +228,60 @@ def cross(seed: int, variables: Variables, folder: Path, *, phases: bool = False
     return Laboratory(bound, truth_of(series), {"theta": 1.9635})
 
 
+def swept(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """A series and its sweep fitted together, other numbers each time: see `stated_wrongly`.
+
+    Drift offsets with their prior, which the sweep has, too: its stated eigenfrequencies are off by
+    up to half a line width.
+    """
+    return stated_wrongly(seed, variables, folder, off_hz=15.0)
+
+
+def swept_linear(seed: int, variables: Variables, folder: Path) -> Laboratory:
+    """The same with a drift that is linear, and half a hertz declared for the stated values.
+
+    They are wrong by up to three times of that.
+    """
+    return stated_wrongly(seed, variables, folder, off_hz=0.5, declared=True)
+
+
+def stated_wrongly(
+    seed: int, variables: Variables, folder: Path, *, off_hz: float, declared: bool = False
+) -> Laboratory:
+    """A laboratory whose sweep is fitted, and whose stated eigenfrequencies are not the true ones.
+
+    The modes are 5 to 20 kHz apart, so that the damping they share moves the line by hertz: a
+    stated eigenfrequency that is believed tells of the damping what is not so.
+    """
+    rng = np.random.default_rng([seed, 5])
+    modes = {
+        "theta_rad": float(rng.uniform(1.7, 3.0)),
+        "d1_hz": float(rng.uniform(40.0, 300.0)),
+        "d2_hz": float(rng.uniform(40.0, 300.0)),
+        "eta_minus_hz": 6940260.0 + float(rng.uniform(5e3, 2e4)),
+    }
+    bend = 0.0 if declared else CURVED_HZ * float(rng.standard_normal())
+    series = measure(changed(string_bench("q1"), curvature_hz=bend, **modes), seed)
+    declared_hz = off_hz if declared else None
+    bound = bound_of(series, variables, folder, swept=True, declared_hz=declared_hz)
+    assert bound.sweep is not None
+    wrong = off_hz * np.clip(rng.standard_normal(2), -3.0, 3.0)
+    settings = {
+        name: float(bound.sweep.settings[name]) + float(off)
+        for name, off in zip(("eta_plus", "eta_minus"), wrong, strict=True)
+    }
+    bound = replace(bound, sweep=replace(bound.sweep, settings=settings))
+    truth = {"width_plus": width_of(series.bench.modes, 0), "d1": modes["d1_hz"]}
+    first = series.bench.at(0.0).modes
+    places = {"eta_plus": first.eta_plus_hz, "eta_minus": first.eta_minus_hz}
+    swept = {f"offset {name}[sweep]": hz - settings[name] for name, hz in places.items()}
+    truth["offset eta_plus[sweep]"] = swept["offset eta_plus[sweep]"]
+    # the noise of the sweep is told by what is left of it at the point of the fit
+    begun = swept | pair_offsets(series, bound)
+    near = {"theta": modes["theta_rad"], "d1": modes["d1_hz"], "d2": modes["d2_hz"]}
+    return Laboratory(bound, truth, begun | near)
+
+
 SETTINGS = (
     Setting("q1", "q1 series, linear drift", linear("q1")),
     Setting("q2", "q2 series, linear drift", linear("q2")),
@@ -212,6 +289,8 @@ SETTINGS = (
     Setting("cross", "both modes at both series' pairs, 1 % noise", cross, starts=2),
     Setting("phases", "q1 series with phases, bent drift, a restart, 1 % noise", phases),
     Setting("gain", "the same, gain unknown, no sweep", gain),
+    Setting("sweep", "a fitted sweep, its stated place 15 Hz off, drift offsets", swept),
+    Setting("stated", "a fitted sweep, 0.5 Hz declared of its place", swept_linear),
     Setting("cross-phases", "both modes, both pairs, with phases, 1 %", cross_phases, starts=2),
 )
 
@@ -229,7 +308,7 @@ def ask(
         p[k] = laboratory.start.get(parameter.name, p[k])
     x = to_search(bound.parameters, p)
     [point] = evaluate_many(objective, [x])
-    options = InferenceOptions(only=names, starts=setting.starts, budget=20000, directions=False)
+    options = InferenceOptions(only=names, starts=setting.starts, budget=60000, directions=False)
     return determine(objective, x, noise_of(objective, point), options)
 
 

@@ -77,6 +77,9 @@ class PhasorResponse:
         assert self.bound.sweep is not None
         settings = self.bound.sweep.settings
         eta = np.array([[float(settings["eta_plus"]), float(settings["eta_minus"])]])
+        for k, q in enumerate(self.bound.parameters):
+            if self.bound.sweep.label in q.experiments:
+                eta[0] += p[k] * np.array(["eta_plus" in q.adds_to, "eta_minus" in q.adds_to])
         mode = np.full(tones.size, OUTPUTS.index(self.bound.setup.output))
         swept = np.repeat(eta, tones.size, axis=0)
         return np.abs(_phasors(tones, swept, self._damping(p), mode))
@@ -84,6 +87,7 @@ class PhasorResponse:
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
         if self.bound.sweep is None:
             return [answer(self.peaks(p), runs=1) for p in ps]
+        whole = whole or self.bound.sweep.use == "fit"
         return [
             answer(self.peaks(p), self.sweep(p) if whole else None, self._maximum(p), 1) for p in ps
         ]

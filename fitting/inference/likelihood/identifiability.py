@@ -283,7 +283,7 @@ def _equivalent_words(
     none = [name for name, value in derived.items() if not math.isfinite(value)]
     said = f"{shown} fits as well"
     if none:
-        said += f", but {', '.join(none)} has no value there"
+        said += f", but {', '.join(none)} has no value there: what is said holds where it has one"
     return said
 
 

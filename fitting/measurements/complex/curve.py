@@ -30,6 +30,8 @@ class ComplexCurve:
         values: Measured X + i Y, shape (n,), in ``unit``, phases as Re[values exp(i 2 pi u t)].
         sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
         settings: Start values of the FMU during the sweep by variable, in the FMU's units.
+        setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
+            fitted.
         label: Name of the sweep; wanted where there are several.
         output: The FMU's output that is seen; empty: the setup's.
         wiring: What stands beside the response.
@@ -49,6 +51,7 @@ class ComplexCurve:
     _: KW_ONLY
     sigma: float = 0.0
     settings: Mapping[str, Scalar] = field(default_factory=dict)
+    setting_sigma: Mapping[str, float] = field(default_factory=dict)
     label: str = ""
     output: str = ""
     wiring: Wiring = field(default_factory=Wiring)

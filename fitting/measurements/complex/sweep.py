@@ -169,6 +169,20 @@ class ComplexSweeps(MeasurementKind):
         """Label and settings of every sweep."""
         return tuple((c.label, c.settings) for c in self.curves)
 
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """Declared standard deviations of settings, by label."""
+        return {c.label: c.setting_sigma for c in self.curves}
+
+    def named(self, label: str) -> Self:
+        """The same with a label for the sweep that has none.
+
+        Args:
+            label: of the sweep.
+        """
+        curves = tuple(c if c.label else replace(c, label=label) for c in self.curves)
+        return replace(self, curves=curves)
+
     @cached_property
     def _gains(self) -> tuple[SharedGain, ...]:
         """The gains of all sweeps: those of single ones, then the one that others share."""

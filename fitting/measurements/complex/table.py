@@ -19,6 +19,7 @@ from fitting.campaign.complex_trace import (
 from fitting.campaign.file import check_layout_keys, layout_keys
 from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.kind import MeasurementTable
+from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
@@ -72,6 +73,8 @@ class ComplexSweepTable(MeasurementTable):
     """Name of the sweep, for values of its own; without it "1", "2" where there are several."""
     set: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the FMU during the sweep."""
+    set_sigma: Mapping[str, Value] = field(default_factory=dict)
+    """Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each is fitted."""
     wiring: Annotated[Text, OneOf(WIRINGS)] = "transmission"
     """How the response stands in what is seen, see the page on amplitude and phase."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
@@ -183,5 +186,6 @@ class ReadComplexSweeps:
                 where = f"{setup.source}: [complex_sweep] output"
                 binder.real(output, where, READABLE, "observed")
             settings = {name: binder.setting(name, w) for name, w in table.set.items()}
-            bound.append(replace(curve, settings=settings, output=output))
+            sigma = bind_sigmas(table.set_sigma, binder)
+            bound.append(replace(curve, settings=settings, setting_sigma=sigma, output=output))
         return ComplexSweeps(setup=setup, curves=tuple(bound))

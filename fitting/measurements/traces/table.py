@@ -14,6 +14,7 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import unit_of
 from fitting.campaign.kind import MeasurementTable
+from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
@@ -157,6 +158,8 @@ class TraceTable(MeasurementTable):
     """Name of the trace, for values of its own; without it "1", "2" where there are several."""
     set: dict[str, Value] = field(default_factory=dict)
     """Start values of the FMU during the trace."""
+    set_sigma: dict[str, Value] = field(default_factory=dict)
+    """Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each is fitted."""
 
     def __post_init__(self) -> None:
         if self.signal is not None and self.input is None:
@@ -278,6 +281,7 @@ class ReadTrace:
             states=table.states or ONE_MODE,
             begin=table.begin,
             settings={name: binder.setting(name, w) for name, w in table.set.items()},
+            setting_sigma=bind_sigmas(table.set_sigma, binder),
             label=label,
             unit=values.unit or "1",
             source=str(table.file),

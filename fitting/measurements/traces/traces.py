@@ -163,6 +163,20 @@ class Traces(MeasurementKind):
         """Label and settings of every trace."""
         return tuple((trace.label, trace.settings) for trace in self.traces)
 
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """Declared standard deviations of settings, by label."""
+        return {trace.label: trace.setting_sigma for trace in self.traces}
+
+    def named(self, label: str) -> Self:
+        """The same with a label for the trace that has none.
+
+        Args:
+            label: of the trace.
+        """
+        traces = tuple(x if x.label else replace(x, label=label) for x in self.traces)
+        return replace(self, traces=traces)
+
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
         """The plan with the communication step of every trace."""
         plan = model.plan

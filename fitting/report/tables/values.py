@@ -375,7 +375,8 @@ def offset_table(result: Result) -> Table | None:
         return None
     note = (
         "Offsets are counted from the drift interpolated between the values before and after the "
-        "series; the prior of a random walk is that of its last step."
+        "series, those of a sweep from the values that are stated of it; the prior of a random "
+        "walk is that of its last step."
     )
     if not all(o.is_most_likely for o in result.offsets):
         note = f"{BESIDE} {note}"
