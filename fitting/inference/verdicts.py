@@ -322,7 +322,7 @@ def _slack(ends: tuple[str, str], sides: tuple[float, float]) -> float | None:
     `sides` are how far the 68 % interval is inside that of 95 %.
     """
     cut = [side for end, side in zip(ends, sides, strict=True) if end == "crossed"]
-    return 2.0 * cut[0] if len(cut) == 1 else None
+    return 0.5 * cut[0] if len(cut) == 1 else None
 
 
 def _no_bound(subject: _Subject, interval: Interval, ends: tuple[str, str]) -> Interval:

@@ -15,9 +15,11 @@ from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
 from fitting.fit.solver.continuation import Chain, ContinuationStep
 from fitting.inference.determine import InferenceOptions, determine
+from fitting.inference.equivalent_fits import contradicts
 from fitting.inference.likelihood.knowledge import Equivalent
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
+from tests.support.whitened import Z95, learnt, parameter, whitened
 
 #: The damping matrix of the truth a quarter turn on.
 TURNED = np.array([1.9498 - np.pi / 2, 90.0, 120.0])
@@ -103,3 +105,44 @@ def test_an_alternative_that_fits_as_well_exchanges_values(tmp_path: Path) -> No
     assert "120 Hz at reflection = true" in knowledge.parameters["d2"].reason
     for name in ("lambda", "D11"):  # the same at both
         assert knowledge.derived[name].verdict == "determined", name
+
+
+@pytest.mark.parametrize(
+    ("value", "period", "outside"),
+    [
+        (1.8977 - 2.0 * np.pi, np.pi, False),  # two periods off
+        (1.8977 + 5.0 * np.pi, np.pi, False),
+        (1.8977 + 0.5 * np.pi, np.pi, True),
+        (1.8977 - 2.0 * np.pi, None, True),
+    ],
+)
+def test_whole_periods_apart_is_the_same_value(
+    value: float, period: float | None, outside: bool
+) -> None:
+    assert contradicts(value, (1.85, 1.95), period) is outside
+
+
+def test_another_fit_beyond_the_only_end_leaves_no_bound() -> None:
+    """1/p measured as 1/4 +- 1/4: p is at least 1.35, unless something of p = 1 fits as well."""
+
+    def rows(p: np.ndarray) -> np.ndarray:
+        return np.full(3, (1.0 / float(p[0]) - 0.25) / 0.25 / np.sqrt(3.0))
+
+    own = whitened(rows, parameter("p", 0.01, 1000.0, start=4.0))
+    [alone] = learnt(own).parameters.values()
+    assert alone.verdict == "bounded below"
+    assert alone.interval95[0] == pytest.approx(1.0 / (0.25 + 0.25 * Z95), rel=1e-3)
+    twin = Equivalent(
+        parameters={"p": 0.5},
+        derived={},
+        delta=0.0,
+        origin="alternative",
+        sentence="mirrored = true fits as well",
+        where="mirrored = true",
+    )
+    [both] = learnt(own, alternatives=(twin,)).parameters.values()
+    assert both.verdict == "not known"
+    assert both.interval95 == (0.01, 1000.0)
+    assert "0.5 at mirrored = true, which fits as well" in both.reason
+    inside = replace(twin, parameters={"p": 30.0})
+    assert learnt(own, alternatives=(inside,)).parameters["p"].verdict == "bounded below"

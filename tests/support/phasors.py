@@ -102,6 +102,8 @@ class PhasorResponse:
         y = self._swept(p, eta + x) ** -2.0
         a, b = 0.5 * (y[0] + y[2]) - y[1], 0.5 * (y[2] - y[0])
         top = y[1] - b * b / (4.0 * a)
+        if not top > 0.0:  # far outside the box, where it is no parabola
+            top = float(np.min(y))
         return Maximum(value=float(top**-0.5), frequency_hz=eta, bias=0.0, bracketed=True)
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
