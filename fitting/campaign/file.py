@@ -492,14 +492,14 @@ class WrittenDerived(Keys):
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuationSettings(Keys):
-    """Algorithm 2: its weights nu, tolerance, misfit and starts; whose estimate is reported."""
+    """Algorithm 2: its weights ν, tolerance, misfit and starts; whose estimate is reported."""
 
     nu_start: Weight = 0.1
-    """First nu, zero or more."""
+    """First ν, zero or more."""
     beta: Positive = 0.1
-    """Factor from one nu to the next, below 1."""
+    """Factor from one ν to the next, below 1."""
     iterations: Repeats = 9
-    """Number of nu."""
+    """Number of ν."""
     tolerance: Positive = 2.22e-16
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
     misfit: Annotated[Text, OneOf(MISFITS)] = "slack"

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
     from fitting.api.line import write_line
-    from fitting.report.table import terminal_text, text_lines
+    from fitting.report.table import terminal_text, text_lines, wrapped
     from fitting.report.words.line import answer, forms_table, sentences
 
     low, high = _range(args)
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     for line in answer(found):
         print(terminal_text(line))
     for line in sentences(found):
-        print(terminal_text(line))
+        print(*wrapped(line), sep="\n")
     print(*text_lines(forms_table(found)), sep="\n")
     if args.out is not None:
         print(*write_line(found, args.out), sep="\n")

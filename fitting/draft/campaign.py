@@ -96,7 +96,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
     tables["continuation"] = dict(CONTINUATION)
     remarks["continuation", "nu_start"] = "the prior only helps at the start"
     remarks["continuation", "starts"] = "3: also the lowest minima that a search finds"
-    tables["accuracy"] = {"amplitude": _accuracy(choices.residual)}
+    tables["accuracy"] = {"amplitude": _accuracy(choices.residual, held=bool(choices.driven))}
     remarks["accuracy", "amplitude"] = "of the simulation, relative: well below the scatter"
     head = (
         "A first campaign, written by fmu-fit init from these files: it runs as it is.",
@@ -105,12 +105,17 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
     return rewritten(toml_text(tables, head), lambda made: _remark(made, remarks))
 
 
-def _accuracy(residual: float) -> float:
-    """A hundredth of the scatter, as a power of ten from 1e-6 to 1e-4."""
+def _accuracy(residual: float, *, held: bool) -> float:
+    """A hundredth of the scatter, as a power of ten from 1e-6 to 1e-4.
+
+    An input that is held over each step lets nobody promise less than 1e-5: more was asked for in
+    vain, and a warning told so.
+    """
+    least = -5 if held else -6
     if not residual > 0.0:
-        return 1e-6
+        return float(f"1e{least}")
     power = math.floor(math.log10(residual / 100.0))
-    return float(f"1e{min(max(power, -6), -4)}")
+    return float(f"1e{min(max(power, least), -4)}")
 
 
 def _remark(tables: Tables, remarks: Remarks) -> None:

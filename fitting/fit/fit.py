@@ -340,14 +340,14 @@ def _cost(outcomes: Sequence[Outcome], rest: Counts) -> Counts:
 def _status(solution: Solution, outcomes: Sequence[Outcome], misfit: str) -> tuple[Status, str]:
     last = solution.last
     if any(outcome.interrupted for outcome in outcomes):
-        reached = "the start" if last is None else f"nu = {last.nu:.1e}, J_fit = {last.j_fit:.6g}"
+        reached = "the start" if last is None else f"ν = {last.nu:.1e}, J_fit = {last.j_fit:.6g}"
         return (
             Status.INTERRUPTED,
             f"Interrupted: the best so far is reported, reached at {reached}.",
         )
     if last is None:
-        return Status.NOT_CONVERGED, "No level of nu was done."
-    where = f"J_fit = {last.j_fit:.6g}, J_reg = {last.j_reg:.3g} at nu = {last.nu:.1e}"
+        return Status.NOT_CONVERGED, "No level of ν was done."
+    where = f"J_fit = {last.j_fit:.6g}, J_reg = {last.j_reg:.3g} at ν = {last.nu:.1e}"
     missed = solution.objective.data.unexplained(solution.final.residuals)
     if missed:
         return Status.NOT_CONVERGED, (
@@ -364,6 +364,6 @@ def _status(solution: Solution, outcomes: Sequence[Outcome], misfit: str) -> tup
             "data resolves."
         )
     return Status.NOT_CONVERGED, (
-        f"Not optimal at the last nu: a linearised step still promises {last.optimality:.2e} "
+        f"Not optimal at the last ν: a linearised step still promises {last.optimality:.2e} "
         f"({last.message}); {where}."
     )

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from fitting.fit.covariance import RowCovariance, WhitenedErrors
+from fitting.signal.student import freedom_of_share
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Share of the variance from which a linearised value counts as one of the data.
@@ -51,6 +52,8 @@ class Linearisation:
     the standard deviations in x without data. `inflation` is the factor on the given sigmas that
     the residuals asked for (one if they fit); it is in the rows already. `bounded` are errors of
     the rows, each column times a number from -1 to 1 that nobody knows; None: there are none.
+    `scatter` (m,) is above zero for rows whose noise the residuals tell, with `freedom` degrees of
+    freedom; empty or None where all noise is known.
     """
 
     rows: FloatArray
@@ -58,6 +61,8 @@ class Linearisation:
     prior: FloatArray
     inflation: float = 1.0
     bounded: WhitenedErrors | None = None
+    scatter: FloatArray | None = None
+    freedom: float = np.inf
 
     @property
     def scaled(self) -> FloatArray:
@@ -115,6 +120,22 @@ class Linearisation:
         if not variance > 0.0:
             return 0.0, 1.0  # it does not depend on the parameters at all
         return float(np.sqrt(variance)), noise / variance
+
+    def freedom_of(self, gradient: FloatArray, covariance: FloatArray | None = None) -> float:
+        """Degrees of freedom of a value's standard deviation; infinite where no noise is estimated.
+
+        Args:
+            gradient: d value/dx, shape (n,).
+            covariance: of x, shape (n, n); None: this problem's own.
+
+        Source: F. Satterthwaite, Biometrics Bulletin 2 (1946) 110.
+        """
+        if np.isinf(self.freedom) or self.scatter is None:
+            return np.inf
+        along = (self.covariance if covariance is None else covariance) @ gradient
+        pull, variance = self.matrix @ along, float(gradient @ along)
+        mine = pull[self.scatter > 0.0]
+        return freedom_of_share(self.freedom, float(mine @ mine) / variance if variance else 0.0)
 
     def shift(self, gradient: FloatArray) -> float:
         """How far bounded errors of the rows may move a value: sum_j |g C W^T B_j|.
@@ -189,6 +210,8 @@ class Linearisation:
             prior=self.prior,
             inflation=self.inflation * factor,
             bounded=None if self.bounded is None else self.bounded.widened(factor),
+            scatter=self.scatter,
+            freedom=self.freedom,
         )
 
 
@@ -267,17 +290,17 @@ def information(matrix: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.swapaxes(white, -1, -2) @ white)
 
 
-def row_sigmas(sigmas: FloatArray, residuals: FloatArray, solved: int = 0) -> FloatArray:
+def row_sigmas(sigmas: FloatArray, residuals: FloatArray, solved: float = 0.0) -> FloatArray:
     """Standard deviation of every row; where it is not known, the scatter of such rows themselves.
 
     Args:
         sigmas: relative, shape (m,); zero where not known.
         residuals: shape (m,).
-        solved: number of unknowns that the rows of unknown noise are solved for inside.
+        solved: number of unknowns that were fitted to the rows of unknown noise.
     """
     unknown = ~(sigmas > 0.0)
     filled = np.array(sigmas, dtype=float)
     if np.any(unknown):
-        freedom = max(int(np.count_nonzero(unknown)) - solved, 1)
+        freedom = max(float(np.count_nonzero(unknown)) - solved, 1.0)
         filled[unknown] = float(np.sqrt(np.sum(residuals[unknown] ** 2) / freedom))
     return np.asarray(np.maximum(filled, SMALLEST_SIGMA))

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.fit.covariance import BoundedErrors, RowCovariance
-from fitting.fit.linearisation import row_sigmas
+from fitting.fit.linearisation import Linearisation, row_sigmas
 from fitting.fit.objective import Objective, Point
 from fitting.measurements.dataset import Dataset
 from fitting.text.arrays import FloatArray
@@ -36,11 +36,16 @@ class RowNoise:
     """Relative noise of the rows: `sigma` (m,) of each alone, `common` (m, k) shared by rows.
 
     `bounded` are the columns B of what the simulation may be off by, none where it is exact.
+    `scatter` (m,) is zero for rows whose noise is known; for the others, that have the scatter of
+    such rows, it tells by what factor they count as wider. It is empty where all noise is known;
+    `freedom` are the degrees of freedom of that scatter.
     """
 
     sigma: FloatArray
     common: FloatArray
     bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
+    scatter: FloatArray = field(default_factory=lambda: np.empty(0))
+    freedom: float = np.inf
 
     @property
     def covariance(self) -> RowCovariance:
@@ -59,12 +64,14 @@ class RowNoise:
             rows: which.
             factor: on their standard deviations.
         """
-        sigma = self.sigma.copy()
+        sigma, scatter = self.sigma.copy(), self.scatter.copy()
         sigma[rows] *= factor
-        return replace(self, sigma=sigma)
+        if scatter.size:
+            scatter[rows] *= factor
+        return replace(self, sigma=sigma, scatter=scatter)
 
 
-def noise_of(objective: Objective, point: Point) -> RowNoise:
+def noise_of(objective: Objective, point: Point, fitted: float = 0.0) -> RowNoise:
     """Noise of the rows of an objective at a point.
 
     Rows whose noise nobody knows have the scatter of such rows.
@@ -72,16 +79,45 @@ def noise_of(objective: Objective, point: Point) -> RowNoise:
     Args:
         objective: rows, parameters and weights.
         point: where the rows were evaluated.
+        fitted: number of parameters that rows of unknown noise determine, which makes their
+            scatter smaller than their noise.
     """
     data = objective.data
-    sigma = row_sigmas(data.sigma, point.residuals, data.solved_of(known=False))
+    taken = data.solved_of(known=False) + fitted
+    sigma = row_sigmas(data.sigma, point.residuals, taken)
+    unknown = ~(data.sigma > 0.0)
+    freedom = max(1.0, float(np.count_nonzero(unknown)) - taken)
     columns = [
         error * _along_scale(data, point, series)
         for series, error in enumerate(data.scale_sigmas)
         if error > 0.0
     ]
     common = np.stack(columns, axis=1) if columns else np.empty((sigma.size, 0))
-    return RowNoise(sigma, common, _bounded(data, point))
+    found = RowNoise(sigma, common, _bounded(data, point))
+    if not np.any(unknown):
+        return found
+    return replace(found, scatter=unknown.astype(float), freedom=freedom)
+
+
+def fitted_noise(
+    objective: Objective, point: Point, matrix: FloatArray, prior: FloatArray
+) -> RowNoise:
+    """Noise of the rows at a fit, with the parameters counted that were fitted to them.
+
+    Args:
+        objective: rows, parameters and weights.
+        point: end of the fit.
+        matrix: dr/dx there, shape (m, n).
+        prior: standard deviations in x without data, shape (n,).
+    """
+    noise = noise_of(objective, point)
+    if not noise.scatter.size:
+        return noise
+    covariance = noise.covariance
+    here = Linearisation(
+        rows=covariance.whitened(point.residuals), matrix=covariance.whitened(matrix), prior=prior
+    )
+    return noise_of(objective, point, float(here.leverage @ noise.scatter))
 
 
 def _bounded(data: Dataset, point: Point) -> BoundedErrors:

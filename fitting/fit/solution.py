@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from fitting.campaign.parameters import Parameter, prior_sigmas, starts, to_search
 from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.linearisation import Linearisation, linearise
-from fitting.fit.noise import noise_of
+from fitting.fit.noise import RowNoise, fitted_noise
 from fitting.fit.objective import Objective, Point, weights
 from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
 from fitting.fit.solver.evaluator import Evaluator
@@ -29,8 +29,9 @@ UNRESOLVED_SHARE = 1e-2
 class Solution:
     """The reported end: objective, chain, last level, and what was evaluated there.
 
-    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there; `structure` that
-    of the sweep's residuals, None where the sweep is not fitted; `tikhonov_weights` (n,)
+    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there,
+    `noise` of the rows; `structure` that of the sweep's residuals, None where the sweep is not
+    fitted; `tikhonov_weights` (n,)
     are the nu_i; `secant_points` the points that tell of variables without a first-order effect
     (`symmetry.secants`).
     """
@@ -41,6 +42,7 @@ class Solution:
     initial: Point
     final: Point
     matrix: FloatArray
+    noise: RowNoise
     errors: Linearisation
     structure: Structure | None
     tikhonov_weights: FloatArray
@@ -76,12 +78,12 @@ def solution_of(
     initial, final = evaluator.whole([begun, x])
     matrix = evaluator.jacobian(x)
     structure = curve_structure(objective, final, matrix)
-    noise = noise_of(objective, final)
+    seen, secant_points = secants(evaluator, x, matrix)
+    prior = prior_sigmas(parameters, nu)
+    noise = fitted_noise(objective, final, seen, prior)
     widened = noise
     if structure is not None:
         widened = noise.widened(objective.data.curve_rows, structure.widening)
-    seen, secant_points = secants(evaluator, x, matrix)
-    prior = prior_sigmas(parameters, nu)
     errors = linearise(
         final.residuals,
         seen,
@@ -90,6 +92,7 @@ def solution_of(
         widened.covariance,
         objective.data.solved_inside,
     )
+    errors = replace(errors, scatter=widened.scatter, freedom=noise.freedom)
     if noise.bounded.columns:
         counted = widened.covariance.times(errors.inflation)
         errors = replace(errors, bounded=WhitenedErrors(noise.bounded, counted))
@@ -101,6 +104,7 @@ def solution_of(
         initial=initial,
         final=final,
         matrix=matrix,
+        noise=noise,
         errors=errors,
         structure=structure,
         tikhonov_weights=tikhonov_weights,
@@ -155,7 +159,7 @@ def curve_structure(objective: Objective, final: Point, matrix: FloatArray) -> S
 def _solved(objective: Objective, point: Point) -> FloatArray:
     """Derivatives of all rows by what measurements are solved for inside, (m, s)."""
     data = objective.data
-    if data.solved_inside == 0:
+    if not any(m.solved_inside for m in data.measurements):
         return np.empty((point.residuals.size, 0))
     [answer] = objective.response.evaluate_many([point.parameters])
     pairs = zip(data.measurements, answer.predictions, strict=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.likelihood.descent import most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.descent import Optimum, most_likely
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.outputs import output_means
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.inference.likelihood.profiles import ROOT_95
+from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.notation import settings_words
 
@@ -31,14 +31,11 @@ def equal_fit(
         noise: of the rows.
     """
     found = [
-        most_likely(
-            LikelihoodEvaluator(likelihood_of(objective, noise.sigma, noise.common)), begins
-        )
+        most_likely(LikelihoodEvaluator(likelihood_with(objective, noise)), begins)
         for objective, begins in (here, other)
     ]
     own, there = found
-    wide = max(own.likelihood.inflation, there.likelihood.inflation)
-    delta = (there.chi_square - own.chi_square) / wide**2
+    delta = _delta(own, there)
     if delta > ROOT_95**2:
         return None
     objective = other[0]
@@ -55,3 +52,14 @@ def equal_fit(
         sentence=f"{words} fits {how}",
         where=words,
     )
+
+
+def _delta(own: Optimum, there: Optimum) -> float:
+    """Chi square of another model over that of this one, both in the wider noise of the two."""
+    wide = max(own.likelihood.inflation, there.likelihood.inflation)
+    mine = own.likelihood.noise.log_determinant
+    other = there.likelihood.noise.log_determinant
+    if mine == other:
+        return own.calibrated((there.chi_square - own.chi_square) / wide**2)
+    # noise that residuals tell is another one there: -2 ln of the likelihoods' ratio
+    return float(other + there.chi_square - mine - own.chi_square) / wide**2

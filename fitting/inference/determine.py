@@ -40,11 +40,12 @@ from fitting.inference.likelihood.exploration import (
 )
 from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.outside import beyond, beyond_sentences
-from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint
+from fitting.inference.likelihood.profiles import ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
+from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import span
 
@@ -111,9 +112,10 @@ def determine(
         twins = find_twins(Evaluator(objective), options.seed)
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
     likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes), noise.bounded)
+    likelihood = replace(likelihood, scatter=noise.scatter)
     if not options.data:
         [point] = evaluate_many(objective, [solution])
-        likelihood = replace(likelihood, shift=point.residuals)
+        likelihood = replace(likelihood, shift=point.residuals, scatter=np.empty(0))
     evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     _log.info(
@@ -283,7 +285,7 @@ def _moved(
     except Exhausted:
         return moved, ()
     counted = [
-        replace(p, delta=float(s.rows @ s.rows) - moved.least)
+        replace(p, delta=moved.delta(float(s.rows @ s.rows)))
         for p, s in zip(known, samples, strict=True)
     ]
     return moved, tuple(p for p in counted if p.delta <= ROOT_95**2)

@@ -16,14 +16,13 @@ from fitting.inference.likelihood.ranges import output_ranges
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.measurements.dataset import places_of_outputs
+from fitting.signal.student import ROOT_68, ROOT_95, reach
 from fitting.text.arrays import FloatArray
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the box.
 OUTPUT_STEP = 1e-4
 #: Share of the variance that the data answer for from which a linearised error is one of the data.
 SEEN = 0.1
-#: Half a 95 % interval, in standard deviations.
-Z95 = 1.96
 LINEARISED = "no profile was walked"
 
 
@@ -60,13 +59,13 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             continue
         gradient = np.zeros(len(solution.parameters))
         gradient[i] = parameter.scale
-        std, shrinkage = solution.errors.of(gradient)
+        (std, half), shrinkage = _halves(solution, gradient)
         shift = solution.errors.shift(gradient)
         results[parameter.name] = ParameterResult(
             value=float(reported[i]),
             unit=parameter.unit,
             std=std + shift if shrinkage >= SEEN else float("nan"),
-            ci95=_interval(parameter, float(found.best[i]), float(shown[i]), Z95 * std + shift),
+            ci95=_interval(parameter, float(found.best[i]), float(shown[i]), half + shift),
             reference=parameter.reference,
             start=parameter.start,
             lower=parameter.lower,
@@ -78,6 +77,7 @@ def parameter_results(solution: Solution, found: Estimates) -> dict[str, Paramet
             period=parameter.period,
             simulation=shift,
             reason=LINEARISED,
+            asked=parameter.moves_model,
         )
     return results
 
@@ -123,11 +123,11 @@ def derived_results(
         means = np.array([mean(answer[name]) for answer in answers])
         gradient = around.quotients(list(means[2:]))
         box = (ranges[name].low, ranges[name].high)
-        std, shrinkage = _error(solution, gradient)
+        (std, half), shrinkage = _halves(solution, gradient)
         best = mean(likely[name])
         if not np.isfinite(best):
             shrinkage = 0.0
-        std = std if shrinkage >= SEEN else float("nan")
+        std, half = (std, half) if shrinkage >= SEEN else (float("nan"), float("nan"))
         shift = solution.errors.shift(gradient) if np.isfinite(std) else 0.0
         value = mean(values)
         each = len(places) == values.size > 1
@@ -139,7 +139,7 @@ def derived_results(
             mean=value,
             spread=float(np.std(values, ddof=1)) if values.size > 1 else 0.0,
             std=std + shift,
-            ci95=_within(box, best, Z95 * std + shift),
+            ci95=_within(box, best, half + shift),
             reference=float(means[1]),
             shrinkage=shrinkage,
             identifiable=_word(shrinkage),
@@ -149,7 +149,8 @@ def derived_results(
             simulation=shift,
             reason=LINEARISED,
             places=places if each else (),
-            stds=tuple(_bounded_error(solution, slope) for slope in slopes),
+            stds=tuple(_bounded_errors(solution, slope)[0] for slope in slopes),
+            halves95=tuple(_bounded_errors(solution, slope)[1] for slope in slopes),
         )
     return results
 
@@ -160,17 +161,25 @@ def _labels(solution: Solution) -> tuple[str, ...]:
     return tuple(label for places in found.values() for label, _ in places)
 
 
-def _bounded_error(solution: Solution, gradient: FloatArray) -> float:
-    """Standard deviation of one value with what its simulation may be off by; NaN: open."""
-    std, shrinkage = _error(solution, gradient)
-    return std + solution.errors.shift(gradient) if shrinkage >= SEEN else float("nan")
+def _bounded_errors(solution: Solution, gradient: FloatArray) -> tuple[float, float]:
+    """Half intervals of one value with what its simulation may be off by; NaN: open."""
+    (std, half), shrinkage = _halves(solution, gradient)
+    if not shrinkage >= SEEN:
+        return float("nan"), float("nan")
+    shift = solution.errors.shift(gradient)
+    return std + shift, half + shift
 
 
-def _error(solution: Solution, gradient: FloatArray) -> tuple[float, float]:
-    """(standard deviation, shrinkage) of an output; unknown where it has no slope."""
+def _halves(solution: Solution, gradient: FloatArray) -> tuple[tuple[float, float], float]:
+    """Half of the 68 % and 95 % intervals of a value, and its shrinkage; NaN without a slope.
+
+    Student's where the residuals tell the noise.
+    """
     if not np.all(np.isfinite(gradient)):
-        return float("nan"), 0.0
-    return solution.errors.of(gradient)
+        return (float("nan"), float("nan")), 0.0
+    std, shrinkage = solution.errors.of(gradient)
+    freedom = solution.errors.freedom_of(gradient)
+    return (reach(ROOT_68, freedom) * std, reach(ROOT_95, freedom) * std), shrinkage
 
 
 def _within(box: tuple[float, float], value: float, half: float) -> tuple[float, float]:
@@ -203,7 +212,7 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, 
             if p.experiment in q.experiments and _goes_to(q) == _goes_to(p):
                 gradient[k], adds[k] = q.scale, 1.0
         best = float(adds @ found.best)
-        std, shrinkage = solution.errors.of(gradient)
+        (std, half), shrinkage = _halves(solution, gradient)
         shift = solution.errors.shift(gradient)
         later = [q.experiment for q in own if q is not p and _goes_to(q) == _goes_to(p)]
         results.append(
@@ -214,7 +223,7 @@ def offset_results(solution: Solution, found: Estimates) -> tuple[OffsetResult, 
                 value=float(adds @ found.reported),
                 unit=p.unit,
                 std=std + shift,
-                ci95=(best - Z95 * std - shift, best + Z95 * std + shift),
+                ci95=(best - half - shift, best + half + shift),
                 prior=p.prior_sigma or float("nan"),
                 shrinkage=shrinkage,
                 identifiable=_word(shrinkage),

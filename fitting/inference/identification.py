@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.campaign.parameters import references, search_bounds, starts, to_search
 from fitting.fit.likelihood.descent import most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem
@@ -122,7 +122,7 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     noise = noise_of(objective, point)
     if expected or np.all(objective.data.sigma > 0.0):
         return noise
-    evaluator = LikelihoodEvaluator(likelihood_of(objective, noise.sigma, noise.common))
+    evaluator = LikelihoodEvaluator(likelihood_with(objective, noise))
     optimum = most_likely(evaluator, [begin])
     [point] = evaluate_many(objective, [evaluator.likelihood.folded(optimum.expansion.x)])
     noise = noise_of(objective, point)

@@ -12,8 +12,8 @@ import numpy as np
 from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.noise import RowNoise, noise_of
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution
@@ -133,6 +133,9 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     best, adequacy, inflation = _best(fit, knowledge)
     # one estimator: its errors are as wide as its own residuals make them
     errors = solution.errors.widened(inflation / solution.errors.inflation)
+    if inflation > 1.0:  # then they tell the noise of all rows
+        m = errors.rows.size
+        errors = replace(errors, scatter=np.ones(m), freedom=errors.degrees_of_freedom)
     solution = replace(solution, errors=errors)
     estimates = Estimates(best, solution.final.parameters, fit.options.estimator)
     parameters = parameter_results(solution, estimates)
@@ -144,7 +147,7 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     parameters = {n: _judged(v, profiles.get(n), describes) for n, v in parameters.items()}
     derived = {n: _judged(v, profiles.get(n), describes) for n, v in derived.items()}
     if not describes:
-        derived = {n: replace(d, stds=(math.nan,) * len(d.stds)) for n, d in derived.items()}
+        derived = {n: _withdrawn(d) for n, d in derived.items()}
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
     sweeps = request.sweeps or sweep_findings(problem, solution)
     sweeps = _with_names(sweeps, fit, {**parameters, **derived})
@@ -177,6 +180,12 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         sweeps=sweeps,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
     )
+
+
+def _withdrawn(derived: DerivedResult) -> DerivedResult:
+    """An output without errors of single places: the model does not describe the data."""
+    nothing = (math.nan,) * len(derived.stds)
+    return replace(derived, stds=nothing, halves95=nothing)
 
 
 def _with_names(
@@ -252,7 +261,7 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             progress=request.progress,
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
-        plain = likelihood_of(solution.objective, noise.sigma, noise.common)
+        plain = likelihood_with(solution.objective, noise)
         return replace(knowledge, nu=choose_nu(plain, fit.outcome.chains[0].steps, fit.path)), []
     except KeyboardInterrupt:
         why = "Interrupted before the profiles were done"
@@ -285,7 +294,7 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     if fit.status is Status.INTERRUPTED:
         return solution.final.parameters, None, solution.errors.inflation
     noise = noise_at(solution)
-    likelihood = likelihood_of(solution.objective, noise.sigma, noise.common)
+    likelihood = likelihood_with(solution.objective, noise)
     evaluator = LikelihoodEvaluator(likelihood)
     try:
         begins = [solution.final.x, *(minimum.x for minimum in _minima(fit)[:LOWEST])]
@@ -322,7 +331,7 @@ def noise_at(solution: Solution) -> RowNoise:
     Args:
         solution: end of the fit.
     """
-    noise = noise_of(solution.objective, solution.final)
+    noise = solution.noise
     if solution.structure is None:
         return noise
     return noise.widened(solution.objective.data.curve_rows, solution.structure.widening)

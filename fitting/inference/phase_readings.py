@@ -46,8 +46,7 @@ def phase_sentences(solution: Solution) -> list[str]:
             if other < LEFT * as_is:
                 series = f"{m.series}: " if m.series else ""
                 said.append(
-                    f"{series}the phases fit {number(as_is / other, 2)} times better (chi square) "
-                    f"{words}"
+                    f"{series}the phases fit {number(as_is / other, 2)} times better (χ²) {words}"
                 )
     return said
 

@@ -77,7 +77,7 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
     objective = solution.objective
     measurements = objective.data.measurements
     phased = any(m.has_phases for m in measurements)
-    if objective.data.solved_inside == 0 and not phased:
+    if not phased and not any(m.solved_inside for m in measurements):
         return Quadratures()
     x = solution.final.x
     around = central(x, objective.steps, *search_bounds(solution.parameters))

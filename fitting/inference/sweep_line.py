@@ -53,7 +53,8 @@ class SweepLine:
 
     ``frequency_hz`` its eigenfrequency, ``width_hz`` the full width at half maximum of the squared
     amplitude, ``q`` their ratio, ``amplitude`` (in ``unit``, peak) at the eigenfrequency, each with
-    its standard deviation; ``residual`` the root mean square of what the fit leaves, over the
+    half of its 68 % interval (Student's, with ``freedom``
+    degrees of freedom); ``residual`` the root mean square of what the fit leaves, over the
     amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
     ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
     the head of its file says. ``fits`` are the fits without and with a complex background, whatever
@@ -76,6 +77,7 @@ class SweepLine:
     message: str
     instrument: Mapping[str, float]
     notes: Mapping[str, str]
+    freedom: float = math.inf
     fits: tuple[LineFit, ...] = ()
     background_p: float = float("nan")
     values: Mapping[str, str] = field(default_factory=dict)
@@ -131,6 +133,7 @@ def line_of_sweep(sweep: SweepData) -> SweepLine:
         instrument=instrument,
         notes=notes,
         fits=fits,
+        freedom=fit.freedom,
         background_p=background_p(sweep.amplitude_v, tried["none"], tried["complex"]),
     )
 

@@ -45,6 +45,7 @@ class ParameterResult(_Reported):
     the share of the variance that comes from the data, are those of the problem linearised at the
     end of Algorithm 2. `std` is NaN where the verdict leaves no value. `simulation` is how far what
     the plan of the simulation cannot exclude moves the value, at most: it is in `std` and `ci95`.
+    `asked`: it is one that the campaign names; else the measurement brings it, as a cable's delay.
     """
 
     value: float
@@ -63,6 +64,7 @@ class ParameterResult(_Reported):
     simulation: float = 0.0
     precision: float = math.nan
     reason: str = ""
+    asked: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +73,8 @@ class DerivedResult(_Reported):
 
     `value` is the mean; `reference` the mean at the reference parameters; `box` the range of the
     mean over the box of the parameters: what it could be without any data. `stds` are linearised
-    standard deviations of each of the `values`, at the `places` they belong to; both are empty
+    standard deviations of each of the `values`, `halves95` half of their 95 % intervals, at the
+    `places` they belong to; all are empty
     where there is but one, NaN where the data leave it open. The rest is as for a
     `ParameterResult`. Where the data leave it open, `value` is only where the search stopped.
     """
@@ -94,6 +97,7 @@ class DerivedResult(_Reported):
     reason: str = ""
     places: tuple[str, ...] = ()
     stds: Floats = ()
+    halves95: Floats = ()
 
     def text(self) -> str:
         """Value for people; never a value with a small error where the data do not give one."""

@@ -19,14 +19,9 @@ from fitting.inference.equivalent_fits import contradicts, exchange_words, turne
 from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.inverses import Branches
 from fitting.inference.likelihood.knowledge import Equivalent, Interval, Profile
-from fitting.inference.likelihood.profiles import (
-    ROOT_68,
-    ROOT_95,
-    ProfilePoint,
-    Quantity,
-    interval,
-)
+from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interval
 from fitting.inference.verdict import Verdict
+from fitting.signal.student import ROOT_68, ROOT_95
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 

@@ -287,8 +287,8 @@ def _open_search(outcome: Outcome) -> list[str]:
     count = sum(minimum.descents for minimum in low)
     said = (
         f"The box was searched from {search.screened} points without finding parameters that the "
-        f"stated noise explains: {count} of {search.descents} descents ended at the least chi "
-        f"square, {low[0].chi_square:.4g}"
+        f"stated noise explains: {count} of {search.descents} descents ended at the least "
+        f"χ², {low[0].chi_square:.4g}"
     )
     if others:
         said += f", the others higher, from {others[0].chi_square:.4g} on"

@@ -80,17 +80,18 @@ class Dataset:
         return np.concatenate([m.sigma for m in self.measurements])
 
     def solved_of(self, *, known: bool) -> int:
-        """Number of unknowns that measurements are solved for inside their rows.
+        """Number of unknowns that measurements are solved for inside their rows, scales too.
 
         Args:
             known: of those whose noise is known, else of those where it is not.
         """
-        return sum(m.solved_inside for m in self.measurements if bool(np.all(m.sigma > 0)) == known)
+        mine = [m for m in self.measurements if bool(np.all(m.sigma > 0)) == known]
+        return sum(m.solved_inside + _own_scale(m) for m in mine)
 
     @property
     def solved_inside(self) -> int:
         """Number of all unknowns that measurements are solved for inside their rows."""
-        return sum(m.solved_inside for m in self.measurements)
+        return self.solved_of(known=True) + self.solved_of(known=False)
 
     @cached_property
     def measured_rows(self) -> FloatArray:
@@ -197,6 +198,11 @@ class Dataset:
         far = np.maximum(np.abs(residuals) / (HUBER * sigma), 1.0)
         value = np.sum(weights * residuals**2 * (2.0 * far - 1.0) / far**2)
         return float(value), weights / far
+
+
+def _own_scale(measurement: Measurement) -> int:
+    """One where the scale is the least-squares one over its own rows, which are then one fewer."""
+    return int(measurement.rows > 0 and measurement.takes_scale_from_rows)
 
 
 def part_of(data: Dataset, settings: Mapping[str, Scalar]) -> Dataset:

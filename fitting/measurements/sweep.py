@@ -144,8 +144,8 @@ class Sweep(MeasurementKind):
 
     @property
     def takes_scale_from_rows(self) -> bool:
-        """Whether chi is the least-squares one over all points."""
-        return self.scaled_by == "fit"
+        """Whether chi is one of least squares, or Huber's, over all points."""
+        return self.scaled_by in ("fit", "robust")
 
     @property
     def has_free_scale(self) -> bool:

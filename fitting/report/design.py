@@ -16,7 +16,7 @@ from fitting.report.words.design import (
     equal_fits_sentences,
     promise_sentence,
 )
-from fitting.text.notation import hertz, number, plain, prefixed
+from fitting.text.notation import hertz, number, prefixed
 
 Figures = tuple[FigureFile, ...]
 
@@ -117,7 +117,7 @@ def proposal_table(design: Design) -> Table:
     smallest = min((min(p.peaks_v) for p in design.proposals), default=1.0)
     volts, volt = prefixed(smallest, design.amplitude_unit)
     factor, unit = prefixed(design.before.mean, design.unit)
-    sigma = f"σ({plain(design.target)}) ({unit})"
+    sigma = f"σ({design.target}) ({unit})"
     columns: tuple[Column[Proposal | None], ...] = (
         Column("", lambda p: "so far" if p is None else str(p.rank), role="name"),
         _of("observed", lambda p: p.output),
@@ -134,7 +134,7 @@ def proposal_table(design: Design) -> Table:
         "Proposed measurements, in the order of their use",
         columns,
         (None, *design.proposals),
-        f"σ({plain(design.target)}) is that after the measurement and all before it: at the given "
+        f"σ({design.target}) is that after the measurement and all before it: at the given "
         "point, on average (geometric) and at worst over points that fit the data as well. Drive "
         "level in units of the campaign's; peaks at the given point.",
     )
@@ -175,15 +175,15 @@ def places_table(design: Design) -> Table:
         design: the proposed next measurement.
     """
     size = design.before.mean
-    sigma = f"σ({plain(design.target)})"
+    sigma = f"σ({design.target})"
     columns: list[Column[tuple[int, PlacePoint]]] = [
         Column("point", lambda row: "given" if row[0] == 0 else str(row[0]), role="name")
     ]
     if len({tuple(place.alternative.items()) for place in design.places}) > 1:
         columns.append(Column("alternative", lambda row: _alternative(row[1])))
-    columns += [Column(plain(name), _value(name), digits=6) for name in design.places[0].parameters]
+    columns += [Column(name, _value(name), digits=6) for name in design.places[0].parameters]
     columns += [
-        Column(plain(design.target), lambda row: row[1].target, digits=3),
+        Column(design.target, lambda row: row[1].target, digits=3),
         Column(
             f"{sigma} so far", lambda row: row[1].sigmas[0], unit=design.unit, digits=3, size=size
         ),

@@ -43,7 +43,7 @@ from fitting.report.words.values import (
     tied_sentences,
 )
 from fitting.result.result import STATUSES, Result
-from fitting.text.notation import number, scalar_words, settings_words
+from fitting.text.notation import number, scalar_words, settings_words, signs_words
 
 Figures = tuple[FigureFile, ...]
 #: Names of figures by the section that they belong to; what is in none gets one of its own.
@@ -86,6 +86,7 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
     lead = lead_of(figures)
     rest = [figure for figure in figures if figure is not lead]
     answer = answer_of(result)
+    signs = signs_words([*result.parameters, *result.derived])
     return Page(
         title=result.title,
         kind="reconstruction",
@@ -94,7 +95,7 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
         synthetic=result.synthetic,
         warnings=tuple(typeset(said) for said in further_warnings(result)),
         answer=answer_block(answer),
-        notes=answer.notes,
+        notes=(*answer.notes, *filter(None, [signs])),
         lead=lead,
     )
 
@@ -118,7 +119,7 @@ def answer_block(answer: Answer) -> tuple[Line, ...]:
     Args:
         answer: of a reconstruction.
     """
-    values = tuple((known.name, known.shown) for known in answer.known)
+    values = tuple((known.named, known.shown) for known in answer.known)
     nothing = "" if values else answer.known_words
     lines = [
         Line("Known", values=values, words=nothing),

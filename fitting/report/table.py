@@ -10,7 +10,10 @@ import csv
 import html
 import io
 import math
+import os
 import re
+import sys
+import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
@@ -23,6 +26,14 @@ from fitting.text.notation import markup, number, prefixed, unit_text
 TEMPLATES = Path(__file__).parent / "templates"
 #: What a terminal is shown for signs that print has.
 _ASCII = str.maketrans({"\u00a0": " ", "−": "-", "–": "-", "∞": "inf"})
+#: Columns of a line at most, and at least, whatever a terminal says of itself.
+COLUMNS, LEAST_COLUMNS = 100, 40
+#: What a line does not break: "name = value", "value ± error", a number and its unit.
+_TIED = re.compile(
+    r"(?:\S+ [=<>≈] )+\S+(?: ± \S+)?(?: (?:[a-zA-Zµ°Ω%]{1,3}|\(-\)|rad|deg)(?![\w]))?"
+    r"|\d\S* ± \S+(?: [a-zA-Zµ°Ω%]{1,3}(?!\w))?"
+    r"|\d[\d.e+−-]* (?:[numµkMG]?(?:Hz|V|s|m|A|N|W|F|rad)|%|K|dB|°C)(?!\w)"
+)
 _DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _POWER = re.compile(r"(?:(\d[\d.]*)\s×\s)?10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 
@@ -220,6 +231,32 @@ def terminal_text(text: str) -> str:
     """
     plain = _POWER.sub(lambda m: f"{m[1] or 1}e{m[2].translate(_DIGITS)}", text)
     return plain.translate(_ASCII)
+
+
+def wrapped(text: str, indent: int = 0) -> list[str]:
+    """Lines of a terminal; a name, its value, error and unit stay together.
+
+    Lines are as long as the terminal is wide, and no longer than `COLUMNS`.
+
+    Args:
+        text: as it was written.
+        indent: columns that further lines stand in.
+    """
+    whole = _TIED.sub(lambda m: m[0].replace(" ", "\u00a0"), text)  # no break where it stands
+    width = min(COLUMNS, max(LEAST_COLUMNS, _columns()))
+    lead = " " * min(indent, width // 3)
+    lines = textwrap.wrap(
+        whole, width, subsequent_indent=lead, break_on_hyphens=False, break_long_words=False
+    )
+    return [terminal_text(line) for line in lines]
+
+
+def _columns() -> int:
+    """Width of the terminal; where there is none, any."""
+    try:
+        return os.get_terminal_size(sys.stdout.fileno()).columns
+    except (OSError, ValueError, AttributeError):
+        return COLUMNS
 
 
 def text_lines(table: Table) -> list[str]:

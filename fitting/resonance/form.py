@@ -22,6 +22,7 @@ from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import MIN_SWEEP_POINTS, Resonance, fit_resonance, mode_response
 from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -35,16 +36,19 @@ _BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
 
 @dataclass(frozen=True, kw_only=True)
 class FittedForm:
-    """A form of the line as fitted; standard deviations are widened by ``structure``.
+    """A form of the line as fitted; errors are widened by ``structure``.
+
+    They are half of a 68 % interval: Student's, as the residuals tell the noise.
 
     Attributes:
         name: "transmission", "fano" or "sloped".
-        frequency_hz: eigenfrequency of the mode, Hz, and its standard deviation.
-        width_hz: full width at half of the power, Hz, and its standard deviation.
-        q: their ratio, and its standard deviation.
+        frequency_hz: eigenfrequency of the mode, Hz, and its error.
+        width_hz: full width at half of the power, Hz, and its error.
+        q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
         delay_s: of the cable, s; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
+        freedom: degrees of freedom of the noise; points that hang together count as fewer.
         squares: sum of the squared residuals over the largest value.
         residual: their root mean square over ``amplitude``.
         structure: what the order of the residuals tells.
@@ -63,6 +67,7 @@ class FittedForm:
     amplitude_std: float
     delay_s: float
     unknowns: int
+    freedom: float
     squares: float
     residual: float
     structure: Structure
@@ -101,6 +106,7 @@ def fit_amplitudes(
         amplitude_std=found.amplitude_std,
         delay_s=math.nan,
         unknowns=3 if name == TRANSMISSION else 5,
+        freedom=found.freedom,
         squares=float(left @ left),
         residual=found.residual_rms,
         structure=found.structure,
@@ -287,7 +293,9 @@ class _ComplexFit:
         structure = residual_structure(fit.residuals, slopes)
         squares = float(fit.residuals @ fit.residuals)
         freedom = max(1, fit.residuals.size - slopes.shape[1])
+        independent = freedom / structure.widening**2
         spread = structure.widening**2 * squares / freedom * covariance
+        spread = reach(ROOT_68, independent) ** 2 * spread
         solved = self.solved(fit.values)
         gain = complex(solved.coefficients[0])
         along = np.zeros(slopes.shape[1])
@@ -306,6 +314,7 @@ class _ComplexFit:
             amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
             delay_s=delay if self.delayed else math.nan,
             unknowns=slopes.shape[1],
+            freedom=independent,
             squares=squares,
             residual=math.sqrt(squares / self.y.size) / abs(gain),
             structure=structure,

@@ -38,6 +38,7 @@ from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import two_lines
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
+from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -103,7 +104,10 @@ class LinePoints:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One resonance of a measured response; errors (``_std``) are standard deviations.
+    """One resonance of a measured response.
+
+    Errors (``_std``) are half of the interval that holds the truth in 68 of 100 such sweeps, the
+    others (``_ci95``) in 95. Both are Student's, as the noise is known from the residuals alone.
 
     Attributes:
         source: the file, or "arrays".
@@ -115,6 +119,7 @@ class Line:
         asked: whether it was asked for, and not found.
         delay_s: of the cable, s; NaN where none was looked for.
         residual: root mean square of what is left, over ``amplitude``.
+        freedom: degrees of freedom of the noise.
         independent_points: how many of the points, that may follow each other, are news.
         widening: factor on the errors because points follow each other; 1 where they do not.
         forms: every form that was tried, the one that was taken first.
@@ -129,10 +134,13 @@ class Line:
     source: str
     frequency_hz: float
     frequency_std_hz: float
+    frequency_ci95_hz: tuple[float, float]
     width_hz: float
     width_std_hz: float
+    width_ci95_hz: tuple[float, float]
     q: float
     q_std: float
+    q_ci95: tuple[float, float]
     amplitude: float
     amplitude_std: float
     unit: str
@@ -140,6 +148,7 @@ class Line:
     asked: bool
     delay_s: float
     residual: float
+    freedom: float
     independent_points: float
     widening: float
     forms: tuple[LineForm, ...]
@@ -149,6 +158,11 @@ class Line:
     turned: bool
     said: tuple[str, ...]
     points: LinePoints = field(repr=False)
+
+    @property
+    def ratio95(self) -> float:
+        """The half of a 95 % interval over that of a 68 % one."""
+        return ratio95(self.freedom)
 
     @property
     def is_complex(self) -> bool:
@@ -194,10 +208,13 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         source=trace.source,
         frequency_hz=best.frequency_hz,
         frequency_std_hz=best.frequency_std_hz,
+        frequency_ci95_hz=_interval(best.frequency_hz, best.frequency_std_hz, best.freedom),
         width_hz=best.width_hz,
         width_std_hz=best.width_std_hz,
+        width_ci95_hz=_interval(best.width_hz, best.width_std_hz, best.freedom),
         q=best.q,
         q_std=best.q_std,
+        q_ci95=_interval(best.q, best.q_std, best.freedom),
         amplitude=best.amplitude,
         amplitude_std=best.amplitude_std,
         unit=trace.unit,
@@ -205,6 +222,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         asked=bool(wiring),
         delay_s=best.delay_s,
         residual=best.residual,
+        freedom=best.freedom,
         independent_points=best.structure.points / (2.0 if trace.is_complex else 1.0),
         widening=best.structure.widening,
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
@@ -215,6 +233,12 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         said=trace.said,
         points=_points(trace, best),
     )
+
+
+def _interval(value: float, error: float, freedom: float) -> tuple[float, float]:
+    """The 95 % interval about a value with half of its 68 % interval."""
+    half = error * ratio95(freedom)
+    return value - half, value + half
 
 
 def _without_doubtful_delay(

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc
 
 from fitting.resonance.form import FittedForm
 from fitting.resonance.trace import Trace
@@ -21,8 +22,10 @@ from fitting.text.arrays import ComplexArray, FloatArray
 
 #: A second line counts from this share of the first one's height, if it explains so much.
 LEAST_HEIGHT, EXPLAINED = 0.03, 0.75
-#: Fewer points do not tell two lines from one and noise.
-LEAST_POINTS = 12
+#: Fewer points do not tell two lines from one and noise, and noise gains as much less often.
+LEAST_POINTS, BY_CHANCE = 12, 1e-3
+#: Evaluations after which a second line that is still looked for is none.
+ROUNDS_FOR_SECOND = 60
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ def two_lines(trace: Trace, best: FittedForm) -> TwoLines | None:
     if found is None:
         return None
     squares, lines = found
+    if _chance(trace, best, squares) > BY_CHANCE:
+        return None
     spacing, span = float(np.median(np.diff(f))), float(np.ptp(f))
     seen = [
         (eta, width, height)
@@ -71,6 +76,21 @@ def two_lines(trace: Trace, best: FittedForm) -> TwoLines | None:
     if heights[0] < LEAST_HEIGHT * heights[1] or not apart:
         return None
     return TwoLines((low, high), (low_width, high_width))
+
+
+def _chance(trace: Trace, best: FittedForm, squares: float) -> float:
+    """Probability that noise gains as much by the second line, at any of the points.
+
+    Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares), with
+    Bonferroni's bound.
+    """
+    rows, unknowns = (2 * trace.values.size, 10) if trace.is_complex else (trace.values.size, 7)
+    more = max(1, unknowns - best.unknowns)
+    freedom = max(1.0, (rows - unknowns) / best.structure.widening**2)
+    if not squares > 0.0:
+        return 0.0
+    gain = max(0.0, (best.squares - squares) / more * freedom / squares)
+    return min(1.0, trace.frequency_hz.size * float(fdtrc(more, freedom, gain)))
 
 
 _Lines = Iterable[tuple[float, float, float]]
@@ -134,7 +154,8 @@ def _fitted(
 
     heights = [float(np.interp(b, f, y)) for b in begin]
     try:
-        fit = minimise_squares(residuals, np.array([0, 0, 0, 0, heights[0], heights[1], 0.1]))
+        begin_at = np.array([0, 0, 0, 0, heights[0], heights[1], 0.1])
+        fit = minimise_squares(residuals, begin_at, rounds=ROUNDS_FOR_SECOND)
     except (ValueError, np.linalg.LinAlgError):
         return None
     sizes = abs(float(fit.values[4])), float(np.hypot(fit.values[5], fit.values[6]))

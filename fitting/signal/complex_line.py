@@ -16,10 +16,15 @@ from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Least squares with new weights: Sanathanan and Koerner's denominator settles by then.
 ROUNDS = 4
-#: Delays that are tried about the first guess: their number each way, and how many in 1/span.
-TRIED, PER_SPAN = 32, 8
+#: Delays that are tried about the first guess: their number each way, and how many in 1/span; how
+#: many times as many at most, where gaps make the span longer than what was measured in it.
+TRIED, PER_SPAN, MOST = 32, 8, 32.0
+#: Spreads of the values, as a share of the largest, that are rounding: a constant is no line.
+CONSTANT = 1e-12
 #: Times that delays are tried four times as close about the best one.
 CLOSER = 4
+#: Delays, the best ones, about which that is done where the sweep has gaps.
+PROMISING = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +47,7 @@ class ComplexLine:
 def complex_line(
     frequency_hz: FloatArray, values: ComplexArray, delay_s: float | None = 0.0
 ) -> ComplexLine:
-    """The mode that complex values follow.
+    """The mode that complex values follow; values that are one constant have no width, NaN.
 
     Args:
         frequency_hz: frequencies (n,), Hz, rising.
@@ -51,27 +56,52 @@ def complex_line(
 
     Source: C. Sanathanan and J. Koerner, IEEE Trans. Autom. Control 8 (1963) 56.
     """
-    f, s = frequency_hz, values / float(np.max(np.abs(values)))
+    largest = float(np.max(np.abs(values)))
+    if not float(np.max(np.abs(values - values[0]))) > CONSTANT * largest:
+        return _no_line(frequency_hz, complex(values[0]), delay_s or 0.0)
+    f, s = frequency_hz, values / largest
     if delay_s is not None:
         line = _line(f, s, delay_s)
-        return replace(line, top=line.top * float(np.max(np.abs(values))))
+        return replace(line, top=line.top * largest)
     span = float(np.ptp(f))
-    guess = _mean_delay(f, s)
-    steps = np.arange(-TRIED, TRIED + 1) / (PER_SPAN * span)
+    guess, measured_hz = _mean_delay(f, s)
+    tried = int(TRIED * min(max(1.0, span / measured_hz), MOST))
+    steps = np.arange(-tried, tried + 1) / (PER_SPAN * span)
     misfits = [_line(f, s, guess + step).left for step in steps]
-    best = guess + float(steps[int(np.argmin(misfits))])
-    for closer in range(1, CLOSER + 1):
-        near = best + np.arange(-4, 5) / (PER_SPAN * span * 4.0**closer)
-        best = float(near[int(np.argmin([_line(f, s, float(tau)).left for tau in near]))])
+    # over a gap a turn more fits nearly as well: which one is seen close by alone
+    lowest = [
+        guess + float(steps[k]) for k in np.argsort(misfits)[: PROMISING if tried > TRIED else 1]
+    ]
+    ends = [_closer(f, s, begin) for begin in lowest]
+    best = min(ends, key=lambda tau: _line(f, s, tau).left)
     return complex_line(frequency_hz, values, best)
 
 
-def _mean_delay(f: FloatArray, s: ComplexArray) -> float:
-    """Delay by the mean turn between neighbours, s; a resonance changes it by 1/span at most."""
+def _closer(f: FloatArray, s: ComplexArray, delay_s: float) -> float:
+    """The delay near by that leaves least, s."""
+    best, span = delay_s, float(np.ptp(f))
+    for closer in range(1, CLOSER + 1):
+        near = best + np.arange(-4, 5) / (PER_SPAN * span * 4.0**closer)
+        best = float(near[int(np.argmin([_line(f, s, float(tau)).left for tau in near]))])
+    return best
+
+
+def _no_line(f: FloatArray, value: complex, delay_s: float) -> ComplexLine:
+    middle = 0.5 * float(f[0] + f[-1])
+    return ComplexLine(
+        eta_hz=middle, width_hz=float("nan"), delay_s=delay_s, misfit=1.0, left=0.0, top=value
+    )
+
+
+def _mean_delay(f: FloatArray, s: ComplexArray) -> tuple[float, float]:
+    """Delay by the mean turn between neighbours, s, and the span without gaps, Hz.
+
+    A resonance changes it by one over that span at most.
+    """
     steps = np.diff(f)
     near = steps <= 1.5 * float(np.median(steps))
     turn = np.angle(np.sum((s[1:] * np.conj(s[:-1]))[near]))
-    return float(-turn / (2.0 * np.pi * np.mean(steps[near])))
+    return float(-turn / (2.0 * np.pi * np.mean(steps[near]))), float(np.sum(steps[near]))
 
 
 def _line(f: FloatArray, s: ComplexArray, delay_s: float) -> ComplexLine:

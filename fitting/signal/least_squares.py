@@ -20,7 +20,8 @@ class LeastSquaresFit:
     """The minimum of a sum of squares and the curvature there.
 
     ``values`` (n,), ``covariance`` (n, n) in units of the values, ``residuals`` (m,), ``jacobian``
-    (m, n) there, ``converged`` and the solver's own ``message``.
+    (m, n) there, ``converged`` and the solver's own ``message``; ``freedom`` that of the residuals
+    where they tell their noise, infinite where it is known.
     """
 
     values: FloatArray
@@ -29,6 +30,7 @@ class LeastSquaresFit:
     jacobian: FloatArray
     converged: bool
     message: str
+    freedom: float
 
 
 def minimise_squares(
@@ -36,6 +38,7 @@ def minimise_squares(
     start: FloatArray,
     *,
     residual_sigma: float | None = None,
+    rounds: int | None = None,
 ) -> LeastSquaresFit:
     """Minimise ``sum(residuals(x)**2)`` without bounds, by a trust-region Gauss-Newton method.
 
@@ -48,6 +51,7 @@ def minimise_squares(
         residuals: of x (n,), shape (m,).
         start: shape (n,), of order one in every coordinate.
         residual_sigma: standard deviation of a residual, if known, in its unit.
+        rounds: evaluations at most, slopes not counted; None: as many as it takes.
 
     Raises:
         ValueError: fewer residuals than unknowns.
@@ -58,7 +62,14 @@ def minimise_squares(
         raise ValueError(f"{residuals(start).size} residuals cannot fix {start.size} unknowns")
     # with 2-point differences the noise of the gradient stops the fit near 1e-8 of the width
     fit = least_squares(
-        residuals, start, jac="3-point", method="trf", xtol=1e-15, ftol=1e-15, gtol=1e-15
+        residuals,
+        start,
+        jac="3-point",
+        method="trf",
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-15,
+        max_nfev=rounds,
     )
     freedom = max(1, fit.fun.size - start.size)
     variance = (
@@ -71,6 +82,7 @@ def minimise_squares(
         jacobian=np.asarray(fit.jac, dtype=float),
         converged=bool(fit.status > 0 and np.all(np.isfinite(fit.x))),
         message=str(fit.message),
+        freedom=float(freedom) if residual_sigma is None else np.inf,
     )
 
 

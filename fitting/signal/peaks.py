@@ -13,6 +13,7 @@ import numpy as np
 
 from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
 from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -55,9 +56,10 @@ class PeakReading:
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance:
-    """One damped mode fitted to a sweep; every value has its standard deviation beside it.
+    """One damped mode fitted to a sweep; every value has half of its 68 % interval beside it.
 
-    The standard deviations are widened where the residuals hang together: ``structure`` tells.
+    These are widened where the residuals hang together: ``structure`` tells. ``freedom`` is that
+    of the noise, which the residuals tell; infinite where it is known. They are Student's.
     ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
     complex constant (0 without), ``residual_rms`` relative to the amplitude, ``correlation``
@@ -78,6 +80,7 @@ class Resonance:
     curve: FloatArray
     message: str
     structure: Structure
+    freedom: float
 
 
 def noise_floor(
@@ -337,7 +340,8 @@ def _as_resonance(
 ) -> Resonance:
     eta0, width0, height = guess
     structure = residual_structure(fit.residuals, fit.jacobian)
-    spread = structure.widening**2 * fit.covariance
+    freedom = fit.freedom / structure.widening**2
+    spread = (reach(ROOT_68, freedom) * structure.widening) ** 2 * fit.covariance
     x, variance = fit.values, np.diag(spread)
     eta, width = eta0 + width0 * float(x[0]), width0 * math.exp(float(x[1]))
     span = float(frequency_hz[-1] - frequency_hz[0])
@@ -372,4 +376,5 @@ def _as_resonance(
         curve=curve,
         message=fit.message,
         structure=structure,
+        freedom=freedom,
     )

@@ -33,6 +33,7 @@ _PREFIXED = (1e-18, 1e13)
 _NO_UNIT = ("", "1", "-", "dimensionless")
 _SIGNS = {"plus": "+", "minus": "−"}
 _SYMBOL = re.compile(r"([A-Za-z]+?)_?(\d+|(?<=_)[A-Za-z0-9]+)?")
+_SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊₋₋")
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Numbers below this are written without a power of ten.
 _PLAIN_BELOW = 1e9
@@ -93,26 +94,26 @@ def mean_of(name: str) -> str:
 
 
 def markup(name: str) -> str:
-    """A name as HTML (escaped): a symbol in italics with its index, or the plain name as code.
+    """A name as HTML (escaped), spelled as campaigns and commands spell it.
 
     Args:
         name: of a quantity.
     """
-    parts = symbol(name)
-    if parts is None:
-        return f"<code>{html.escape(name)}</code>"
-    letter, index = parts
-    return f"<i>{letter}</i><sub>{index}</sub>" if index else f"<i>{letter}</i>"
+    return f"<code>{html.escape(name)}</code>"
 
 
-def plain(name: str) -> str:
-    """A name in running text without markup: a lone Greek letter as such, others as they are.
+def signs_words(names: Iterable[str]) -> str:
+    """What the signs in figures stand for: "In figures η₊ is eta_plus."; empty where all are plain.
 
     Args:
-        name: of a quantity.
+        names: of the quantities.
     """
-    parts = symbol(name)
-    return parts[0] if parts is not None and not parts[1] else name
+    told = []
+    for name in names:
+        parts = symbol(name)
+        if parts is not None and not name.startswith(parts[0] + parts[1]):
+            told.append(f"{parts[0]}{parts[1].translate(_SUBSCRIPT)} is {name}")
+    return f"In figures {listed(told)}." if told else ""
 
 
 def unit_text(unit: str) -> str:
@@ -121,7 +122,11 @@ def unit_text(unit: str) -> str:
     Args:
         unit: of the values.
     """
-    return "" if unit in _NO_UNIT else unit
+    return "" if unit in _NO_UNIT else _MICRO.sub("µ", unit)
+
+
+#: A prefix written as the letter u, or as the Greek letter, which is another character.
+_MICRO = re.compile(r"(?<![A-Za-z])u(?=(?:V|A|m|s|Hz|N|W|g|F|H|J|Pa|T|C|rad)\b)|μ")
 
 
 def prefixed(size: float, unit: str) -> tuple[float, str]:

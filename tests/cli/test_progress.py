@@ -53,7 +53,7 @@ FIRST = Progress(
 
 
 def test_the_first_line_knows_no_number_and_tells_none() -> None:
-    assert Remaining(EXPECTED).searching(FIRST) == "alternative 1/1, start 1/1, nu = 1e-01"
+    assert Remaining(EXPECTED).searching(FIRST) == "alternative 1/1, start 1/1, ν = 1e-01"
 
 
 def test_what_is_left_counts_the_profiles_in() -> None:

@@ -241,10 +241,12 @@ def test_the_end_of_a_chain_is_evaluated_and_linearised() -> None:
     assert found.structure is None
     assert found.tikhonov_weights == pytest.approx([0.2])
     assert found.last is ended.steps[-1]
-    scatter = np.sqrt(1.25 / 2.0)  # of two rows of unknown noise, widened by what is left of them
-    precision = 5.0 / (scatter * found.errors.inflation) ** 2 + 12.0 / 36.0 + 0.2
+    scatter = np.sqrt(1.25 / 1.0)  # of two rows of unknown noise and one parameter
+    precision = 5.0 / scatter**2 + 12.0 / 36.0 + 0.2
     assert found.errors.covariance == pytest.approx(np.array([[1.0 / precision]]))
-    assert found.errors.inflation == pytest.approx(np.sqrt(2.0))
+    freedom = 2.0 - 8.0 / (8.0 + 12.0 / 36.0 + 0.2)  # what the parameter leaves of two rows
+    assert found.noise.freedom == pytest.approx(freedom)
+    assert found.errors.inflation == pytest.approx(np.sqrt(freedom))
     begun = solution_of(evaluator, Chain(0, (0.25,)), Schedule(nu_start=0.7))
     assert begun.last is None
     assert begun.nu == 0.7

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, t
 
 from fitting.cli.main import main
 from fitting.fit.covariance import RowCovariance
@@ -24,7 +24,7 @@ from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from tests.faults import scene
-from tests.support.whitened import Z95, learnt, parameter, whitened
+from tests.support.whitened import learnt, parameter, whitened
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_noise_that_was_stated_two_times_too_small_only_widens() -> None:
     size = 1.9  # a little less than the factor at which the model is given up
     found = learnt(scattered(size))
     factor = size * math.sqrt(M / (M - 1.0))
-    half = Z95 * factor / math.sqrt(M)
+    half = float(t.ppf(0.975, M - 1)) * factor / math.sqrt(M)
     assert found.inflation == pytest.approx(factor, rel=1e-3)
     assert found.adequacy.chi_square == pytest.approx(M * size**2, rel=1e-4)
     assert found.adequacy.freedom == pytest.approx(M - 1.0, abs=0.01)

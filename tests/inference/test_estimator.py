@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import linprog
-from scipy.stats import chi2
+from scipy.stats import chi2, norm, t
 
 from fitting.fit.fit import solve_problem
 from fitting.fit.options import ALGORITHM2, LIKELIHOOD, Options
@@ -46,6 +46,12 @@ def widened(chi_square: float) -> float:
     return math.sqrt(chi_square / freedom) if chi2.sf(chi_square, freedom) < 0.05 else 1.0
 
 
+def reaches(chi_square: float) -> tuple[float, float]:
+    """Half of 68 % and 95 % intervals in errors: Student's where the residuals made them wider."""
+    law = t(ROWS - 2) if widened(chi_square) > 1.0 else norm
+    return float(law.ppf(norm.cdf(1.0))), float(law.ppf(0.975))
+
+
 @pytest.mark.parametrize("outlier", [0.0, 3.0, 5.0])
 @pytest.mark.parametrize("seed", range(6))
 def test_value_error_and_interval_are_those_of_least_squares(seed: int, outlier: float) -> None:
@@ -63,9 +69,9 @@ def test_value_error_and_interval_are_those_of_least_squares(seed: int, outlier:
         assert profile.best == pytest.approx(value, abs=0.05 * error)
         assert profile.sigma == pytest.approx(error, rel=0.01)
         assert profile.interval95[0] < profile.best < profile.interval95[1]
-        low, high = value - Z95 * error, value + Z95 * error
-        assert profile.interval95 == pytest.approx((low, high), abs=0.05 * error)
-        assert profile.interval68 == pytest.approx((value - error, value + error), abs=0.05 * error)
+        at_68, at_95 = (reach * error for reach in reaches(float(chi_square)))
+        assert profile.interval95 == pytest.approx((value - at_95, value + at_95), abs=0.06 * error)
+        assert profile.interval68 == pytest.approx((value - at_68, value + at_68), abs=0.05 * error)
 
 
 def with_outlier(
@@ -104,7 +110,7 @@ def test_the_estimate_of_algorithm_2_stands_beside_and_not_in_the_interval(seed:
     for k, result in enumerate(found.parameters.values()):
         assert result.identifiable is Verdict.DETERMINED
         assert result.value == pytest.approx(solution[k], abs=0.05 * errors[k])
-        assert result.std == pytest.approx(errors[k], rel=0.03)
+        assert result.std == pytest.approx(errors[k] * reaches(float(chi_square))[0], rel=0.03)
         assert result.ci95[0] < result.value < result.ci95[1]
     papers = np.array([result.algorithm2 for result in found.parameters.values()])
     reached = float(np.sum(np.abs(matrix @ papers - measured)))
@@ -132,8 +138,9 @@ def test_algorithm_2_is_reported_where_asked_for_and_errors_stay_those_of_least_
     for k, (name, result) in enumerate(found.parameters.items()):
         assert result.value == result.algorithm2
         assert result.most_likely == pytest.approx(solution[k], abs=0.05 * errors[k])
-        assert result.std == pytest.approx(errors[k], rel=0.03)
-        low, high = solution[k] - Z95 * errors[k], solution[k] + Z95 * errors[k]
+        assert result.std == pytest.approx(errors[k] * reaches(float(chi_square))[0], rel=0.03)
+        half = errors[k] * reaches(float(chi_square))[1]
+        low, high = solution[k] - half, solution[k] + half
         assert result.ci95 == pytest.approx((low, high), abs=0.06 * errors[k])
         outside = not low < result.value < high
         assert (f"{name} = " in said) == outside

@@ -114,4 +114,4 @@ def test_a_misfit_beyond_the_noise_chooses_none_and_says_so() -> None:
     choice = choose_nu(likelihood_of(objective, sigma, np.zeros((sigma.size, 0))), steps, ())
     assert math.isnan(choice.discrepancy)
     assert math.isnan(choice.corner)
-    assert "At no nu is the misfit within the noise" in choice.sentences[1]
+    assert "At no ν is the misfit within the noise" in choice.sentences[1]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.stats import t
 
 import fitting as ff
 from fitting.campaign import Setup
@@ -81,7 +82,8 @@ def test_value_error_and_freedom_are_those_of_least_squares_in_all_unknowns(
     for name, v, e in zip(("d1", "eta_plus"), value, error, strict=True):
         assert found[name].value == pytest.approx(v, abs=0.01 * e)
         low, high = found[name].interval()
-        assert 0.5 * (high - low) / 1.96 == pytest.approx(e, rel=0.02)
+        half = float(t.ppf(0.975, 2 * SEEN.size - 6)) * e
+        assert 0.5 * (high - low) == pytest.approx(half, rel=0.02)
     assert found.inferred.knowledge is not None
     assert found.inferred.knowledge.freedom == pytest.approx(2 * SEEN.size - 4 - 2, abs=0.01)
 

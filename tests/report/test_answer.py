@@ -10,6 +10,8 @@ import pytest
 from fitting.inference.ending import Ending
 from fitting.inference.sweep_line import LineFit
 from fitting.inference.verdict import Verdict
+from fitting.report.table import text_lines
+from fitting.report.tables.values import values_table
 from fitting.report.words.answer import answer_lines, answer_of
 from fitting.report.words.result import further_warnings, result_lines
 from fitting.result.result import Result
@@ -150,7 +152,7 @@ def test_the_answer_stands_before_all_else_and_nothing_is_said_twice(result: Res
     assert [line.split(":")[0] for line in lines[3:6]] == ["known", "not known", "next"]
     assert sum("All 3 levels were done." in line for line in lines) == 1
     assert further_warnings(told) == ("Another one.",)
-    assert sum("± is one standard deviation" in line for line in lines) == 1
+    assert sum("± holds 68 %" in line for line in lines) == 1
     failed = replace(told, status="not converged", ending=Ending(words="not converged"))
     assert result_lines(replace(failed, message="Not converged. Why."))[1] == "Not converged. Why."
 
@@ -177,3 +179,37 @@ def test_structure_of_the_residuals_comes_before_less_noise(
     answer = answer_of(known)
     assert answer.open_words == "nothing that was asked for"
     assert told in answer.advice
+
+
+def test_nothing_is_proposed_that_only_the_measurement_brings_along(result: Result) -> None:
+    """A cable's delay is known worst, or not at all: nobody has asked for it."""
+    profiled = replace(result, knowledge=plot_records.knowledge())
+    for verdict in (Verdict.DETERMINED, Verdict.OPEN):
+        delay = replace(
+            result.parameters["d1"], value=1e-9, std=1e-7, identifiable=verdict, asked=False
+        )
+        known = {"d1": result.parameters["d1"], "cable_delay": delay}
+        told = answer_of(replace(profiled, parameters=known, derived={}))
+        assert "cable_delay" not in f"{told.advice} {told.command}"
+        assert "d1" in f"{told.advice} {told.command}"
+
+
+def test_an_output_that_is_a_parameter_is_told_once(result: Result) -> None:
+    """One mode's width, under the name of the output beside that of the parameter."""
+    d1, output = result.parameters["d1"], result.derived["D11"]
+    same = replace(
+        output,
+        **{name: getattr(d1, name) for name in ("value", "std", "ci95", "unit", "identifiable")},
+        most_likely=d1.most_likely,
+        spread=0.0,
+    )
+    twice = replace(result, derived={"width": same}, line=None)
+    known = answer_of(twice)
+    assert [k.named for k in known.known] == ["d1 = width"]
+    rows = [
+        line.split() for line in text_lines(values_table(twice, "")) if line.startswith("width")
+    ]
+    assert rows == [["width", "-", d1.unit, "-", "-", "=", "d1"]]
+    other = replace(same, value=1.001 * d1.value)
+    apart = answer_of(replace(twice, derived={"width": other}))
+    assert {k.named for k in apart.known} == {"d1", "width"}

@@ -196,7 +196,7 @@ def test_parameters_stand_as_they_are_in_the_record(page: Any, result: Result) -
         assert cells[9].text_content() == parameter.identifiable
         shown = float(cells[1].text_content().replace("−", "-"))
         assert shown == pytest.approx(parameter.value, rel=1e-7)
-    assert [cells[0].text_content() for cells in rows] == ["θ", "d1"]
+    assert [cells[0].text_content() for cells in rows] == ["theta", "d1"]
     assert rows[1][4].text_content() == "92.950 to 93.890"
 
 
@@ -215,7 +215,7 @@ def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None
     said = words(page).replace("\u00a0", " ")
     assert "theta (0.00 to 3.14 rad), lambda (63 to 781 kHz)" in said
     assert "D11 = 599.1 ± 1.9 1/s" in said
-    assert "The errors of θ and d1 are tied (correlation −0.988)" in said
+    assert "The errors of theta and d1 are tied (correlation −0.988)" in said
 
 
 def test_every_peak_is_listed(page: Any, result: Result) -> None:

@@ -65,7 +65,7 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
     "discrepancy": (
         lambda ax: plot.discrepancy(NU, ax=ax),
         "ν",
-        "χ² (dashed: what noise explains)",
+        "χ²(ν) (dashed: what noise explains)",
     ),
     "drive_envelope": (
         lambda ax: plot.drive_envelope(DATA.tones[0], ax=ax),

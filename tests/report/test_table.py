@@ -23,6 +23,7 @@ from fitting.report.table import (
     tabulate,
     terminal_text,
     text_lines,
+    wrapped,
 )
 from fitting.report.tables.values import values_table
 from fitting.text.notation import number
@@ -67,7 +68,7 @@ def test_a_file_gets_exact_numbers_in_the_unit_of_its_head() -> None:
     assert [row[2] for row in rows[1:]] == ["9.6e-07", ""]
 
 
-def test_a_page_gets_symbols_and_both_the_shown_and_the_exact_number() -> None:
+def test_a_page_gets_names_and_both_the_shown_and_the_exact_number() -> None:
     root = html.fromstring(html_table(TABLE))
     (table,) = root.iter("table")
     assert table.findtext("caption") == "Modes"
@@ -78,7 +79,7 @@ def test_a_page_gets_symbols_and_both_the_shown_and_the_exact_number() -> None:
         "remark",
     ]
     first, second = table.findall("tbody/tr")
-    assert first[0].text_content() == "η+"
+    assert first[0].text_content() == "eta_plus"
     assert first[0].get("scope") == "row"
     assert first[1].text_content() == "6.94026"
     assert float(first[1].find("data").get("value")) == MODES[0].frequency_hz
@@ -128,3 +129,15 @@ def test_a_result_in_short_gives_no_value_where_the_data_give_none() -> None:
     assert told["theta"][1] == "-"
     assert " ".join(told["lambda"][5:]).startswith("not determined: 63000 to 781000 fits")
     assert told["d1"][1:6] == ["93.424576", "Hz", "0.24", "94", "determined"]
+
+
+def test_a_line_breaks_between_values_and_never_inside_one() -> None:
+    said = ", ".join(f"line_{k} = {k}.25 ± 0.{k}3 µV" for k in range(1, 9))
+    lines = wrapped(f"known:     {said}", 11)
+    assert max(map(len, lines)) <= 100
+    assert len(lines) > 2
+    assert all(line.startswith(" " * 11) for line in lines[1:])
+    values = [value for line in lines for value in line.removeprefix("known:").split(",")]
+    assert [value.strip() for value in values if value.strip()] == said.split(", ")
+    whole = "/a/path/" + "that/no/line/breaks/" * 8
+    assert wrapped(f"written: {whole}")[1] == whole

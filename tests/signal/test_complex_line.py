@@ -67,6 +67,24 @@ def test_a_gap_in_the_sweep_does_not_hide_the_delay() -> None:
     assert found.delay_s == pytest.approx(delay_s, abs=0.5 / (8 * 4**4) / float(np.ptp(f)))
 
 
+@pytest.mark.parametrize("beyond", [30.0, 120.0])
+def test_a_wide_gap_does_not_hide_it_either(beyond: float) -> None:
+    """The guess is off by a part of a turn over what was measured, many turns over gap and all."""
+    f = np.concatenate([grid(-4.0, 0.9, 50), grid(beyond, beyond + 3.0, 31)])
+    delay_s = 0.4 / float(f[1] - f[0])
+    found = complex_line(f, response(f, delay_s), None)
+    assert found.delay_s == pytest.approx(delay_s, abs=0.5 / (8 * 4**4) / float(np.ptp(f)))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [1.0, 0.3j, 0.0])
+@pytest.mark.parametrize("delay_s", [0.0, None])
+def test_a_constant_is_no_line(value: complex, delay_s: float | None) -> None:
+    found = complex_line(grid(), np.full(101, value, dtype=complex), delay_s)
+    assert np.isnan(found.width_hz)
+    assert (found.top, found.left) == (value, 0.0)
+
+
 def test_noise_is_what_is_left() -> None:
     """rms over the largest modulus; over the spread about the mean for the misfit."""
     f, generator = grid(points=4001), np.random.default_rng(1)

@@ -133,3 +133,19 @@ def test_prefixes(value: float, unit: str, shown: str) -> None:
 def test_ticks_of_a_logarithmic_axis() -> None:
     ticks = [notation.on_log_axis(v) for v in (1e-9, 0.1, 1.0, 100.0, 1e4, 3e-4)]
     assert ticks == ["10⁻⁹", "0.1", "1", "100", "10⁴", "3·10⁻⁴"]
+
+
+def test_micro_is_written_in_one_way() -> None:
+    assert [notation.unit_text(u) for u in ("uV", "µV", "μV", "us", "V/us")] == [
+        *("µV", "µV", "µV", "µs"),
+        "V/µs",
+    ]
+    assert [notation.unit_text(u) for u in ("lum", "unit", "mV")] == ["lum", "unit", "mV"]
+    assert notation.with_error(2.0, 0.1, "uV") == notation.with_error(2.0, 0.1, "µV")
+
+
+def test_signs_of_figures_are_told_where_they_are_not_the_name() -> None:
+    assert notation.signs_words(["theta", "eta_plus", "d1", "width_plus"]) == (
+        "In figures θ is theta and η₊ is eta_plus."
+    )
+    assert notation.signs_words(["d1"]) == ""

@@ -38,7 +38,7 @@ class Remaining:
         words = [
             f"alternative {state.alternative + 1}/{state.alternatives}",
             f"start {state.start + 1}/{state.starts}",
-            f"nu = {state.nu:.0e}",
+            f"ν = {state.nu:.0e}",
         ]
         j = state.j_fit + state.j_reg
         words += [f"J = {j:.5g}"] if math.isfinite(j) else []

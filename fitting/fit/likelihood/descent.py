@@ -20,8 +20,9 @@ from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
-from fitting.fit.linearisation import Linearisation
+from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
 from fitting.signal.least_squares import damped_step
+from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
@@ -40,6 +41,8 @@ TOO_LARGE_P = 0.05
 WORTH_LEAVING = 0.1
 #: Gain in chi square, were a limit not there, from which the limit is said to hold a point.
 HELD = 0.1
+#: Times that noise is taken anew from the residuals that it leaves, and the change that is none.
+SCATTER_ROUNDS, SAME_SCATTER = 4, 1e-3
 #: Relative error of a slope by forward differences, at most.
 BLURRED = 1e-3
 #: Distance from a limit, in widths of the box, at which a point is at it.
@@ -177,14 +180,14 @@ def lower(
     """
     if not np.isfinite(here.chi_square):
         return Descent(here, reached=False)
-    damping, hope = LEAST_DAMPING, np.inf
+    damping = LEAST_DAMPING
     moved = constraint.index < 0  # a held parameter must first be brought to its value
     for _ in range(ITERATIONS):
         step, promised, left = _proposed(likelihood, here, constraint, damping)
-        hope = min(hope, promised) if damping > LEAST_DAMPING else promised
-        if moved and (promised < promise or _merit(here, constraint) <= enough):
-            # a step that is damped promises little anywhere: what did the free one promise?
-            return Descent(here, hope < STALLED or _merit(here, constraint) <= enough)
+        if moved and _merit(here, constraint) <= enough:
+            return Descent(here, reached=True)
+        if moved and promised < promise:
+            return Descent(here, _has_arrived(likelihood, here, constraint))
         trial = yield from expansion_at(likelihood, here.x + step, constraint.output >= 0)
         merit = _merit(trial, constraint)
         gain = _merit(here, constraint) - merit
@@ -202,8 +205,16 @@ def lower(
         else:
             damping *= 30.0
             if damping > MOST_DAMPING:
-                return Descent(here, hope < STALLED)
+                return Descent(here, _has_arrived(likelihood, here, constraint))
     return Descent(here, reached=False)
+
+
+def _has_arrived(likelihood: Likelihood, here: Expansion, constraint: Constraint) -> bool:
+    """Whether a descent that ends here has come to a minimum, and is not merely stuck.
+
+    A step that is damped promises little anywhere: what would the free one promise, here?
+    """
+    return _proposed(likelihood, here, constraint, LEAST_DAMPING)[1] < STALLED
 
 
 def _merit(expansion: Expansion, constraint: Constraint) -> float:
@@ -250,7 +261,8 @@ class Optimum:
     """The most likely point: its likelihood (inflation in it) and the point with its slopes.
 
     `chi_square` of the data before inflation, against `degrees_of_freedom`; `converged`
-    whether a minimum was reached.
+    whether a minimum was reached. `noise_freedom` are the degrees of freedom of the noise where
+    the residuals tell it, infinite where it is known as it is stated.
     """
 
     likelihood: Likelihood
@@ -258,11 +270,50 @@ class Optimum:
     chi_square: float
     degrees_of_freedom: float
     converged: bool
+    noise_freedom: float = np.inf
 
     @property
     def least(self) -> float:
         """Chi square (inflated, priors included) at the optimum."""
         return self.expansion.chi_square
+
+    def delta(self, chi_square: float, freedom: float | None = None) -> float:
+        """Dchi^2 of a point, as improbable as of noise that is known (`normal_square`).
+
+        Args:
+            chi_square: at the point, inflated and with priors.
+            freedom: of the noise; None: that of all rows.
+        """
+        return self.calibrated(chi_square - self.least, freedom)
+
+    def calibrated(self, increase: float, freedom: float | None = None) -> float:
+        """An increase of chi square, as improbable as of noise that is known.
+
+        Args:
+            increase: over the optimum.
+            freedom: of the noise; None: that of all rows.
+        """
+        return normal_square(increase, self.noise_freedom if freedom is None else freedom)
+
+    def freedom_along(self, slope: FloatArray, covariance: FloatArray) -> float:
+        """Degrees of freedom of the noise of one value; those of all rows without a slope.
+
+        Args:
+            slope: d value/dx, shape (n,).
+            covariance: of x, shape (n, n).
+        """
+        likelihood, m = self.likelihood, self.likelihood.data_rows
+        if np.isinf(self.noise_freedom) or not np.all(np.isfinite(slope)):
+            return self.noise_freedom
+        told = likelihood.scatter if likelihood.inflation == 1.0 else np.ones(m)
+        here = Linearisation(
+            rows=self.expansion.sample.rows[:m],
+            matrix=self.expansion.matrix[:m],
+            prior=np.ones(slope.size),
+            scatter=told,
+            freedom=self.noise_freedom,
+        )
+        return here.freedom_of(slope, covariance)
 
 
 def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:
@@ -280,14 +331,16 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         BadInput: the evaluator's limit does not let it begin.
         FmuFailure: the model failed at the first start.
     """
-    likelihood = evaluator.likelihood
     best, converged = _best_of(evaluator, starts)
+    best, converged, noise_freedom = _with_own_scatter(evaluator, best, converged)
+    likelihood = evaluator.likelihood
     m = likelihood.data_rows
     data = best.sample.rows[:m]
     chi_square = float(data @ data)
     free = freedom_of(likelihood, best)
     inflation = inflation_of(chi_square, free)
     if inflation > 1.0:
+        noise_freedom = free
         wider = replace(likelihood, inflation=inflation)
         evaluator.likelihood = wider
         best, converged = _best_of(evaluator, [best.x])
@@ -299,7 +352,39 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         chi_square=chi_square,
         degrees_of_freedom=free,
         converged=converged,
+        noise_freedom=noise_freedom,
     )
+
+
+def _with_own_scatter(
+    evaluator: LikelihoodEvaluator, best: Expansion, converged: bool
+) -> tuple[Expansion, bool, float]:
+    """The same with noise that the residuals tell taken from those of the best point itself.
+
+    s^2 = sum r^2/nu over such rows, nu what parameters, scales and backgrounds leave of them: chi
+    square is then nu, however the rows were weighed on the way here. With the degrees of freedom.
+    """
+    if not evaluator.likelihood.scatter.size:
+        return best, converged, np.inf
+    freedom = np.inf
+    for _ in range(SCATTER_ROUNDS):
+        likelihood, m = evaluator.likelihood, evaluator.likelihood.data_rows
+        own = likelihood.scatter > 0.0
+        here = _of_data(likelihood, best)
+        solved = likelihood.objective.data.solved_of(known=False)
+        freedom = float(np.count_nonzero(own) - np.sum(here.leverage[own]) - solved)
+        if freedom < 0.5:  # as many unknowns as rows: their scatter tells nothing
+            return best, converged, 0.5
+        left = (best.sample.rows[:m] * likelihood.scatter)[own]
+        sigma = likelihood.noise.sigma.copy()
+        sigma[own] *= np.sqrt(float(left @ left) / freedom)
+        sigma = np.maximum(sigma, SMALLEST_SIGMA)
+        if np.all(np.abs(sigma / likelihood.noise.sigma - 1.0) < SAME_SCATTER):
+            break
+        noise = replace(likelihood.noise, sigma=sigma)
+        evaluator.likelihood = replace(likelihood, noise=noise)
+        best, converged = _best_of(evaluator, [best.x])
+    return best, converged, freedom
 
 
 def let_out(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
@@ -415,10 +500,15 @@ def freedom_of(likelihood: Likelihood, end: Expansion) -> float:
         likelihood: of the data.
         end: rows and slopes at the point where the fit ended.
     """
+    here = _of_data(likelihood, end)
+    return max(0.5, here.degrees_of_freedom - likelihood.objective.data.solved_inside)
+
+
+def _of_data(likelihood: Likelihood, end: Expansion) -> Linearisation:
+    """The rows of the data alone, with box and priors beside them."""
     m = likelihood.data_rows
     prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
-    here = Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
-    return max(0.5, here.degrees_of_freedom - likelihood.objective.data.solved_inside)
+    return Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
 
 
 def inflation_of(chi_square: float, free: float) -> float:

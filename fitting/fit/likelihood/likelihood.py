@@ -21,6 +21,7 @@ from fitting.campaign.parameters import Parameter, in_box, search_bounds, to_mod
 from fitting.fit.covariance import BoundedErrors, RowCovariance
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import answered_apart, output_means_beyond
 from fitting.text.arrays import FloatArray
@@ -45,7 +46,8 @@ class Likelihood:
     limits: the box, or the room that profiles have. `periods` (n,) hold the period of a parameter
     that can go round between them, else infinity: such a parameter has no limits here. `names` of
     the outputs. `bounded` is what the simulation may be off by (`fitting.fit.noise`): it takes no
-    part in chi square.
+    part in chi square. `scatter` (m,) is above zero for rows whose noise is that of the residuals
+    themselves, see `fitting.fit.noise.RowNoise`; empty: all noise is known.
     """
 
     objective: Objective
@@ -58,6 +60,7 @@ class Likelihood:
     names: tuple[str, ...]
     inflation: float = 1.0
     bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
+    scatter: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -203,6 +206,17 @@ def likelihood_of(
         names=tuple(names),
         bounded=BoundedErrors.none() if bounded is None else bounded,
     )
+
+
+def likelihood_with(objective: Objective, noise: RowNoise) -> Likelihood:
+    """Likelihood without inflation; what is not known of the noise is told by the residuals.
+
+    Args:
+        objective: response, parameters and data.
+        noise: of the rows.
+    """
+    plain = likelihood_of(objective, noise.sigma, noise.common)
+    return replace(plain, scatter=noise.scatter)
 
 
 class LikelihoodEvaluator:

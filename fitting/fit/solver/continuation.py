@@ -209,7 +209,7 @@ def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatAr
         start,
         tuple(map(float, begun)),
         steps=(step,),
-        ended=f"lowered at nu = {nu:.1e} from a minimum of χ² that was found elsewhere",
+        ended=f"lowered at ν = {nu:.1e} from a minimum of χ² that was found elsewhere",
     )
 
 
@@ -257,7 +257,7 @@ def _solved(
         seconds=course.journal.clock() - begun,
     )
     _log.info(
-        "alternative %d, start %d, nu = %.1e: J = %.6g, %s, %d evaluations, %.1f s",
+        "alternative %d, start %d, ν = %.1e: J = %.6g, %s, %d evaluations, %.1f s",
         step.alternative + 1,
         step.start + 1,
         nu,
@@ -292,7 +292,7 @@ def met(
             near = distance(parameters, x, np.array(there.x)) <= SAME_POINT
             if near and equal_j(end.j, there.j):
                 twin = "a twin of " if k else ""
-                said = f"met {twin}start {other.start + 1} at nu = {end.nu:.1e}"
+                said = f"met {twin}start {other.start + 1} at ν = {end.nu:.1e}"
                 return replace(chain, joined=other.start, ended=said)
     return chain
 

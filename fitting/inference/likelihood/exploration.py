@@ -22,7 +22,6 @@ from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_loc
 from fitting.fit.linearisation import Linearisation
 from fitting.inference.likelihood.inverses import Branches, RangeEnds, inverses, told_twice
 from fitting.inference.likelihood.profiles import (
-    ROOT_95,
     STEPS,
     ProfileBranch,
     ProfilePoint,
@@ -31,6 +30,7 @@ from fitting.inference.likelihood.profiles import (
     trace_branch,
 )
 from fitting.inference.likelihood.ranges import OutputRange
+from fitting.signal.student import ROOT_95
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Where a search for a fit at the end of a range begins, and the axes that are to stay there.
@@ -393,6 +393,7 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
     likelihood, expansion = optimum.likelihood, optimum.expansion
     covariance = data_covariance(optimum)
     steps = first_steps(likelihood, expansion.x)
+    axes = np.eye(covariance.shape[0])
     made = []
     for i, parameter in enumerate(likelihood.parameters):
         best = float(expansion.x[i])
@@ -412,7 +413,8 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
                 high=high,
                 first=float(steps[i]),
                 round=goes_round,
-                reach=_reach(optimum, covariance, np.eye(covariance.shape[0])[i]),
+                reach=_reach(optimum, covariance, axes[i]),
+                freedom=optimum.freedom_along(axes[i], covariance),
             )
         )
     for k, name in enumerate(likelihood.names):
@@ -433,6 +435,7 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
                 low=low,
                 high=high,
                 reach=_reach(optimum, covariance, slope),
+                freedom=optimum.freedom_along(slope, covariance),
             )
         )
     return tuple(made)
@@ -517,7 +520,7 @@ def other_minima(
     points = []
     for expansion in run_in_lockstep([search(x) for x in starts], evaluator):
         if expansion is not None:
-            delta = expansion.chi_square - optimum.least
+            delta = optimum.delta(expansion.chi_square)
             if delta <= ROOT_95**2:
                 points.append(
                     ProfilePoint(

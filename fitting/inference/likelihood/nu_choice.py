@@ -133,20 +133,20 @@ def _sentences(
 ) -> tuple[str, ...]:
     if math.isnan(corner):
         first = (
-            "The L-curve has no corner: over all nu of the schedule misfit or distance from the "
-            "prior hardly changes, so that no nu stands out."
+            "The L-curve has no corner: over all ν of the schedule misfit or distance from the "
+            "prior hardly changes, so that no ν stands out."
         )
     else:
-        first = f"The L-curve bends most at nu = {corner:.1e}."
+        first = f"The L-curve bends most at ν = {corner:.1e}."
     if math.isnan(discrepancy):
         least = min(row.chi_square for row in rows)
         second = (
-            f"At no nu is the misfit within the noise: the least χ² is {least:.3g}, noise "
+            f"At no ν is the misfit within the noise: the least χ²(ν) is {least:.3g}, noise "
             f"explains {allowed:.3g}; the discrepancy principle chooses none."
         )
     else:
         second = (
-            f"Discrepancy principle: the misfit is within the noise up to nu = {discrepancy:.1e}."
+            f"Discrepancy principle: the misfit is within the noise up to ν = {discrepancy:.1e}."
         )
-    last = f"The schedule ends at nu = {rows[-1].nu:.1e}."
+    last = f"The schedule ends at ν = {rows[-1].nu:.1e}."
     return first, second, last

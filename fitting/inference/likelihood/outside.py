@@ -19,7 +19,8 @@ from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
 from fitting.fit.search.box import DECADE
 from fitting.inference.likelihood.exploration import Exploration, possible
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.likelihood.profiles import ROOT_95, ProfilePoint, Quantity, fit_at_end
+from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, fit_at_end
+from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 

@@ -3,8 +3,11 @@
     Dchi^2(c) = min { chi^2(x) : g(x) = c } - min chi^2
 
 for g a parameter or a derived output. The values with Dchi^2 <= 1 and <= 3.84 are the 68 % and 95 %
-intervals, asymmetric where the data are, and nothing is linearised. Branches go outward from the
-most likely point, each point begins where the last one ended; all branches go in lockstep.
+intervals, asymmetric where the data are, and nothing is linearised. Where the residuals tell the
+noise, Dchi^2 is t^2 of Student's distribution, and stands here as the normal deviate's square of
+the same probability (`fitting.signal.student`), so that the thresholds are these. Branches
+go outward from the most likely point, each point begins where the last one ended; all branches go
+in lockstep.
 
 Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87; A. Raue et al.,
 Bioinformatics 25 (2009) 1923.
@@ -28,10 +31,9 @@ from fitting.fit.likelihood.descent import (
     held_at,
 )
 from fitting.fit.likelihood.lockstep import Exhausted, Task
+from fitting.signal.student import ROOT_68, ROOT_95, reach
 from fitting.text.arrays import FloatArray
 
-#: Square roots of Dchi^2 at the ends of the 68 % and 95 % intervals.
-ROOT_68, ROOT_95 = 1.0, 1.959964
 #: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
 STEPS, POINTS, REFINEMENTS = 10, 40, 20
 #: A step of sqrt(Dchi^2) across the threshold that is no crossing, once the points are close.
@@ -55,7 +57,7 @@ class Quantity:
     `best` at the most likely point, `sigma` linearised (very large where the data do not see it);
     `low`, `high` are where its branches end, `first` the longest first step; `round`: a parameter
     that comes back to itself there. `reach`: by how many sigma the simulation's own error may move
-    it, at most.
+    it, at most; `freedom`: degrees of freedom of its noise, infinite where that is known.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Quantity:
     first: float = math.inf
     round: bool = False
     reach: float = 0.0
+    freedom: float = math.inf
 
     @property
     def width(self) -> float:
@@ -268,13 +271,16 @@ class _BranchTracer:
         return found
 
     def _keep(self, found: Expansion) -> None:
-        delta = found.chi_square - self.optimum.least
+        delta = self._delta(found)
         point = ProfilePoint(
             value=self.quantity.at(found), delta=delta, x=found.x, outputs=found.sample.outputs
         )
         self.points.append(point)
         self.points.sort(key=lambda point: self.direction * point.value)
         self.places[id(point)] = found
+
+    def _delta(self, found: Expansion) -> float:
+        return self.optimum.delta(found.chi_square, self.quantity.freedom)
 
     def _root(self) -> float:
         return self.points[-1].root
@@ -315,7 +321,7 @@ class _BranchTracer:
             return False
         gap = abs(outside.value - inside.value)
         found = yield from self._profiled(outside.value, gap, self.places[id(inside)])
-        if found is None or found.chi_square - self.optimum.least > ROOT_95**2:
+        if found is None or self._delta(found) > ROOT_95**2:
             return False
         self.points = [point for point in self.points if point.root <= ROOT_95]
         self.here = found
@@ -345,7 +351,7 @@ class _BranchTracer:
             inner = self.optimum.expansion if inside is None else self.places[id(inside)]
             found = yield from self._profiled(target, gap, inner)
             expected = (root + share * (outside.root - root) + JUMP) ** 2
-            if found is None or found.chi_square - self.optimum.least > expected:
+            if found is None or self._delta(found) > expected:
                 other = yield from self._profiled(target, gap, self.places[id(outside)])
                 found = _lower(found, other)
             if found is None:
@@ -410,7 +416,7 @@ def fit_at_end(
     # with frozen axes the rest has moved from `here` to `found`, and outputs were not asked for
     outputs = np.empty(0) if frozen or quantity.output < 0 else found.sample.outputs
     value = quantity.at(here if frozen else found)
-    delta = found.chi_square - optimum.least
+    delta = optimum.delta(found.chi_square, quantity.freedom)
     if not (abs(value - end) <= 0.02 * abs(end - quantity.best) and delta <= EXCLUDED):
         return None
     return ProfilePoint(
@@ -447,7 +453,7 @@ def interval(
         if fits or math.isnan(crossing):
             ends.append(limit)
             continue
-        root = ROOT_95 if mark == "95" else ROOT_68
+        root = reach(ROOT_95 if mark == "95" else ROOT_68, quantity.freedom)
         far = quantity.best + (crossing - quantity.best) * (1.0 + quantity.reach / root)
         ends.append(max(far, limit) if limit < quantity.best else min(far, limit))
     return ends[0], ends[1]

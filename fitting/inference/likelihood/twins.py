@@ -20,7 +20,7 @@ from fitting.fit.search.minima import SAME
 from fitting.fit.search.twins import Twin
 from fitting.inference.likelihood.exploration import Exploration, data_covariance
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.inference.likelihood.profiles import ROOT_95
+from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 
 

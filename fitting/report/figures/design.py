@@ -16,7 +16,6 @@ from fitting.report.figures.style import (
     style,
 )
 from fitting.report.plot.design import best_kinds
-from fitting.text.notation import plain
 
 
 def save_figures(design: Design, folder: Path) -> list[FigureFile]:
@@ -36,12 +35,12 @@ def draw_steps(design: Design) -> Drawing:
     Args:
         design: the proposed next measurement.
     """
-    title = f"Expected error of {plain(design.target)} with the proposed measurements"
+    title = f"Expected error of {design.target} with the proposed measurements"
     figure = new_figure(title, design.title, synthetic=design.synthetic, height=3.9)
     axes = plot.expected_errors(design, ax=figure.subplots())
     legend_below(figure, handles_of(axes), ncols=4)
     caption = (
-        f"Expected standard deviation of {plain(design.target)} with the data so far and after "
+        f"Expected standard deviation of {design.target} with the data so far and after "
         "each proposed measurement: at the given point, and at points that fit the data as well. "
         "×: drive level; n: spectra averaged."
     )
@@ -54,7 +53,7 @@ def draw_kinds(design: Design) -> Drawing:
     Args:
         design: the proposed next measurement.
     """
-    title = f"Candidates: {plain(design.target)} after one of them"
+    title = f"Candidates: {design.target} after one of them"
     height = 1.9 + 0.23 * len(best_kinds(design))
     figure = new_figure(title, design.title, synthetic=design.synthetic, height=height)
     axes = plot.candidates(design, ax=figure.subplots())

@@ -10,7 +10,7 @@ from fitting.report.figures.style import Drawing, new_figure, panels
 from fitting.report.shown import ShownCampaign
 from fitting.report.words.values import box_words, reported_words
 from fitting.result.result import Result
-from fitting.text.notation import listed, number, plain, unit_text
+from fitting.text.notation import listed, number, unit_text
 
 PER_ROW = 3
 #: Parameters of one unit that share a panel of corrections.
@@ -45,11 +45,11 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         plot.output_path(result, name, ax=panel)
     plot.objective_path(result, ax=axes[-1]).legend(loc="best", handlelength=2.2)
     values = [
-        f"{plain(name)} = {number(p.value, 6)} {unit_text(p.unit)}".strip()
+        f"{name} = {number(p.value, 6)} {unit_text(p.unit)}".strip()
         for name, p in result.parameters.items()
     ]
     every: dict[str, ParameterResult | DerivedResult] = {**result.parameters, **result.derived}
-    unsure = [plain(name) for name, p in every.items() if not p.identifiable.has_value]
+    unsure = [name for name, p in every.items() if not p.identifiable.has_value]
     warning = ""
     if unsure:
         warning = (
@@ -113,7 +113,7 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
     axes = panels(figure, len(shown), PER_ROW)
     for panel, name in zip(axes, shown, strict=True):
         plot.output_by_experiment(result, name, data.labels, ax=panel)
-    said = [f"{plain(name)}: {_in_words(d)}" for name, d in shown.items()]
+    said = [f"{name}: {_in_words(d)}" for name, d in shown.items()]
     caption = (
         "Derived outputs of the FMU at the fitted parameters, for every experiment (marker shapes "
         "as in the other figures), with mean (dashed) and spread over the experiments (band, one "

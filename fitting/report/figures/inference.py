@@ -15,7 +15,7 @@ from fitting.report import plot
 from fitting.report.figures.style import Drawing, handles_of, legend_below, new_figure, panels
 from fitting.report.plot.axes import BLUE, GREY
 from fitting.report.plot.inference import VERDICT_COLOURS
-from fitting.text.notation import listed, plain
+from fitting.text.notation import listed
 
 PER_ROW = 3
 #: Profiles, parameters against each other, and outputs, at most in a figure.
@@ -67,7 +67,7 @@ def flat_sentence(knowledge: Knowledge) -> str:
         knowledge: what the data determine: profiles, directions, verdicts.
     """
     flat = {n: p for n, p in knowledge.profiles.items() if max(p.delta, default=0.0) < BENT}
-    names = [plain(name) for name, profile in flat.items() if profile.values]
+    names = [name for name, profile in flat.items() if profile.values]
     if not names:
         return ""
     return f"Flat, with Δχ² below 1 at every value that was tried: {listed(names)}."
@@ -100,7 +100,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         ),
     ]
     legend_below(figure, handles, ncols=3)
-    words = [f"{plain(name)} {profile.verdict}" for name, profile in shown.items()]
+    words = [f"{name} {profile.verdict}" for name, profile in shown.items()]
     caption = (
         "Least Δχ² that fits of all other parameters reach at each value. Where the curve stays "
         "below 3.84 the value fits the data at 95 %; a curve that stays there from end to end says "
@@ -144,7 +144,7 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
     for panel, (one, other) in zip(axes, pairs, strict=True):
         plot.together(knowledge, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    names = [plain(name) for name in _together(knowledge)]
+    names = list(_together(knowledge))
     caption = (
         "Every point of every profile: filled where it fits the data at 95 % (Δχ² ≤ 3.84), pale "
         "where it does not; frames are the box. Filled points along a line or curve are a "
@@ -192,9 +192,9 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
     for panel, name in zip(axes, outputs, strict=True):
         plot.output(knowledge, name, parameter, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
-    words = [f"{plain(name)} {knowledge.derived[name].verdict}" for name in outputs]
+    words = [f"{name} {knowledge.derived[name].verdict}" for name in outputs]
     caption = (
-        f"Outputs over {plain(parameter)} at every point of every profile. The bars at the right "
+        f"Outputs over {parameter} at every point of every profile. The bars at the right "
         "edge are the range without data (grey) and the 95 % interval with them (blue): where both "
         "are alike, the data say nothing of that output."
     )
@@ -221,8 +221,8 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
         ways.legend(loc="best")
     caption = (
         "Left: misfit against distance from the prior, the square marks the corner where there is "
-        "one. Middle: χ² of the solution at every ν. Right: how far the data moved the "
-        "solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
+        "one. Middle: χ²(ν), that of the data where Algorithm 2 stood at every ν. Right: how far "
+        "the data moved the solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
     )
     return Drawing(
         name="12_nu", title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure

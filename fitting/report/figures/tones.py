@@ -25,7 +25,7 @@ from fitting.report.plot.tones import (
 )
 from fitting.report.shown import ShownCampaign, ShownTones
 from fitting.result.result import Deviations, Result
-from fitting.text.notation import listed, number, plain, prefixed
+from fitting.text.notation import listed, number, prefixed
 
 #: Drives drawn one below the other: a figure is to stay readable.
 MOST_DRIVES = 8
@@ -103,7 +103,7 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
     shaded = drift_among([p.frequency_hz for p in result.peaks], data.drift_hz)
     drift = ""
     if shaded:
-        drift = f" Shaded: range of {listed(map(plain, shaded))} during the series."
+        drift = f" Shaded: range of {listed(shaded)} during the series."
     caption = (
         "Relative deviation of simulated from measured amplitude at every drive frequency, with "
         "the start parameters (black, open) and the fitted ones (red, filled); dashed: means "

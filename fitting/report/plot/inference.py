@@ -253,7 +253,7 @@ def l_curve(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
 
 
 def discrepancy(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
-    """Draw χ² of the solution at every ν; dashed: what noise explains.
+    """Draw χ²(ν), that of the data where Algorithm 2 stood at every ν; dashed: what noise explains.
 
     Args:
         nu: the fit at every ν of the schedule.
@@ -263,7 +263,7 @@ def discrepancy(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
     squares = [row.chi_square for row in nu.rows]
     axes.plot([row.nu for row in nu.rows], squares, color=BLUE, marker="o", markersize=3.5)
     axes.axhline(nu.allowed, color=GREY, linestyle="--", linewidth=1.0)
-    axes.set_ylabel("χ² (dashed: what noise explains)")
+    axes.set_ylabel("χ²(ν) (dashed: what noise explains)")
     axes.set_title("Discrepancy principle", loc="left")
     _falling_nu(axes)
     log_axis(axes)

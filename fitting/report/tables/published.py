@@ -14,6 +14,7 @@ from fitting.report.table import Cell, Column, csv_text, tabulate
 from fitting.report.tables.values import Value, values_of
 from fitting.report.words.answer import by_line
 from fitting.result.result import Result
+from fitting.signal.student import ratio95
 from fitting.text.files import write_whole
 from fitting.text.notation import span, symbol, unit_text, with_error
 
@@ -92,16 +93,16 @@ def rows_of(result: Result) -> list[Row]:
         if isinstance(value.found, OffsetResult):
             continue
         better = by_line(value.name, value.found, result.line)
-        if better is not None:
-            rows.append(_row_of_line(value, *better))
+        if better is not None and result.line is not None:
+            rows.append(_row_of_line(value, *better, result.line.freedom))
     return rows
 
 
 def _row(value: Value) -> Row:
-    found, shown = value.found, value.value.value
+    found = value.found
     return Row(
         name=value.name,
-        value=math.nan if shown is None else shown,
+        value=math.nan if value.open else found.value,
         unit=unit_text(found.unit),
         std=math.nan if value.open else found.std,
         low=found.ci95[0],
@@ -111,8 +112,8 @@ def _row(value: Value) -> Row:
     )
 
 
-def _row_of_line(value: Value, best: float, std: float) -> Row:
-    half = 1.96 * std
+def _row_of_line(value: Value, best: float, std: float, freedom: float) -> Row:
+    half = std * ratio95(freedom)
     return Row(
         name=value.name,
         value=best,

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
-from fitting.inference.estimates import Z95
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.report.shown import ShownCampaign
 from fitting.report.table import Cell, Column, Table, symbol, tabulate
-from fitting.report.words.values import verdict_words
+from fitting.report.words.values import Valued, offset_name, told_twice, verdict_words
 from fitting.result.result import Result
 from fitting.text.notation import markup, number, span, unit_text, with_error
 
@@ -31,7 +30,10 @@ PAPERS = "Algorithm 2"
 
 @dataclass(frozen=True, kw_only=True)
 class Value:
-    """Any value of a result in a row: `low` to `high` is what it could be without data."""
+    """Any value of a result in a row: `low` to `high` is what it could be without data.
+
+    `same` is the name of the parameter that is the same number, told once in its own row.
+    """
 
     name: str
     digits: int
@@ -39,6 +41,7 @@ class Value:
     high: float
     reference: float
     found: ParameterResult | DerivedResult | OffsetResult
+    same: str = ""
 
     @property
     def open(self) -> bool:
@@ -53,7 +56,7 @@ class Value:
     @property
     def value(self) -> Cell:
         """The value as shown; none where the data leave it open."""
-        if self.open or not math.isfinite(self.found.value):
+        if self.open or self.same or not math.isfinite(self.found.value):
             return Cell("–")
         return Cell(number(self.found.value, self.digits), value=self.found.value)
 
@@ -95,39 +98,32 @@ def interval(bounds: tuple[float, float]) -> Cell:
     return Cell(span(*bounds)) if all(map(math.isfinite, bounds)) else Cell("–")
 
 
-class Valued(Protocol):
-    """What has values: a result, or what was inferred of a fit."""
-
-    @property
-    def parameters(self) -> Mapping[str, ParameterResult]:
-        """Fitted parameters by name."""
-
-    @property
-    def derived(self) -> Mapping[str, DerivedResult]:
-        """Derived outputs by name."""
-
-    @property
-    def offsets(self) -> tuple[OffsetResult, ...]:
-        """Values of single experiments."""
-
-
 def values_of(result: Valued) -> list[Value]:
     """Every value of a result: parameters, derived outputs, values of single experiments.
 
     Args:
         result: of a reconstruction, or what was inferred of a fit.
     """
+    twice = told_twice(result)
     found = [
         Value(name=name, digits=8, low=p.lower, high=p.upper, reference=p.reference, found=p)
         for name, p in result.parameters.items()
     ]
     found += [
-        Value(name=name, digits=9, low=d.box[0], high=d.box[1], reference=d.reference, found=d)
+        Value(
+            name=name,
+            digits=9,
+            low=d.box[0],
+            high=d.box[1],
+            reference=d.reference,
+            found=d,
+            same=twice.get(name, ""),
+        )
         for name, d in result.derived.items()
     ]
     found += [
         Value(
-            name=f"{'+'.join(o.variables)} in {', '.join(o.experiments)}",
+            name=offset_name(o),
             digits=5,
             low=math.nan,
             high=math.nan,
@@ -145,11 +141,11 @@ VALUES: tuple[Column[Value], ...] = (
     Column("value", lambda v: v.value),
     Column("unit", lambda v: unit_text(v.found.unit)),
     MOST_LIKELY,
-    Column("std", lambda v: v.found.std, digits=2),
-    Column("prior", lambda v: v.reference, digits=6),
+    Column("std", lambda v: math.nan if v.same else v.found.std, digits=2),
+    Column("prior", lambda v: math.nan if v.same else v.reference, digits=6),
     Column(
         "by the data",
-        lambda v: verdict_words(v.found),
+        lambda v: f"= {v.same}" if v.same else verdict_words(v.found),
         role="words",
     ),
 )
@@ -167,7 +163,9 @@ def values_table(result: Valued, title: str) -> Table:
 
 INTERVALS = (
     *VALUES[:5],
-    Column[Value]("95 % interval", lambda v: Cell("–") if v.open else interval(v.found.ci95)),
+    Column[Value](
+        "95 % interval", lambda v: Cell("–") if v.open or v.same else interval(v.found.ci95)
+    ),
     *VALUES[5:],
 )
 
@@ -335,7 +333,7 @@ def _shown(d: DerivedResult, i: int) -> Cell:
 
 
 def _shown_interval(d: DerivedResult, i: int) -> Cell:
-    half = Z95 * d.stds[i]
+    half = d.halves95[i]
     return interval((d.values[i] - half, d.values[i] + half))
 
 

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import math
 import shlex
-import textwrap
-from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
 
 from fitting.inference.sweep_line import SweepLine, depends_on_background
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.inference.verdict import Verdict
-from fitting.report.words.values import reported_words
+from fitting.report.table import wrapped
+from fitting.report.words.values import reported_words, told_twice
 from fitting.result.result import Result
 from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
 
 Found = ParameterResult | DerivedResult
 
 #: Said once of every error, interval and percentage.
-CONVENTION = (
-    "± is one standard deviation; intervals hold 95 %; “determined to” names half of that interval."
-)
+CONVENTION = "± holds 68 %, intervals hold 95 %; “determined to” names half of a 95 % interval."
 #: Value and standard deviation of a line, by what it is of the line.
 PARTS = {
     "frequency": lambda line: (line.frequency_hz, line.frequency_std_hz),
@@ -33,23 +31,32 @@ APART_SIGMA = 3.0
 WIDE, WIDEST = 1e-3, 1e-4
 #: Share of the largest relative error from which another counts as large.
 SAME = 0.99
-#: Columns of a terminal.
-COLUMNS = 100
+#: Columns before what is known.
+LEAD = len("not known: ")
+#: Length from which what is known of a value may be broken over lines.
+LONGEST = 60
 
 
 @dataclass(frozen=True)
 class Known:
     """One value that is known: `shown` with its error or bounds; `fitted`: what the fit says of it.
 
-    `fitted` is empty unless the sweep by itself knows it better.
+    `fitted` is empty unless the sweep by itself knows it better; `others` are names of the same
+    number.
     """
 
     name: str
     shown: str
     _: KW_ONLY
+    others: tuple[str, ...] = ()
     share: float
     fitted: str = ""
     apart: float = math.nan
+
+    @property
+    def named(self) -> str:
+        """All its names: "f1 = eta1"."""
+        return " = ".join((self.name, *self.others))
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,7 @@ class Answer:
     @property
     def known_words(self) -> str:
         """All that is known, in a line."""
-        return ", ".join(f"{k.name} {k.shown}" for k in self.known) or "nothing"
+        return ", ".join(f"{k.named} {k.shown}" for k in self.known) or "nothing"
 
     @property
     def open_words(self) -> str:
@@ -99,7 +106,10 @@ def answer_of(result: Result) -> Answer:
         result: of a reconstruction.
     """
     every: dict[str, Found] = {**result.parameters, **result.derived}
+    twice = told_twice(result)
+    every = {name: found for name, found in every.items() if name not in twice}
     known = [_known(name, found, result.line) for name, found in every.items()]
+    known = [k and replace(k, others=_others(k.name, twice)) for k in known]
     best = sorted((k for k in known if k is not None), key=lambda k: k.share)
     names = {k.name for k in best}
     left = {name: found for name, found in every.items() if name not in names}
@@ -113,18 +123,22 @@ def answer_lines(answer: Answer) -> list[str]:
     Args:
         answer: of a reconstruction.
     """
-    lines = _wrapped(f"known:     {answer.known_words}", indent=11)
-    lines += _wrapped(f"not known: {answer.open_words}", indent=11)
-    if answer.advice or answer.command:
-        # in one line: a command is to be copied
-        lines.append(" ".join(filter(None, ("next:     ", answer.advice, answer.command))))
-    return [*lines, "", *(line for said in answer.notes for line in _wrapped(said))]
+    known = ", ".join(_whole(f"{k.named} {k.shown}") for k in answer.known) or answer.known_words
+    lines = wrapped(f"known:     {known}", LEAD)
+    lines += wrapped(f"not known: {answer.open_words}", LEAD)
+    lines += wrapped(f"next:      {answer.advice}", LEAD) if answer.advice else []
+    if answer.command:  # in one line: it is to be copied
+        lines.append(f"{' ' * LEAD if answer.advice else 'next:      '}{answer.command}")
+    return [*lines, "", *(line for said in answer.notes for line in wrapped(said))]
 
 
-def _wrapped(text: str, indent: int = 0) -> list[str]:
-    """Lines of a terminal; a no-break space holds a number and its unit together."""
-    lead = " " * indent
-    return textwrap.wrap(text, COLUMNS, subsequent_indent=lead, break_on_hyphens=False)
+def _whole(text: str) -> str:
+    """A name with what is known of it, so that no line breaks it; unless that is a sentence."""
+    return text.replace(" ", "\u00a0") if len(text) <= LONGEST else text
+
+
+def _others(name: str, twice: Mapping[str, str]) -> tuple[str, ...]:
+    return tuple(other for other, first in twice.items() if first == name)
 
 
 def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
@@ -233,6 +247,7 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     target = _target(result, left)
     if not target:
         return "", ""
+    left = {target: left[target]} if target in left else {}
     head = "" if left else f"{target} is known least; for a better value"
     if not (left or result.peaks) and "hang together" in result.ending.ground:
         return (
@@ -248,12 +263,16 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
 
 
 def _target(result: Result, left: dict[str, Found]) -> str:
-    """What is to be known next: the first output that is open, else parameter; the worst known."""
-    for group in (result.derived, result.parameters):
+    """What is to be known next: the first output that is open, else parameter; the worst known.
+
+    What a measurement brings along, as a cable's delay, nobody has asked for.
+    """
+    asked = {name: p for name, p in result.parameters.items() if p.asked}
+    for group in (result.derived, asked):
         for name in group:
             if name in left:
                 return name
-    every: dict[str, Found] = {**result.parameters, **result.derived}
+    every: dict[str, Found] = {**asked, **result.derived}
     shares = {n: _share(f.value, f.std) for n, f in every.items() if math.isfinite(f.std)}
     worst = max(shares.values(), default=math.nan)
     return next((name for name, share in shares.items() if share >= SAME * worst), "")

@@ -6,7 +6,7 @@ import math
 
 from fitting.inference.verdict import Verdict
 from fitting.result.calibration import Calibration, Handed
-from fitting.text.notation import listed, number, plain, quantity, settings_words, span
+from fitting.text.notation import listed, number, quantity, settings_words, span
 
 
 def calibration_lines(found: Calibration) -> list[str]:
@@ -40,7 +40,7 @@ def calibration_lines(found: Calibration) -> list[str]:
 
 
 def _listed(parameters: list[Handed]) -> str:
-    return "; ".join(f"{plain(p.name)} {_known(p)}" for p in parameters)
+    return "; ".join(f"{p.name} {_known(p)}" for p in parameters)
 
 
 def _known(p: Handed) -> str:

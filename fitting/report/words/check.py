@@ -7,9 +7,17 @@ from collections import Counter
 from fitting.campaign.check import Check
 from fitting.fmu import FmuDescription, FmuVariable
 from fitting.fmu.trial import Trial
+from fitting.text.notation import listed
 
 #: Those that the binary which pythonfmu packs into an FMU looks for on the machine.
 PYTHONS = "3.8 to 3.13"
+#: Names of FMI of several words.
+CAUSALITIES = {
+    "calculatedParameter": "calculated parameter",
+    "structuralParameter": "structural parameter",
+    "local": "local variable",
+    "independent": "independent variable",
+}
 SHOWN = ("parameter", "input", "output", "calculatedParameter")
 
 
@@ -28,11 +36,17 @@ def description_lines(description: FmuDescription) -> list[str]:
         f"guid {description.guid}, sha256 {description.sha256}",
         f"made by {description.generation_tool or 'a tool that does not tell'}",
         *_needs(description),
-        ", ".join(f"{n} {causality}" for causality, n in sorted(counts.items())),
+        listed(_counted(n, causality) for causality, n in sorted(counts.items())),
         "",
         *(_row(v, width) for v in shown),
         "",
     ]
+
+
+def _counted(count: int, causality: str) -> str:
+    """Variables of a kind: "4 outputs", "1 input"."""
+    words = CAUSALITIES.get(causality, causality)
+    return f"{count} {words}{'' if count == 1 else 's'}"
 
 
 def check_lines(found: Check) -> list[str]:

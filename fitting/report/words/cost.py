@@ -22,7 +22,7 @@ def cost_lines(seconds: Range, runs: Range, expected: Expected) -> list[str]:
     lines = [
         f"expected: {_time(seconds)}, {_count(runs)} runs of the FMU, "
         f"{_count(e.evaluations)} evaluations of the model",
-        f"search: {_count(e.search)} evaluations: {e.levels} levels of nu"
+        f"search: {_count(e.search)} evaluations: {e.levels} levels of ν"
         + (f" and {e.starts} starts" if e.starts > 1 else "")
         + f" for {_number(e.alternatives, 'alternative')}; a Jacobian takes 2 n + 1 = {e.jacobian} "
         f"for {_number(e.parameters, 'parameter')}",

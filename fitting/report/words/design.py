@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.design.result import Design, Proposal
-from fitting.text.notation import hertz, number, plain, prefixed, span
+from fitting.text.notation import hertz, number, prefixed, span
 
 
 def promise_sentence(design: Design) -> str:
@@ -15,7 +15,7 @@ def promise_sentence(design: Design) -> str:
         design: the proposed next measurement.
     """
     return (
-        f"With them the standard deviation of {plain(design.target)} is expected to be "
+        f"With them the standard deviation of {design.target} is expected to be "
         f"{number(design.improvement, 3)} times smaller on average."
     )
 
@@ -49,9 +49,7 @@ def equal_fits_sentences(design: Design) -> tuple[str, ...]:
     if all(map(math.isfinite, design.span)):
         low, high = design.span
         size, shown = prefixed(max(abs(low), abs(high)), design.unit)
-        said.append(
-            f"Over them {plain(design.target)} goes from {span(low / size, high / size, shown)}."
-        )
+        said.append(f"Over them {design.target} goes from {span(low / size, high / size, shown)}.")
     return tuple(said)
 
 

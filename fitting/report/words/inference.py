@@ -141,7 +141,7 @@ def typeset(said: str) -> str:
     Args:
         said: a sentence in plain text.
     """
-    for plain, printed in ((" sigma", " σ"), (" nu ", " ν "), (" nu:", " ν:")):
+    for plain, printed in ((" sigma", " σ"),):
         said = said.replace(plain, printed)
     return said
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fitting.inference.ending import UNTESTED, Ending
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
 from fitting.inference.warnings import verdict_sentences
-from fitting.report.table import text_lines
+from fitting.report.table import text_lines, wrapped
 from fitting.report.tables.values import values_table
 from fitting.report.words.agreement import agreement_sentences
 from fitting.report.words.answer import answer_lines, answer_of
@@ -58,20 +60,25 @@ def result_lines(result: Result) -> list[str]:
     """
     marked = result.synthetic and "synthetic" not in result.title.lower()
     said = headline(result) if result.status == STATUSES[0] else result.message
-    lines = [result.title + (" [synthetic]" if marked else ""), said, ""]
+    lines = [result.title + (" [synthetic]" if marked else ""), *wrapped(said), ""]
     lines += answer_lines(answer_of(result))
     lines += ["", *text_lines(values_table(result, result.title))]
     agreement = agreement_sentences(result)
-    lines += ["", *agreement] if agreement else []
-    lines += ["", *_fit_lines(result)]
+    lines += ["", *_sentences(agreement)] if agreement else []
+    lines += ["", *_sentences(_fit_lines(result))]
     if result.line is not None:
-        lines += line_sentences(result.line)
-    lines += _knowledge_lines(result)
-    lines += quadrature_sentences(result.quadratures)
-    lines += _cost_lines(result)
+        lines += _sentences(line_sentences(result.line))
+    lines += _sentences(_knowledge_lines(result))
+    lines += _sentences(quadrature_sentences(result.quadratures))
+    lines += _sentences(_cost_lines(result))
     warnings = further_warnings(result)
-    lines += ["", *(f"warning: {text}" for text in warnings)] if warnings else []
+    lines += ["", *_sentences([f"warning: {text}" for text in warnings])] if warnings else []
     return [line.replace("\u00a0", " ") for line in lines]
+
+
+def _sentences(said: Sequence[str]) -> list[str]:
+    """Sentences as the lines of a terminal."""
+    return [line for each in said for line in wrapped(each) or [""]]
 
 
 def _fit_lines(result: Result) -> list[str]:

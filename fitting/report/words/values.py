@@ -6,6 +6,8 @@ Never a value with a small error where the data give none.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Protocol
 
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
@@ -13,15 +15,68 @@ from fitting.result.result import Result
 from fitting.text.notation import (
     listed,
     number,
-    plain,
     prefixed,
     quantity,
     settings_words,
     span,
 )
 
+#: Values, and ends of intervals over their width, that are as near are the same.
+SAME, SAME_END = 1e-9, 0.02
 #: Correlations from which two errors are named as tied to each other.
 TIED = 0.95
+
+
+class Valued(Protocol):
+    """What has values: a result, or what was inferred of a fit."""
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterResult]:
+        """Fitted parameters by name."""
+
+    @property
+    def derived(self) -> Mapping[str, DerivedResult]:
+        """Derived outputs by name."""
+
+    @property
+    def offsets(self) -> tuple[OffsetResult, ...]:
+        """Values of single experiments."""
+
+
+def told_twice(result: Valued) -> dict[str, str]:
+    """Outputs that are one of the parameters under another name, with the name of that.
+
+    One mode's eigenfrequency is such an output: value, error and interval are the same number.
+
+    Args:
+        result: of a reconstruction, or what was inferred of a fit.
+    """
+    found = {}
+    for name, d in result.derived.items():
+        for other, p in result.parameters.items():
+            if d.unit == p.unit and _same(d, p):
+                found[name] = other
+    return found
+
+
+def _same(one: DerivedResult, other: ParameterResult) -> bool:
+    """Whether two values are one number, in all that was found of them."""
+    if one.identifiable is not other.identifiable or one.spread > SAME * abs(one.value):
+        return False
+    if not math.isclose(one.value, other.value, rel_tol=SAME):
+        return False
+    width = other.ci95[1] - other.ci95[0]
+    ends = zip(one.ci95, other.ci95, strict=True)
+    return width > 0.0 and all(abs(here - there) < SAME_END * width for here, there in ends)
+
+
+def offset_name(offset: OffsetResult) -> str:
+    """A value of single experiments: "eta_plus and eta_minus: offset in pair1".
+
+    Args:
+        offset: value of one state of the sample.
+    """
+    return f"{listed(offset.variables)}: offset in {listed(offset.experiments)}"
 
 
 def box_words(derived: DerivedResult) -> str:
@@ -89,7 +144,7 @@ def tied_sentences(result: Result) -> list[str]:
     """
     names = list(result.parameters)
     return [
-        f"The errors of {plain(names[j])} and {plain(names[i])} are tied (correlation "
+        f"The errors of {names[j]} and {names[i]} are tied (correlation "
         f"{number(line[j], 3)}): the data hold a combination of the two, not each."
         for i, line in enumerate(result.correlation)
         for j in range(i)
