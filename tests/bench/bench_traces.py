@@ -7,17 +7,20 @@ Truth comes from closed forms and the matrix exponential; the noise is told by t
 
 from __future__ import annotations
 
+import itertools
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+import build_fmu
 import fitting as ff
 from fitting.text.arrays import FloatArray
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
-from tests.support.linear_traces import held_response, oscillator
+from tests.support.linear_traces import held_response, oscillator, string
 
 QUICK = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
 Truth = dict[str, float]
@@ -54,6 +57,64 @@ def ringdown(fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
     return ff.Problem(fmu, parameters, trace), {"damping": 2e-2, "stiffness": 4e3}
 
 
+@dataclass(frozen=True, kw_only=True)
+class LetGo:
+    """One mode, or two that beat, of one quality over some decay times; 400 samples, 2 % noise.
+
+    Their start, gain and offset are unknown. Samples are further apart than periods where the
+    quality is high: the solver of the FMU is exact at any step.
+    """
+
+    quality: float
+    decays: float
+    modes: int
+
+    @property
+    def __name__(self) -> str:
+        """What the answer is called."""
+        return f"{self.modes} modes, Q = {self.quality:.0e}, {self.decays:g} decay times"
+
+    def __call__(self, fmu: ff.Fmu, rng: np.random.Generator) -> Laboratory:
+        """One of them, and what it was made of."""
+        width, length = 1e3 / self.quality, self.decays * self.quality / (1e3 * np.pi)
+        two = self.modes == 2
+        theta = 1.2 if two else 0.0
+        known = {
+            "eta_plus": 1e3,
+            "d1": width,
+            "eta_minus": 1e3 + 4.0 * width,
+            "d2": 1.3 * width,
+        }
+        t = np.linspace(0.0, 0.987 * length, 400)
+        matrices = string(
+            theta, width, 1.3 * width, (1e3, known["eta_minus"]), (np.cos(theta), np.sin(theta))
+        )
+        start = (*rng.standard_normal(2), *(6e3 * rng.standard_normal(2)))
+        clean = held_response(matrices, np.zeros(t.size), t[1], start=start)
+        y = 1.0 + clean + 0.02 * float(np.max(np.abs(clean))) * rng.standard_normal(t.size)
+        truth = known if two else {name: known[name] for name in ("eta_plus", "d1")}
+        still = {"A1": 0.0, "A2": 0.0, "theta": theta}
+        still |= {name: value for name, value in known.items() if name not in truth}
+        setup = ff.Setup(ff.Drive(), "q1" if two else "q1_hybrid", start_values=still)
+        trace = ff.Trace(
+            t,
+            y,
+            setup=setup,
+            input="b",
+            start="unknown",
+            states=2 * self.modes,
+            offset=True,
+            unit="m",
+        )
+        parameters = [
+            ff.Parameter(name, x + 0.1 * width, bounds=(x - width, x + width), unit="Hz")
+            if name.startswith("eta")
+            else ff.Parameter(name, 1.2 * x, bounds=(0.1 * x, 6.0 * x), unit="Hz")
+            for name, x in truth.items()
+        ]
+        return ff.Problem(fmu, parameters, trace), truth
+
+
 def coverage(
     fmu: ff.Fmu, laboratory: Callable[[ff.Fmu, np.random.Generator], Laboratory], count: int
 ) -> None:
@@ -77,13 +138,17 @@ def coverage(
 
 
 def main() -> None:
-    """Both kinds of traces."""
+    """All kinds of traces."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     with tempfile.TemporaryDirectory() as folder:
         with ff.Fmu(build_lag_fmu(Path(folder)), workers=1) as fmu:
             coverage(fmu, step, count)
         with ff.Fmu(build_c_fmu(Path(folder)), workers=1) as fmu:
             coverage(fmu, ringdown, count)
+        path = build_fmu.build("CoupledOscillator", Path(folder))
+        with ff.Fmu(path, workers=1) as fmu:
+            for quality, decays, modes in itertools.product((1e3, 1e8), (1.0, 10.0), (1, 2)):
+                coverage(fmu, LetGo(quality=quality, decays=decays, modes=modes), count)
 
 
 if __name__ == "__main__":

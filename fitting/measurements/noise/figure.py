@@ -60,7 +60,7 @@ def noise_figure(
         title=f"Noise spectrum{said}: measured and simulated",
         caption=(
             f"{spectrum.seen_hz.size} points of {number(spectrum.averages, 4)} averages with the "
-            f"model before and after the fit, level and floor solved for; {inside} that holds "
+            f"model before and after the fit; {inside} that holds "
             "95 % of them if the model is right. Below: the signed roots of their deviances."
         ),
         alt=f"A noise spectrum of {spectrum.seen_hz.size} points with the fitted model; {inside}.",
