@@ -15,7 +15,7 @@ from fitting.result.calibration import Calibration, calibration, calibration_csv
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = ["Calibrated", "calibrate"]
 
@@ -69,7 +69,9 @@ def calibrate(
     handed = calibration(result, description, also)
     out = Path(out)
     with results_folder(out, "calibrate", CALIBRATED_FILES):
-        return _written(handed, result, description, out)
+        written = _written(handed, result, description, out)
+        remove_earlier(out, CALIBRATED_FILES)
+        return written
 
 
 def _written(

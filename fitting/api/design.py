@@ -30,7 +30,7 @@ from fitting.design.weighing import DesignGoal, weigh
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = ["Goal", "Limits", "NextMeasurements", "design", "limits"]
 
@@ -108,6 +108,7 @@ class NextMeasurements:
                 page = importlib.import_module("fitting.report.design")
                 figures = drawn.save_figures(design, folder / "figures")
                 written.append(page.write_report(design, figures, folder))
+            remove_earlier(folder, DESIGN_FILES)
         return written
 
 

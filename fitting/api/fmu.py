@@ -36,7 +36,7 @@ from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan
 from fitting.simulate.unsteady import Sideband, sideband_of
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy, convert, same_kind
 from fitting.text.written import as_written, in_unit
@@ -325,9 +325,11 @@ class Fmu:
         if isinstance(found, DriveResponse):
             with results_folder(Path(out), "simulate", DRIVE_FILES):
                 files = report.write_drive(found, self.description, Path(out))
+                remove_earlier(Path(out), DRIVE_FILES)
         else:
             with results_folder(Path(out), "sweep", SWEEP_FILES):
                 files = report.write_sweep(found, self.description, Path(out))
+                remove_earlier(Path(out), SWEEP_FILES)
         return files
 
     def close(self) -> None:

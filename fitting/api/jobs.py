@@ -19,7 +19,7 @@ from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = ["draw_report", "identify", "report", "with_part"]
 
@@ -150,7 +150,9 @@ def report(
     result = with_external(found.result, external)
     with results_folder(Path(out), "reconstruct", RESULT_FILES):
         write_result(result, Path(out))
-        return draw_report(found, result, Path(out), style)
+        page = draw_report(found, result, Path(out), style)
+        remove_earlier(Path(out), RESULT_FILES)
+        return page
 
 
 def draw_report(found: Valued, result: Result, out: Path, style: str = "report") -> Path:

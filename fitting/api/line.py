@@ -21,7 +21,7 @@ from fitting.resonance.line import (
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.resonance.trace import trace_of
 from fitting.text.errors import BadInput
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = [
     "LINE_FILES",
@@ -111,4 +111,5 @@ def write_line(found: Line, out: str | Path) -> tuple[Path, ...]:
     report = importlib.import_module("fitting.report.line")
     with results_folder(Path(out), "line", LINE_FILES):
         files: tuple[Path, ...] = report.write_line(found, Path(out))
+        remove_earlier(Path(out), LINE_FILES)
     return files

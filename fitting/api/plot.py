@@ -6,6 +6,7 @@ objective_path        J_fit and J_reg over nu
 residuals             what the fit leaves of the peaks, in standard deviations
 deviations            relative deviations of the peaks, before and after
 frequency_response    a sweep, measured and simulated
+line                  one resonance, measured and fitted, of `ff.line`
 swept_tone            a simulated sweep, each way
 amplitude_spectrum    the spectrum of a simulated drive
 beating               its envelope over two beats
@@ -36,6 +37,8 @@ from fitting.report.plot import (
 )
 from fitting.report.plot.axes import Axes
 from fitting.report.shown import figures_of
+from fitting.resonance.figure import line_figure
+from fitting.resonance.line import Line
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 
@@ -48,6 +51,7 @@ __all__ = [
     "drive_periods",
     "expected_errors",
     "frequency_response",
+    "line",
     "measurement",
     "objective_path",
     "parameter_path",
@@ -183,6 +187,26 @@ def frequency_response(found: Valued | Result, *, ax: Axes | None = None) -> Axe
     if curves is None:
         raise BadInput("plot: the result has no sweep of its own, wanted one with a single sweep")
     return plot.frequency_response(curves, ax=ax)
+
+
+def line(found: Line, *, number: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw one resonance: measured points and the line that was fitted to them.
+
+    Args:
+        found: What `fitting.line` returns.
+        number: Which panel: 0 amplitudes, the last what the fit leaves in % of the line's height,
+            between them the phase of complex values.
+        ax: Where to draw; None: pyplot's current axes.
+
+    Raises:
+        BadInput: it is no such result, or there is no such panel.
+    """
+    if not isinstance(found, Line):
+        raise BadInput(f"plot: found a {type(found).__name__}, wanted what fitting.line returns")
+    panels = line_figure(found).panels
+    if not -len(panels) <= number < len(panels):
+        raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
+    return plot.panel(panels[number], among=panels, ax=ax)
 
 
 def _result(found: Valued | Result) -> Result:

@@ -26,7 +26,7 @@ from fitting.lab.tradeoff.study import CHECKPOINT_NAME, Memory, StudyOptions, ru
 from fitting.report.tables.tradeoff import csv_of, markdown
 from fitting.text.files import write_whole
 from fitting.text.records import to_plain
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = ["Study", "StudyOptions", "tradeoff", "write_tradeoff"]
 
@@ -126,6 +126,7 @@ def write_tradeoff(study: Study, out: str | Path) -> list[Path]:
             write_whole(path, text)
         figures = drawn.save_figures(study, folder / "figures")
         report: Path = page.write_report(study, figures, folder)
+        remove_earlier(folder, [name for name in STUDY_FILES if name != CHECKPOINT_NAME])
         if study.status == "finished":
             (folder / CHECKPOINT_NAME).unlink(missing_ok=True)
     return [*tables, *(path for figure in figures for path in (figure.png, figure.svg)), report]

@@ -15,6 +15,7 @@ from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
+from fitting.text.results_folder import remove_earlier
 
 NAME = "design"
 DOCUMENT = "design.json"
@@ -84,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
         found = replace(found, design=replace(found.design, provenance=provenance))
         tell("writing")
         written = found.write(out, report=not args.no_report)
+    remove_earlier(out, ("fmu/*.fmu",))
     hand_over(args, found.design)
     print("\n".join(design_lines(found.design)))
     print(f"\nwritten: {', '.join(map(str, written[:2]))}")

@@ -16,11 +16,13 @@ from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
+from fitting.text.results_folder import remove_earlier
 
 NAME = "identify"
 EXAMPLE = "fmu-fit identify string_q1/campaign.toml --out out/identify_q1"
 JSON_NAME = "identify.json"
 DOCUMENT = JSON_NAME
+FILES = (JSON_NAME, "report.html", "figures/[0-9]*_*.*")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +72,7 @@ def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / f"identify_{folder_name(args.campaign)}"
 
 
-@writes(NAME, JSON_NAME, "report.html", "figures/[0-9]*_*.*", to=_out)
+@writes(NAME, *FILES, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Identify and write; returns 0.
 
@@ -117,6 +119,7 @@ def run(args: argparse.Namespace) -> int:
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.identification")
         print(f"report: {report.write_report(found, out)}")
+    remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0
 
 

@@ -14,6 +14,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import seed, worker_count
+from fitting.text.results_folder import remove_earlier
 
 NAME = "tradeoff"
 EXAMPLE = "fmu-fit tradeoff --scene string --out out/tradeoff --quick"
@@ -77,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     study = replace(study, provenance={**study.provenance, "command": _command(args)})
     for path in ff.write_tradeoff(study, args.out):
         print(path)
+    remove_earlier(args.out, ("fmu/*.fmu",))
     print("\n".join(["", *terminal(study)]))
     if study.status != "finished":
         print(f"{study.status}: {study.message}")

@@ -22,7 +22,7 @@ from fitting.lab.truth import read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.toml import read_toml
 
 
@@ -44,6 +44,7 @@ class SyntheticFiles:
         """
         with results_folder(folder, "synthesize", self.files):
             write_all(folder, self.files)
+            remove_earlier(folder)
         return folder / CAMPAIGN_NAME
 
 

@@ -35,15 +35,6 @@ def line_figure(line: Line) -> Figure:
     )
 
 
-def amplitude_panel(line: Line) -> Panel:
-    """The panel of amplitudes alone.
-
-    Args:
-        line: as it was fitted.
-    """
-    return _amplitude(line, np.array(line.points.frequency_hz), Axis("frequency f", "Hz"))
-
-
 def _values(line: Line) -> tuple[np.ndarray, np.ndarray]:
     """Measured and fitted, real or complex, (n,) each."""
     points = line.points

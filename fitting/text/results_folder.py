@@ -53,6 +53,7 @@ class ResultsFolder:
         self.path = folder.resolve()
         self.thread = threading.get_ident()
         self._own = _read_record(folder / RECORD_NAME)
+        self._written: set[str] = set()
 
     def remove_parts(self) -> None:
         """Remove what killed processes left of files that they were writing."""
@@ -86,6 +87,7 @@ class ResultsFolder:
         """
         new = hashlib.sha256(data).hexdigest()
         old = _digest(path)
+        self._written.add(self._name(path))
         if old == new:  # nothing is lost, whoever wrote it
             return
         self._refuse_foreign(path)
@@ -93,6 +95,27 @@ class ResultsFolder:
         replace_file(path, data)
         if old is not None:
             self._note(path, new)
+
+    def remove_earlier(self, patterns: Iterable[str] | None = None) -> None:
+        """Remove what this command wrote earlier and has not written since it was opened.
+
+        A file that others wrote, that was changed since, or that cannot be removed stays.
+
+        Args:
+            patterns: relative names of what may go, as "figures/1_*.png"; None: all.
+        """
+        wanted = None if patterns is None else [Path(pattern) for pattern in patterns]
+        for name, own in list(self._own.items()):
+            path = self.path / name
+            if own.command != self.command or name in self._written:
+                continue
+            if wanted is not None and not any(_matches(Path(name), p) for p in wanted):
+                continue
+            with suppress(OSError, BadInput):
+                if _digest(path) in own.digests:
+                    path.unlink()
+                    if path.parent != self.path:
+                        path.parent.rmdir()  # only an empty one goes
 
     def forget_what_is_gone(self) -> None:
         """Take files out of the record that are gone, as a checkpoint when the job is done."""
@@ -138,6 +161,10 @@ class ResultsFolder:
         replace_file(self.path / RECORD_NAME, text.encode())
 
 
+def _matches(name: Path, pattern: Path) -> bool:
+    return name.parent == pattern.parent and fnmatch(name.name, pattern.name)
+
+
 def _digest(path: Path) -> str | None:
     """SHA-256 of a file, None where there is none."""
     try:
@@ -170,6 +197,21 @@ def open_folder_of(path: Path) -> ResultsFolder | None:
     """
     parent = path.parent.resolve() if _OPEN else path.parent
     return next((_OPEN[p] for p in (parent, *parent.parents) if p in _OPEN), None)
+
+
+def remove_earlier(folder: Path, names: Iterable[str] | None = None) -> None:
+    """Remove from an open folder what its command wrote there earlier, and not this time.
+
+    To be called when all that a command writes is written: results of an earlier job beside those
+    of this one would be taken for its own. Files that the command did not write are never touched.
+
+    Args:
+        folder: That `results_folder` has opened.
+        names: Relative names and patterns of what may go; None: all.
+    """
+    opened = _OPEN.get(folder.resolve())
+    if opened is not None:
+        opened.remove_earlier(names)
 
 
 @contextmanager

@@ -17,6 +17,8 @@ from fitting.campaign import ContinuationSettings
 from fitting.fit.options import options_of
 from fitting.result.external import with_external
 from fitting.result.result import read_result
+from fitting.text.files import write_whole
+from fitting.text.results_folder import results_folder
 from tests.support.string_part import string_part
 
 
@@ -31,10 +33,18 @@ def fit(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fi
 
 
 def test_a_report_is_what_the_command_writes(fit: ff.Fit, tmp_path: Path) -> None:
+    earlier, built = tmp_path / "figures" / "99_earlier.svg", tmp_path / "fmu" / "earlier.fmu"
+    with results_folder(tmp_path, "reconstruct"):
+        write_whole(earlier, "of an earlier fit")
+        write_whole(built, "may be in use by this very program")
+    (tmp_path / "figures" / "mine.svg").write_text("somebody's own")
     page = ff.report(fit, tmp_path, external=["width_plus=94.2 Hz +- 1 Hz"])
     assert page == tmp_path / "report.html"
     assert (tmp_path / "history.csv").is_file()
-    assert any((tmp_path / "figures").iterdir())
+    assert (tmp_path / "figures" / "1_frequency_response.svg").is_file()
+    assert not earlier.exists()
+    assert built.exists()
+    assert (tmp_path / "figures" / "mine.svg").exists()
     result = read_result(tmp_path / "result.json")
     assert result.fitted_values == pytest.approx(fit.result.fitted_values, rel=1e-15)
     assert "agrees" in result.external[0].sentence

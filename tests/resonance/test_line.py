@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import fitting as ff
 from fitting.cli.main import main
@@ -286,3 +287,30 @@ def test_a_folder_that_cannot_be_used_is_refused_before_anything_is_read(
     told = capsys.readouterr().err
     assert "line.json: is there already" in told
     assert (out / "line.json").read_text("utf-8") == "mine"
+
+
+@pytest.mark.parametrize(("values", "count"), [(np.abs, 2), (np.asarray, 3)], ids=["real", "X, Y"])
+def test_a_line_is_drawn_into_given_axes_as_it_was_measured(
+    values: Callable[[ComplexArray], FloatArray], count: int, tmp_path: Path
+) -> None:
+    measured = values(line_alone(F) + noise(F.size, 0.02, 1))
+    found = ff.line(F, measured)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        for number in range(count):
+            axes = Figure().subplots()
+            assert ff.plot.line(found, number=number, ax=axes) is axes
+            assert axes.get_xlabel()
+            assert axes.get_legend_handles_labels()[1]
+        axes = ff.plot.line(found, ax=Figure().subplots())
+    assert not list(tmp_path.iterdir())
+    drawn = {one.get_label(): np.asarray(one.get_ydata(), dtype=float) for one in axes.get_lines()}
+    assert drawn["measured"] == pytest.approx(np.abs(measured))
+    # the closed form |2 e^0.7i H| at the middle, within what the noise leaves
+    at_top = drawn["fitted line"][F.size // 2]
+    assert at_top == pytest.approx(float(np.abs(line_alone(F))[F.size // 2]), rel=0.02)
+    for wrong in (count, -count - 1):
+        with pytest.raises(ff.BadInput, match=rf"there are {count}, counted from 0"):
+            ff.plot.line(found, number=wrong, ax=axes)
+    with pytest.raises(ff.BadInput, match=r"found a int, wanted what fitting\.line returns"):
+        ff.plot.line(1)  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ import pytest
 
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
-from fitting.text.results_folder import LOCK_NAME, RECORD_NAME, results_folder
+from fitting.text.results_folder import LOCK_NAME, RECORD_NAME, remove_earlier, results_folder
 
 HOLD = """
 import sys
@@ -194,6 +194,44 @@ def test_what_a_killed_process_left_half_written_is_removed(tmp_path: Path) -> N
     assert len(list(tmp_path.glob(".*.part"))) == 2
     put(tmp_path, "sweep", **{"sweep.csv": "newer"})
     assert names(tmp_path) == [RECORD_NAME, ".mine.csv.part", "sweep.csv"]
+
+
+def again(folder: Path, *patterns: str, **files: str) -> None:
+    """What a command does that leaves nothing of an earlier job."""
+    with results_folder(folder, "sweep"):
+        for name, text in files.items():
+            write_whole(folder / name, text)
+        remove_earlier(folder, patterns or None)
+
+
+def test_what_the_command_wrote_before_and_not_now_goes(tmp_path: Path) -> None:
+    put(tmp_path, "sweep", **{"a": "old", "b": "old", "same": "same", "figures/1.png": "old"})
+    again(tmp_path, a="new", same="same")
+    assert names(tmp_path) == [RECORD_NAME, "a", "same"]
+    assert not (tmp_path / "figures").exists()
+    put(tmp_path, "synthesize", b="theirs")  # nothing that is gone is claimed any more
+    assert (tmp_path / "b").read_text() == "theirs"
+
+
+def test_nothing_goes_that_the_command_did_not_write(tmp_path: Path) -> None:
+    put(tmp_path, "sweep", **{"edited": "old", "swept": "old", "figures/1.png": "old"})
+    put(tmp_path, "synthesize", theirs="theirs")
+    (tmp_path / "edited").write_text("by hand")
+    for name in ("mine", "figures/mine.png"):
+        (tmp_path / name).write_text("mine")
+    again(tmp_path, a="new")
+    kept = [RECORD_NAME, "a", "edited", "figures/mine.png", "mine", "theirs"]
+    assert names(tmp_path) == kept
+
+
+def test_only_what_was_foretold_goes_and_only_when_the_work_is_done(tmp_path: Path) -> None:
+    put(tmp_path, "sweep", **{"checkpoint": "old", "figures/1.png": "old", "figures/2.svg": "old"})
+    before = names(tmp_path)
+    with pytest.raises(RuntimeError), results_folder(tmp_path, "sweep"):
+        raise RuntimeError
+    assert names(tmp_path) == before
+    again(tmp_path, "figures/[0-9]*.png", "*.png", a="new")
+    assert names(tmp_path) == [RECORD_NAME, "a", "checkpoint", "figures/2.svg"]
 
 
 def test_what_is_no_folder_or_no_record_is_said(tmp_path: Path) -> None:

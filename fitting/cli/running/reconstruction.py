@@ -15,6 +15,7 @@ from fitting.api.cost import expected_of
 from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
 from fitting.api.jobs import draw_report
 from fitting.api.problem import Campaign
+from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
@@ -25,6 +26,7 @@ from fitting.report.words.result import result_lines
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
 from fitting.text.errors import NoScale
+from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
 
 NAME = "reconstruct"
@@ -35,6 +37,8 @@ NO_PROFILES = (
 )
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
+#: What goes with the result that it belongs to.
+PASSING = (*RESULT_FILES, "fmu/*.fmu")
 
 
 def reconstruct(args: argparse.Namespace, out: Path) -> int:
@@ -80,10 +84,12 @@ def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out:
     print("\n".join(result_lines(result)))
     print(f"\nwritten: {', '.join(str(path) for path in files)}")
     if not ended.done:
+        remove_earlier(out, PASSING)
         print(f"go on with: {_command(args, resume=True)}")
         return 1
     if not args.no_report:
         print(f"report: {_drawn(ended.found, result, out, args.style or STYLES[0])}")
+    remove_earlier(out, PASSING)
     memory.remove()  # when all is done that may be killed
     return EXIT_CODES.get(result.status, 1)
 
