@@ -22,6 +22,8 @@ Each returns the axes, computes and saves nothing, and keeps any style.
 
 from __future__ import annotations
 
+import re
+
 from fitting.api.fitted import Inference, Value, Valued
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.report import plot
@@ -154,8 +156,8 @@ def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | No
 
     Args:
         found: A fit or an inference.
-        name: Which figure, as the report names its file ("2_spectra", with the series behind it
-            where there are several); empty: the first.
+        name: Which figure, as the report names its file, with its number or without ("spectra",
+            with the series behind it where there are several); empty: the first.
         number: Which of its panels, from 0, row by row.
         ax: Where to draw; None: pyplot's current axes.
 
@@ -165,6 +167,8 @@ def measurement(found: Valued, name: str = "", *, number: int = 0, ax: Axes | No
     if not isinstance(found, Valued):
         raise BadInput(f"plot: a {type(found).__name__}, wanted a fit, or what was inferred of it")
     figures = {figure.stem: figure for figure in figures_of(found.source.record)}
+    if name not in figures:
+        name = re.sub(r"^\d+_", "", name)
     if not figures or (name and name not in figures):
         raise BadInput(f"plot: no figure '{name}', wanted one of {', '.join(figures) or 'none'}")
     panels = figures[name or next(iter(figures))].panels

@@ -34,5 +34,6 @@ STUDY_FILES = (
     "tradeoff.md",
     "report.html",
     "tradeoff-checkpoint.json",
+    "figures/1_tradeoff_*.*",
     "figures/tradeoff_*.*",
 )

@@ -127,7 +127,7 @@ class Panel:
 class Figure:
     """What one measurement shows: rows of panels, and what is said about them.
 
-    ``name`` is short, for files, a number before it says where it stands among the others;
+    ``name`` is short, for files, where the figure's number in the report stands before it;
     ``caption`` stands below it, ``alt`` is for those who do not see it; ``series`` is the
     measurement's, empty where there is one only.
     """

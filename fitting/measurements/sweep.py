@@ -348,7 +348,7 @@ class Sweep(MeasurementKind):
             )
         said = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
         figure = Figure(
-            name="8_frequency_response",
+            name="frequency_response",
             title="Frequency response: laboratory, resonance fit, simulation",
             caption=(
                 f"Frequency response as measured ({self.amplitude_v.size} points), which {role} "

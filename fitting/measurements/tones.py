@@ -272,7 +272,7 @@ def spectra_figure(
         for when in ("before", "after")
     )
     return Figure(
-        name="2_spectra",
+        name="spectra",
         title="Spectra, measured and simulated",
         caption=_spectra_caption(spectra, floors),
         alt=(

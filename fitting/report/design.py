@@ -42,8 +42,8 @@ def page_of(design: Design, figures: Sequence[FigureFile]) -> Page:
         design: the proposed next measurement.
         figures: figure files that are shown.
     """
-    steps = tuple(figure for figure in figures if figure.name.startswith("1_"))
-    others = tuple(figure for figure in figures if not figure.name.startswith("1_"))
+    steps = tuple(figure for figure in figures if figure.kind == "design_steps")
+    others = tuple(figure for figure in figures if figure.kind != "design_steps")
     return Page(
         title=f"Next measurement: {design.title}",
         kind="next measurement",

@@ -7,6 +7,7 @@ from pathlib import Path
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.inference.verdict import Verdict
 from fitting.report.figures.inference import knowledge_figures
+from fitting.report.figures.numbers import of_identification
 from fitting.report.figures.style import save, style
 from fitting.report.page import Page, Section, Status, write_page
 from fitting.report.reconstruction import knowledge_section
@@ -39,8 +40,10 @@ def write_report(found: Identification, out_dir: Path) -> Path:
     Raises:
         BadInput: the folder cannot be written.
     """
-    drawn = knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
     with style():
+        drawn = of_identification(
+            knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
+        )
         figures = tuple(save(drawing, out_dir / FIGURES) for drawing in drawn)
     origin = pairs_table(
         "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}

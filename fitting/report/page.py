@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import base64
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 
@@ -123,35 +122,31 @@ def render(page: Page) -> str:
     Args:
         page: sections and heading.
     """
-    numbers = itertools.count(1)
-    lead = None if page.lead is None else _picture(page.lead, next(numbers))
+    lead = None if page.lead is None else _picture(page.lead)
     return (
         environment()
         .get_template("report.html.j2")
         .render(
             page=page,
             lead=lead,
-            sections=_numbered(page.sections, numbers),
+            sections=_with_pictures(page.sections),
             version=fitting.__version__,
         )
     )
 
 
-def _numbered(sections: Sequence[Section], numbers: Iterator[int]) -> list[dict[str, object]]:
-    """Sections with their figures embedded and numbered in the order of the page."""
-    return [
-        {**vars(section), "figures": [_picture(f, next(numbers)) for f in section.figures]}
-        for section in sections
-    ]
+def _with_pictures(sections: Sequence[Section]) -> list[dict[str, object]]:
+    """Sections with their figures embedded."""
+    return [{**vars(s), "figures": [_picture(f) for f in s.figures]} for s in sections]
 
 
-def _picture(figure: FigureFile, number: int) -> Picture:
+def _picture(figure: FigureFile) -> Picture:
     """A figure embedded: as SVG, unless that is long and the picture of it shorter."""
     kind, path = "svg+xml", figure.svg
     if path.stat().st_size > LONG and figure.png.stat().st_size < path.stat().st_size:
         kind, path = "png", figure.png
     return Picture(
-        number=number,
+        number=figure.number,
         source=f"data:image/{kind};base64,{_base64(path)}",
         alt=figure.alt,
         title=figure.title,

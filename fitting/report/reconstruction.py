@@ -9,6 +9,7 @@ from pathlib import Path
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.quadratures import quadrature_sentences
 from fitting.inference.sweep_line import line_sentences
+from fitting.report.figures import numbers
 from fitting.report.figures.inference import flat_sentence
 from fitting.report.figures.reconstruction import write_figures
 from fitting.report.figures.style import FigureFile
@@ -46,14 +47,12 @@ from fitting.result.result import STATUSES, Result
 from fitting.text.notation import number, scalar_words, settings_words, signs_words
 
 Figures = tuple[FigureFile, ...]
-#: Names of figures by the section that they belong to; what is in none gets one of its own.
-DATA_FIGURES = ("1_drive", "2_spectra")
-DEVIATION_FIGURES = ("3_deviation_over_frequency", "4_improvement", "7_deviation_per_experiment")
-#: What the first figure is, by the begin of its name: a frequency response, a map, spectra.
-LEADING = ("8_", "2_", "7_")
+#: Figures by the section that they belong to; what is in none gets one of its own.
+DATA_FIGURES = (numbers.DRIVE, numbers.SPECTRA, "phases")
+DEVIATION_FIGURES = (numbers.OVER_FREQUENCY, numbers.IMPROVEMENT, numbers.PER_EXPERIMENT)
 #: Sections that are not folded: what the answer rests on.
 OPEN = ("values", "agreement")
-KNOWLEDGE_FIGURES = ("9_profiles", "10_together", "11_outputs", "12_nu")
+KNOWLEDGE_FIGURES = (numbers.PROFILES, numbers.TOGETHER, numbers.OUTPUTS)
 
 
 def write_report(result: Result, data: ShownCampaign, out_dir: Path) -> Path:
@@ -101,16 +100,12 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
 
 
 def lead_of(figures: Sequence[FigureFile]) -> FigureFile | None:
-    """The figure that shows data, fit and residual at once: of a sweep, else of spectra.
+    """The figure that shows data, fit and residual at once, if there is one: the first.
 
     Args:
         figures: figure files that are shown.
     """
-    for start in LEADING:
-        found = next((figure for figure in figures if figure.name.startswith(start)), None)
-        if found is not None:
-            return found
-    return None
+    return next((figure for figure in figures if figure.number == 1), None)
 
 
 def answer_block(answer: Answer) -> tuple[Line, ...]:
@@ -155,12 +150,16 @@ def sections_of(
         data: what is shown of the campaign.
         figures: figure files that are shown.
     """
-    shelf = {figure.name: figure for figure in figures}
+    shelf = list(figures)
 
-    def take(*names: str) -> Figures:
-        """Figures of that name, and of that name for each campaign of a joint fit."""
-        found = [n for name in names for n in shelf if n == name or n.startswith(f"{name}_")]
-        return tuple(shelf.pop(name) for name in found)
+    def take(*kinds: str) -> Figures:
+        """Figures of a kind, and of that kind for each campaign of a joint fit."""
+        found = tuple(figure for kind in kinds for figure in shelf if figure.kind == kind)
+        shelf[:] = [figure for figure in shelf if figure not in found]
+        return found
+
+    named = {name for name in (*numbers.FIRST, *numbers.LAST)}
+    further = take(*dict.fromkeys(f.kind for f in figures if f.kind not in named))
 
     made = [
         Section("values", "Values", tables=(interval_table(result, "Fitted and derived values"),)),
@@ -168,18 +167,18 @@ def sections_of(
         knowledge_section(result.knowledge, take(*KNOWLEDGE_FIGURES)),
         _agreement(result),
         _quadratures(result),
-        _derived(result, data, take("6_derived_per_experiment")),
         _experiments(result, data, take(*DATA_FIGURES)),
-        _response(result, take("8_frequency_response")),
+        _response(result, take(numbers.RESPONSE)),
+        # what other kinds of measurements show
+        Section("figures", "Measured and simulated", figures=further) if further else None,
         _deviations(result, data, take(*DEVIATION_FIGURES)),
-        _convergence(result, take("5_convergence")),
+        _convergence(result, take(numbers.CONVERGENCE, numbers.NU)),
+        _derived(result, data, take(numbers.DERIVED)),
         _search(result),
         _settings(result, data),
         _plan(result, data),
         _provenance(result),
     ]
-    if shelf:  # what other kinds of measurements show, for example
-        made.append(Section("figures", "Further figures", figures=tuple(shelf.values())))
     return tuple(
         replace(section, folded=section.id not in OPEN) for section in made if section is not None
     )

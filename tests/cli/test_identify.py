@@ -77,7 +77,7 @@ def test_the_page_holds_tables_and_figures_and_says_synthetic(
     ):
         assert words in text
     names = sorted(path.name for path in (out / "figures").glob("*.svg"))
-    assert names == ["10_together.svg", "11_outputs.svg", "9_profiles.svg"]
+    assert names == ["1_profiles.svg", "2_together.svg", "3_outputs.svg"]
     json.loads((out / "identify.json").read_text())
 
 

@@ -170,7 +170,7 @@ def test_its_maps_stand_in_the_report_and_in_plots(fit: ff.Fit, tmp_path: Path) 
     assert "The model's maxima come closest at V = " in text
     assert "'d2' follows the law d1." in text
     axes = Canvas().subplots()
-    assert ff.plot.measurement(fit, "8_control_sweep", number=0, ax=axes) is axes
+    assert ff.plot.measurement(fit, "1_control_sweep", number=0, ax=axes) is axes
     cells = [c for c in axes.get_children() if isinstance(c, QuadMesh)]
     assert len(cells) == crossing.VOLTS.size
     amplitude = crossing.measured(3, NOISE)

@@ -136,7 +136,7 @@ def test_highest_peaks_are_inside() -> None:
 def test_a_series_of_several_has_its_own_title() -> None:
     figure = replace(shown_by(tones(1)), series="a")
     drawn = draw_measurement(figure, campaign(a=campaign()))
-    assert (drawn.name, drawn.title) == ("2_spectra_a", "Spectra, measured and simulated, a")
+    assert (drawn.stem, drawn.title) == ("spectra_a", "Spectra, measured and simulated, a")
     suptitle = drawn.figure.get_suptitle()
     assert suptitle.splitlines() == ["Spectra, measured and simulated", "alone"]
 

@@ -390,7 +390,7 @@ def test_its_figure_stands_in_the_report(fit: ff.Fit, tmp_path: Path) -> None:
     pictures = {image.get("alt") for image in page.iter("img")}
     assert f"Two quadratures at {SEEN_HZ.size} frequencies with the fitted model." in pictures
     assert "what the fit leaves of them" in page.text_content()
-    drawn = (tmp_path / "figures" / "lock_in.svg").read_text(encoding="utf-8")
+    drawn = (tmp_path / "figures" / "1_lock_in.svg").read_text(encoding="utf-8")
     for words in ("quadrature X", "quadrature Y", "SYNTHETIC DATA", "model, fitted"):
         assert words in drawn
     result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))

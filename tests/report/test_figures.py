@@ -118,13 +118,13 @@ def points(axes: Axes) -> list[Line2D]:
 
 def test_a_string_campaign_gets_every_figure_in_both_formats(files: list[FigureFile]) -> None:
     assert [f.name for f in files] == [
-        "1_drive",
-        "2_spectra",
-        "3_deviation_over_frequency",
-        "4_improvement",
-        "5_convergence",
-        "7_deviation_per_experiment",
-        "8_frequency_response",
+        "1_frequency_response",
+        "5_drive",
+        "6_spectra",
+        "7_deviation_over_frequency",
+        "8_improvement",
+        "9_deviation_per_experiment",
+        "10_convergence",
     ]
     for file in files:
         assert file.png.read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
@@ -181,10 +181,10 @@ def test_the_same_result_gives_the_same_bytes(
     with style():
         for draw in (draw_over_frequency, draw_derived):
             saved = save(draw(result, data), tmp_path)
-            again[saved.name] = saved
-    for file in (file for file in files if file.name in again):
-        assert file.svg.read_bytes() == again[file.name].svg.read_bytes()
-        assert file.png.read_bytes() == again[file.name].png.read_bytes()
+            again[saved.kind] = saved
+    for file in (file for file in files if file.kind in again):
+        assert file.svg.read_bytes() == again[file.kind].svg.read_bytes()
+        assert file.png.read_bytes() == again[file.kind].png.read_bytes()
 
 
 def test_no_unfinished_file_is_left(files: list[FigureFile]) -> None:
@@ -197,11 +197,11 @@ def test_a_sweep_alone_gets_convergence_and_response(tmp_path: Path) -> None:
     result = records.result_for(data)
     shown = records.with_figures(data, result)
     names = [f.name for f in write_figures(result, shown, tmp_path)]
-    assert names == ["5_convergence", "8_frequency_response"]
+    assert names == ["1_frequency_response", "5_convergence"]
 
 
 def test_svg_holds_a_marker_per_peak_before_and_after(files: list[FigureFile]) -> None:
-    file = next(f for f in files if f.name == "3_deviation_over_frequency")
+    file = next(f for f in files if f.kind == "deviation_over_frequency")
     root = etree.parse(str(file.svg)).getroot()
     axes = next(g for g in root.iter(f"{SVG}g") if g.get("id") == "axes_1")
     lines = [g for g in axes if (g.get("id") or "").startswith("line2d")]

@@ -50,7 +50,7 @@ def complex_figure(
         height=0.5,
     )
     rms = number(float(np.sqrt(np.mean(np.abs(left) ** 2) / 2.0)), 2)
-    name = f"8_complex_sweep{f'_{curve.label}' if curve.label else ''}".replace("/", "_")
+    name = f"complex_sweep{f'_{curve.label}' if curve.label else ''}".replace("/", "_")
     said = f" {curve.label}" if curve.label else ""
     return Figure(
         name=name,

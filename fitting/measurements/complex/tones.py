@@ -178,7 +178,7 @@ class ComplexTones(Tones):
         rms = number(float(np.sqrt(np.mean(off[1] ** 2))), 2)
         known = sigma if np.all(sigma > 0.0) else np.empty(0)
         return Figure(
-            name="2_phases",
+            name="phases",
             title="Phases, simulated minus measured",
             caption=(
                 f"How far the phases of {f.size} lines are off, with the start parameters and with "

@@ -162,7 +162,7 @@ class ControlMaps:
         rests = Axis("simulated - measured", unit, low=-most, high=most)
         spectra = len(sweep.spectra)
         return Figure(
-            name="8_control_sweep",
+            name="control_sweep",
             title=f"Response over {self._all_over}",
             caption=(
                 f"Amplitudes of {spectra} spectra over {self.over}{self._order}, measured, "

@@ -53,7 +53,7 @@ def trace_figure(
     which = f"{count} samples" if every.step == 1 else f"One of {every.step} of {count} samples"
     said = f" {trace.label}" if trace.label else ""
     return Figure(
-        name=f"8_trace{f'_{trace.label}' if trace.label else ''}".replace("/", "_"),
+        name=f"trace{f'_{trace.label}' if trace.label else ''}".replace("/", "_"),
         title=f"Trace{said}: measured and simulated",
         caption=(
             f"{which} with the model before and after the fit; {_input(trace)}; {_start(trace)}. "

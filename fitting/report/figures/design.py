@@ -44,7 +44,9 @@ def draw_steps(design: Design) -> Drawing:
         "each proposed measurement: at the given point, and at points that fit the data as well. "
         "×: drive level; n: spectra averaged."
     )
-    return Drawing(name="1_design_steps", title=title, caption=caption, alt=caption, figure=figure)
+    return Drawing(
+        name="design_steps", number=1, title=title, caption=caption, alt=caption, figure=figure
+    )
 
 
 def draw_kinds(design: Design) -> Drawing:
@@ -64,5 +66,5 @@ def draw_kinds(design: Design) -> Drawing:
         "last measurement."
     )
     return Drawing(
-        name="2_design_candidates", title=title, caption=caption, alt=caption, figure=figure
+        name="design_candidates", number=2, title=title, caption=caption, alt=caption, figure=figure
     )

@@ -63,7 +63,7 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
         f"at the reference parameters; a start far outside is told in words.{warning}"
     )
     alt = f"Values over {len(result.history) - 1} levels of ν, ending at {listed(values)}."
-    return Drawing(name="5_convergence", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name="convergence", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _groups(result: Result) -> list[list[str]]:
@@ -122,7 +122,7 @@ def draw_derived(result: Result, data: ShownCampaign) -> Drawing:
     )
     alt = "Values per experiment. " + ". ".join(said) + "."
     return Drawing(
-        name="6_derived_per_experiment", title=title, caption=caption, alt=alt, figure=figure
+        name="derived_per_experiment", title=title, caption=caption, alt=alt, figure=figure
     )
 
 

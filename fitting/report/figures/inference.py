@@ -113,7 +113,7 @@ def draw_profiles(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
             "in the curve."
         )
     return Drawing(
-        name="9_profiles",
+        name="profiles",
         title=title,
         caption=caption,
         alt=f"Verdicts: {listed(words)}.",
@@ -152,7 +152,7 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         "knowledge at all."
     )
     alt = f"Fits in the planes of {listed(names)}."
-    return Drawing(name="10_together", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name="together", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
@@ -199,7 +199,7 @@ def draw_outputs(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dra
         "are alike, the data say nothing of that output."
     )
     return Drawing(
-        name="11_outputs", title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
+        name="outputs", title=title, caption=caption, alt=f"{listed(words)}.", figure=figure
     )
 
 
@@ -225,5 +225,5 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Drawing:
         "the data moved the solution from the prior (dashed) at every ν. " + " ".join(nu.sentences)
     )
     return Drawing(
-        name="12_nu", title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure
+        name="nu", title=title, caption=caption, alt=" ".join(nu.sentences), figure=figure
     )

@@ -53,7 +53,8 @@ def draw_measurement(described: Figure, data: ShownCampaign) -> Drawing:
         handles.setdefault(handle.get_label(), handle)
     legend_below(figure, list(handles.values()), ncols=4)
     return Drawing(
-        name=described.stem,
+        name=described.name,
+        series=described.series,
         title=", ".join(filter(None, (described.title, described.series))),
         caption=described.caption,
         alt=described.alt,

@@ -28,7 +28,7 @@ def save_pdf(drawings: Iterable[Drawing], folder: Path, width: float) -> list[Pa
     for drawing in drawings:
         if width < TWO_COLUMNS and not _is_of_one_column(drawing):
             continue
-        path = folder / f"{drawing.name}_{width:g}in.pdf"
+        path = folder / f"{drawing.stem}_{width:g}in.pdf"
         words = {"Title": drawing.title, "Subject": drawing.caption, "CreationDate": None}
         image = io.BytesIO()
         drawing.figure.savefig(image, format="pdf", metadata=words)

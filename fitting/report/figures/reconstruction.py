@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 from fitting.report.figures.fit import draw_convergence, draw_derived, varying
 from fitting.report.figures.inference import knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
+from fitting.report.figures.numbers import numbered
 from fitting.report.figures.paper import ONE_COLUMN, TWO_COLUMNS, save_pdf
 from fitting.report.figures.style import Drawing, FigureFile, save, style
 from fitting.report.figures.tones import (
@@ -63,7 +63,7 @@ def write_paper_figures(result: Result, data: ShownCampaign, out_dir: Path) -> l
 
 
 def _drawings(result: Result, data: ShownCampaign) -> list[Drawing]:
-    """Every figure that the campaign has data for, in order."""
+    """Every figure that the campaign has data for, in order and numbered."""
     parts = shares_of(result, data)
     drawn = []
     for draw in figures_of(result, data):
@@ -74,18 +74,12 @@ def _drawings(result: Result, data: ShownCampaign) -> list[Drawing]:
     drawn += [draw_measurement(described, data) for described in data.figures]
     if result.knowledge is not None:
         drawn += knowledge_figures(result.knowledge, data.title, synthetic=data.synthetic)
-    return sorted(drawn, key=_place)
-
-
-def _place(drawing: Drawing) -> float:
-    """Where a figure stands among the others: by the number before its name, else last."""
-    number = drawing.name.partition("_")[0]
-    return float(number) if number.isdigit() else math.inf
+    return numbered(drawn, result, [described.name for described in data.figures])
 
 
 def _named(drawing: Drawing, series: str) -> Drawing:
     """A figure of one campaign of several."""
-    return replace(drawing, name=f"{drawing.name}_{series}", title=f"{drawing.title}, {series}")
+    return replace(drawing, series=series, title=f"{drawing.title}, {series}")
 
 
 def figures_of(

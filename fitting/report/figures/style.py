@@ -65,20 +65,36 @@ _STYLE: Any = {  # matplotlib's stubs want every key as a literal
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A figure with what is said about it: file name stem, title, caption, text for the blind."""
+    """A figure with what is said about it: short name, title, caption, text for the blind.
+
+    ``number`` is that on the page and before the name of its files (0: it has none); ``series``
+    the measurement's, where each of several has such a figure.
+    """
 
     name: str
     title: str
     caption: str
     alt: str
     figure: Figure
+    series: str = ""
+    number: int = 0
+
+    @property
+    def stem(self) -> str:
+        """Name of its files, without an ending."""
+        return "_".join(filter(None, (str(self.number or ""), self.name, self.series)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FigureFile:
-    """A saved figure: what a :class:`Drawing` says, its two files, and one of its numbers."""
+    """A saved figure: what a :class:`Drawing` says, its two files, and one of its numbers.
+
+    ``name`` is that of its files, ``kind`` that of the drawing.
+    """
 
     name: str
+    kind: str
+    number: int
     title: str
     caption: str
     alt: str
@@ -184,7 +200,7 @@ def save(drawing: Drawing, folder: Path, *, numbers: bool = False) -> FigureFile
     Raises:
         BadInput: the folder cannot be written.
     """
-    svg, png = folder / f"{drawing.name}.svg", folder / f"{drawing.name}.png"
+    svg, png = folder / f"{drawing.stem}.svg", folder / f"{drawing.stem}.png"
     words = {"Title": drawing.title, "Description": drawing.alt}
     image = io.BytesIO()
     drawing.figure.savefig(image, format="png", dpi=PNG_DPI, metadata={**words, "Software": None})
@@ -194,11 +210,13 @@ def save(drawing: Drawing, folder: Path, *, numbers: bool = False) -> FigureFile
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
     write_whole(svg, vector.getvalue())
-    table = folder / f"{drawing.name}.csv" if numbers else None
+    table = folder / f"{drawing.stem}.csv" if numbers else None
     if table is not None:
         write_whole(table, figure_csv(drawing.figure))
     return FigureFile(
-        name=drawing.name,
+        name=drawing.stem,
+        kind=drawing.name,
+        number=drawing.number,
         title=drawing.title,
         caption=drawing.caption,
         alt=drawing.alt,

@@ -71,7 +71,7 @@ def draw_drive(result: Result, data: ShownCampaign) -> Drawing:
     alt = (
         "Envelopes of the drive: " + "; ".join(f"{e.label}: {_beat_words(e)}" for e in shown) + "."
     )
-    return Drawing(name="1_drive", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name="drive", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def _beat_words(experiment: ShownTones) -> str:
@@ -114,7 +114,7 @@ def draw_over_frequency(result: Result, data: ShownCampaign) -> Drawing:
         f"means {_from_to(result.deviations)}."
     )
     return Drawing(
-        name="3_deviation_over_frequency", title=title, caption=caption, alt=alt, figure=figure
+        name="deviation_over_frequency", title=title, caption=caption, alt=alt, figure=figure
     )
 
 
@@ -141,7 +141,7 @@ def draw_improvement(result: Result, data: ShownCampaign) -> Drawing:
         f"Ratio of final to initial deviation for {len(shares)} peaks; ratio of the means "
         f"{number(overall, 3)} percent; {worse} above 100 percent."
     )
-    return Drawing(name="4_improvement", title=title, caption=caption, alt=alt, figure=figure)
+    return Drawing(name="improvement", title=title, caption=caption, alt=alt, figure=figure)
 
 
 def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
@@ -174,7 +174,7 @@ def draw_per_experiment(result: Result, data: ShownCampaign) -> Drawing:
         f"{len(residuals)} residuals beyond {NOTABLE_SIGMA:g} standard deviations. {worst}"
     )
     return Drawing(
-        name="7_deviation_per_experiment", title=title, caption=caption, alt=alt, figure=figure
+        name="deviation_per_experiment", title=title, caption=caption, alt=alt, figure=figure
     )
 
 

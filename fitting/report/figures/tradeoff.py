@@ -98,7 +98,12 @@ def draw(study: Study) -> Drawing:
     if any(m.extrapolated for m in study.measurements):
         caption += " Pale markers: not run, cost extrapolated from a shorter run."
     return Drawing(
-        name=f"tradeoff_{study.scene}", title=title, caption=caption, alt=caption, figure=figure
+        name=f"tradeoff_{study.scene}",
+        number=1,
+        title=title,
+        caption=caption,
+        alt=caption,
+        figure=figure,
     )
 
 
