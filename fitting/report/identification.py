@@ -44,7 +44,7 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         drawn = of_identification(
             knowledge_figures(found.knowledge, found.title, synthetic=found.synthetic)
         )
-        figures = tuple(save(drawing, out_dir / FIGURES) for drawing in drawn)
+        figures = tuple(save(drawing, out_dir / FIGURES, for_page=True) for drawing in drawn)
     origin = pairs_table(
         "Origin", ("what", "which"), {**found.provenance, "set out from": found.at}
     )

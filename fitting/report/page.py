@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import base64
+import gzip
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote
 
 import fitting
 from fitting.report.figures.style import FigureFile
 from fitting.report.table import Table, environment
 from fitting.text.files import write_whole
+from fitting.text.notation import listed
 
 NAME = "report.html"
 #: Bytes of an SVG from which a shorter PNG is embedded instead.
 LONG = 200_000
-#: Bytes of a figure's numbers that the page holds.
+#: Bytes of a figure's numbers, and of what makes it interactive, that the page holds.
 LONGEST = 500_000
+#: Characters of a page up to which figures are made interactive.
+MOST = 4_800_000
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,8 @@ class Page:
 class Picture:
     """An embedded figure: its number in the report and the data URI of its drawing.
 
-    `numbers` is that of what is drawn, as CSV; empty where there is no such file, or a long one.
+    `links` are what it can be had as, by name, with the name of the file: as data, else the file
+    beside the page. `live` is what makes it interactive, packed; empty: nothing does.
     """
 
     number: int
@@ -95,8 +102,8 @@ class Picture:
     alt: str
     title: str
     caption: str
-    name: str = ""
-    numbers: str = ""
+    links: tuple[tuple[str, str, str], ...] = ()
+    live: str = ""
 
 
 def write_page(page: Page, folder: Path) -> Path:
@@ -123,19 +130,23 @@ def render(page: Page) -> str:
         page: sections and heading.
     """
     lead = None if page.lead is None else _picture(page.lead)
+    sections = _with_pictures(page.sections)
+    pictures = [*([lead] if lead else []), *(f for s in sections for f in s["figures"])]
     return (
         environment()
         .get_template("report.html.j2")
         .render(
             page=page,
             lead=lead,
-            sections=_with_pictures(page.sections),
+            sections=sections,
+            missing=_missing(pictures),
+            live=_live(pictures),
             version=fitting.__version__,
         )
     )
 
 
-def _with_pictures(sections: Sequence[Section]) -> list[dict[str, object]]:
+def _with_pictures(sections: Sequence[Section]) -> list[dict[str, Any]]:
     """Sections with their figures embedded."""
     return [{**vars(s), "figures": [_picture(f) for f in s.figures]} for s in sections]
 
@@ -151,16 +162,61 @@ def _picture(figure: FigureFile) -> Picture:
         alt=figure.alt,
         title=figure.title,
         caption=figure.caption,
-        name=figure.name,
-        numbers=_numbers(figure),
+        links=_links(figure),
+        live=packed(figure.live) if figure.live else "",
     )
 
 
-def _numbers(figure: FigureFile) -> str:
-    """What a figure shows as a file to be downloaded from the page itself."""
-    if figure.csv is None or figure.csv.stat().st_size > LONGEST:
-        return ""
-    return f"data:text/csv;charset=utf-8;base64,{_base64(figure.csv)}"
+def _links(figure: FigureFile) -> tuple[tuple[str, str, str], ...]:
+    """What a figure can be had as: its numbers from the page itself, the rest beside it."""
+    if figure.csv is None or figure.pdf is None:
+        return ()
+    numbers = _beside(figure.csv)
+    if figure.csv.stat().st_size <= LONGEST:
+        numbers = f"data:text/csv;charset=utf-8;base64,{_base64(figure.csv)}"
+    files = (("SVG", figure.svg), ("PDF", figure.pdf))
+    return (
+        ("CSV", numbers, figure.csv.name),
+        *((kind, _beside(path), path.name) for kind, path in files),
+    )
+
+
+def _beside(path: Path) -> str:
+    """Where a file of the folder of figures lies, as seen from the page."""
+    return f"{quote(path.parent.name)}/{quote(path.name)}"
+
+
+def _missing(pictures: Sequence[Picture]) -> str:
+    """Numbers of figures that this page has none of; numbers are those of every fit."""
+    numbers = {picture.number for picture in pictures}
+    return listed(str(k) for k in range(1, max(numbers, default=0)) if k not in numbers)
+
+
+def _live(pictures: Sequence[Picture]) -> dict[str, Any]:
+    """What makes figures interactive, in their order, as far as the page stays short."""
+    # takes half a second to import: only where there is a page
+    from fitting.report.interactive.document import library
+
+    wanted = [picture for picture in pictures if 0 < len(picture.live) <= LONGEST]
+    if not wanted:
+        return {"library": "", "figures": {}}
+    script = packed(library())
+    size = len(script) + sum(len(p.source) + sum(len(to) for _, to, _ in p.links) for p in pictures)
+    kept: dict[int, str] = {}
+    for picture in wanted:
+        size += len(picture.live)
+        if size <= MOST:
+            kept[picture.number] = picture.live
+    return {"library": script, "figures": kept}
+
+
+def packed(text: str) -> str:
+    """Text as a page holds it: compressed, in letters and digits; equal texts give equal ones.
+
+    Args:
+        text: any.
+    """
+    return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii")
 
 
 def _base64(path: Path) -> str:

@@ -158,7 +158,7 @@ def sections_of(
         shelf[:] = [figure for figure in shelf if figure not in found]
         return found
 
-    named = {name for name in (*numbers.FIRST, *numbers.LAST)}
+    named = {*numbers.FIRST, *numbers.LAST}
     further = take(*dict.fromkeys(f.kind for f in figures if f.kind not in named))
 
     made = [

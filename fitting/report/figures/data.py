@@ -6,80 +6,146 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.figure import Figure
 
+from fitting.report.plot.measurement import PLACES
 from fitting.text.arrays import FloatArray
 
 HEADS = ("panel", "series", "along x", "along y", "x", "y")
+#: Further columns of a figure with a map: what its colours stand for.
+MAP_HEADS = ("colours", "value")
 #: What matplotlib's mathematics adds to a name.
 _MARKUP = re.compile(r"\\mathrm|[${}\\]")
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What one artist shows at places along both axes: `parts` of (n, 2) points, `label`, `artist`.
+
+    `values` (n,) are those of a map at its points, `colours` what they stand for.
+    """
+
+    label: str
+    artist: Artist
+    parts: tuple[FloatArray, ...]
+    values: FloatArray
+    colours: str = ""
+
+    @property
+    def points(self) -> FloatArray:
+        """All points, (n, 2)."""
+        return np.concatenate([np.empty((0, 2)), *self.parts])
+
+
 def figure_csv(figure: Figure) -> str:
-    """All points of lines, markers and bars of a figure, a row each; bands and maps are left out.
+    """All points of lines, markers, bars and maps of a figure, a row each; bands are left out.
 
     Columns: the panel by its title (else its number), the series by its label, both axes by
-    theirs, which hold offset and unit, and the point.
+    theirs, which hold offset and unit, and the point; of a figure with a map also what its colours
+    stand for, and the value.
 
     Args:
         figure: as it is drawn.
     """
+    rows: list[list[str]] = []
+    for number, axes in panels_of(figure):
+        head = [panel_name(axes, number)]
+        along = along_axes(axes)
+        for shown in shown_in(axes):
+            name = [*head, shown.label, *along]
+            places = [[repr(x), repr(y)] for x, y in shown.points.tolist()]
+            values = [[shown.colours, repr(v)] for v in shown.values.tolist()] or [[]] * len(places)
+            rows += [[*name, *p, *v] for p, v in zip(places, values, strict=True)]
+    wide = max(map(len, rows), default=0)
+    heads = (*HEADS, *MAP_HEADS) if wide > len(HEADS) else HEADS
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADS)
-    for number, axes in enumerate(figure.axes, start=1):
-        if not axes.get_visible():
-            continue
-        head = _panel(axes, number)
-        along = _along(axes)
-        for label, points in _series(axes):
-            writer.writerows([head, label, *along, repr(x), repr(y)] for x, y in points.tolist())
+    writer.writerow(heads)
+    writer.writerows(row + [""] * (len(heads) - len(row)) for row in rows)
     return text.getvalue()
 
 
-def _along(axes: Axes) -> list[str]:
-    """What both axes are labelled with, there or where panels share them."""
+def panels_of(figure: Figure) -> list[tuple[int, Axes]]:
+    """Axes that show something, with their numbers; not the bars that explain colours.
+
+    Args:
+        figure: as it is drawn.
+    """
+    bars = [m.colorbar.ax for axes in figure.axes for m in axes.collections if m.colorbar]
+    shown = (axes for axes in figure.axes if axes not in bars)
+    return [(k, axes) for k, axes in enumerate(shown, start=1) if axes.get_visible()]
+
+
+def along_axes(axes: Axes) -> list[str]:
+    """What both axes are labelled with, there or where panels share them.
+
+    Args:
+        axes: a panel.
+    """
     x = [other.get_xlabel() for other in axes.get_shared_x_axes().get_siblings(axes)]
     y = [other.get_ylabel() for other in axes.get_shared_y_axes().get_siblings(axes)]
     own = (axes.get_xlabel(), axes.get_ylabel())
     return [
-        _bare(next(filter(None, (label, *sorted(others))), ""))
+        bare(next(filter(None, (label, *sorted(others))), ""))
         for label, others in zip(own, (x, y), strict=True)
     ]
 
 
-def _panel(axes: Axes, number: int) -> str:
-    titles = (_bare(axes.get_title(loc=place)) for place in ("left", "center", "right"))
+def panel_name(axes: Axes, number: int) -> str:
+    """Title of a panel, else its number.
+
+    Args:
+        axes: a panel.
+        number: of the panel.
+    """
+    titles = (bare(axes.get_title(loc=place)) for place in ("left", "center", "right"))
     return next(filter(None, titles), str(number))
 
 
-def _series(axes: Axes) -> Iterator[tuple[str, FloatArray]]:
-    """Label and points (n, 2) of what is drawn at places along both axes."""
+def shown_in(axes: Axes) -> Iterator[Shown]:
+    """What is drawn at places along both axes; whatever is not finite is left out.
+
+    Args:
+        axes: a panel.
+    """
+    none = np.empty(0)
     for line in axes.get_lines():
         if line.get_transform() == axes.transData:  # no lines from edge to edge
-            yield _label(line.get_label()), _finite([line.get_xydata()])
+            yield Shown(_label(line.get_label()), line, _finite([line.get_xydata()]), none)
     for found in axes.collections:
+        label = _label(found.get_label())
         if isinstance(found, PathCollection):
-            yield _label(found.get_label()), _finite([np.ma.getdata(found.get_offsets())])
+            yield Shown(label, found, _finite([np.ma.getdata(found.get_offsets())]), none)
         elif isinstance(found, LineCollection) and found.get_transform() == axes.transData:
-            yield _label(found.get_label()), _finite(found.get_segments())
+            yield Shown(label, found, _finite(found.get_segments()), none)
+        elif isinstance(found, QuadMesh) and found in PLACES:
+            values = np.asarray(found.get_array(), float).ravel()
+            # one bar explains the meshes of all columns
+            bars = (m.colorbar for m in axes.collections if m.colorbar)
+            colours = next((bare(bar.ax.get_ylabel()) for bar in bars), "")
+            yield Shown(label, found, (PLACES[found],), values, colours)
 
 
-def _finite(parts: Iterable[object]) -> FloatArray:
+def _finite(parts: Iterable[object]) -> tuple[FloatArray, ...]:
     points = [np.asarray(part, dtype=float).reshape(-1, 2) for part in parts]
-    joined = np.concatenate(points) if points else np.empty((0, 2))
-    return np.asarray(joined[np.all(np.isfinite(joined), axis=1)])
+    return tuple(p[np.all(np.isfinite(p), axis=1)] for p in points)
 
 
 def _label(label: object) -> str:
     text = str(label)
-    return "" if text.startswith("_") else _bare(text)
+    return "" if text.startswith("_") else bare(text)
 
 
-def _bare(text: str) -> str:
-    """A label without the marks of mathematics, on one line."""
+def bare(text: str) -> str:
+    """A label without the marks of mathematics, on one line.
+
+    Args:
+        text: as matplotlib sets it.
+    """
     return " ".join(_MARKUP.sub("", text).split())

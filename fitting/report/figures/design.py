@@ -26,7 +26,10 @@ def save_figures(design: Design, folder: Path) -> list[FigureFile]:
         folder: where the files go.
     """
     with style():
-        return [save(drawing, folder) for drawing in (draw_steps(design), draw_kinds(design))]
+        return [
+            save(drawing, folder, for_page=True)
+            for drawing in (draw_steps(design), draw_kinds(design))
+        ]
 
 
 def draw_steps(design: Design) -> Drawing:

@@ -41,7 +41,7 @@ def write_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Fi
     """
     with style():
         drawn = _drawings(result, data)
-        return [save(drawing, out_dir / FOLDER, numbers=True) for drawing in drawn]
+        return [save(drawing, out_dir / FOLDER, for_page=True) for drawing in drawn]
 
 
 def write_paper_figures(result: Result, data: ShownCampaign, out_dir: Path) -> list[Path]:

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,8 @@ class Drawing:
 class FigureFile:
     """A saved figure: what a :class:`Drawing` says, its two files, and one of its numbers.
 
-    ``name`` is that of its files, ``kind`` that of the drawing.
+    ``name`` is that of its files, ``kind`` that of the drawing; ``live`` makes it interactive on
+    a page (JSON).
     """
 
     name: str
@@ -101,6 +102,8 @@ class FigureFile:
     svg: Path
     png: Path
     csv: Path | None = None
+    pdf: Path | None = None
+    live: str = ""
 
 
 #: What a figure for print has otherwise: embedded outlines of letters, all of one small size.
@@ -189,13 +192,14 @@ def _mark_synthetic(figure: Figure, *, small: bool) -> None:
     )
 
 
-def save(drawing: Drawing, folder: Path, *, numbers: bool = False) -> FigureFile:
+def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFile:
     """Write a drawing as SVG and PNG, whole or not at all.
 
     Args:
         drawing: figure with its name, title and caption.
         folder: where the files go.
-        numbers: whether a CSV file of what is drawn goes with them.
+        for_page: whether it is shown on a page: a PDF and the numbers as CSV go with it then, and
+            what makes it interactive there.
 
     Raises:
         BadInput: the folder cannot be written.
@@ -210,10 +214,7 @@ def save(drawing: Drawing, folder: Path, *, numbers: bool = False) -> FigureFile
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
     write_whole(svg, vector.getvalue())
-    table = folder / f"{drawing.stem}.csv" if numbers else None
-    if table is not None:
-        write_whole(table, figure_csv(drawing.figure))
-    return FigureFile(
+    saved = FigureFile(
         name=drawing.stem,
         kind=drawing.name,
         number=drawing.number,
@@ -222,8 +223,27 @@ def save(drawing: Drawing, folder: Path, *, numbers: bool = False) -> FigureFile
         alt=drawing.alt,
         svg=svg,
         png=png,
-        csv=table,
     )
+    return _for_page(saved, drawing) if for_page else saved
+
+
+def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
+    """The same with what a page offers of it: numbers, PDF, and itself to zoom and read off."""
+    # takes half a second to import: only where there is a page
+    from fitting.report.interactive.document import as_text, interactive
+
+    table, print_ = (
+        saved.svg.with_name(f"{saved.name}.csv"),
+        saved.svg.with_name(f"{saved.name}.pdf"),
+    )
+    words = {"Title": drawing.title, "Subject": drawing.alt, "CreationDate": None}
+    image = io.BytesIO()
+    with mpl.rc_context({"pdf.fonttype": 42}):
+        drawing.figure.savefig(image, format="pdf", metadata=words)
+    write_whole(table, figure_csv(drawing.figure))
+    write_whole(print_, image.getvalue())
+    live = as_text(interactive(drawing.figure))
+    return replace(saved, csv=table, pdf=print_, live=live)
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:

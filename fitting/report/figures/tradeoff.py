@@ -60,7 +60,7 @@ def save_figures(study: Study, folder: Path) -> list[FigureFile]:
         folder: where the files go.
     """
     with style():
-        return [save(draw(study), folder)]
+        return [save(draw(study), folder, for_page=True)]
 
 
 def draw(study: Study) -> Drawing:

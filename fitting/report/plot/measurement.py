@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm, Normalize
 
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
@@ -28,6 +30,8 @@ from fitting.text.notation import Scaling, prefixed, scaling_for
 
 DASHES = (0, (4, 2))
 LONG_DASHES = (0, (5, 2))
+#: Where the values of cells were taken, (n, 2): a mesh itself knows their edges alone.
+PLACES: WeakKeyDictionary[QuadMesh, FloatArray] = WeakKeyDictionary()
 #: Room above the highest value, as a share of it.
 ABOVE = 0.08
 #: Panels that are narrower have room for few ticks.
@@ -213,6 +217,7 @@ def _map(axes: Axes, layer: Layer, scales: Scales, z: Axis) -> None:
             rasterized=True,  # thousands of cells
             zorder=0,
         )
+        PLACES[drawn] = np.column_stack([x[mine], y[mine]])
     axes.grid(visible=False)  # lines of a grid would cut the cells
     if drawn is not None:
         axes.figure.colorbar(drawn, ax=axes, label=scaling.label(z.label))
