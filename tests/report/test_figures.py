@@ -188,7 +188,12 @@ def test_the_same_result_gives_the_same_bytes(
 
 
 def test_no_unfinished_file_is_left(files: list[FigureFile]) -> None:
-    names = {f.svg for f in files} | {f.png for f in files} | {f.csv for f in files}
+    names = (
+        {f.svg for f in files}
+        | {f.png for f in files}
+        | {f.csv for f in files}
+        | {f.pdf for f in files}
+    )
     assert set(files[0].svg.parent.iterdir()) == names
 
 

@@ -94,7 +94,8 @@ def _legend(figure: Figure, shown: Sequence[Axes], curves: Sequence[Curve]) -> l
     legends = [*figure.legends, *(axes.get_legend() for axes in shown)]
     for legend in filter(None, legends):
         for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
-            parts = [handle] if isinstance(handle, Artist) else handle.get_children()
+            parts: list[Any] = [handle] if isinstance(handle, Artist) else [*(handle or ())]
+            parts = [part for part in parts if isinstance(part, Artist)]
             if parts:
                 handles.setdefault(bare(text.get_text()), parts[0])
     looks = {label: look_of(handle) for label, handle in handles.items()}

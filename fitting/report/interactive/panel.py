@@ -39,7 +39,7 @@ from fitting.report.interactive.looks import Look, look_of
 #: Pixels of an inch of the drawing; least height of a panel.
 PER_INCH, LEAST = 104.0, 130
 #: Room for an axis at the left, in pixels: with its label, and beside many others.
-ROOM, CROWDED = 64, 36
+ROOM, CROWDED = 78, 36
 #: Colours of a map, from its own.
 SHADES = 64
 #: Digits of the numbers under the pointer: as many as a double has for sure.
@@ -178,7 +178,7 @@ def _series(plot: Any, axes: Axes) -> list[Curve]:
             if look.marker:
                 marks.setdefault((shown.label, look), []).append(shown)
     if cells:
-        found.append(_map(plot, cells))
+        found.append(_map(plot, cells, along_axes(axes)))
     for (label, look), alike in marks.items():
         made = plot.scatter("x", "y", source=_source(alike), name=label or None, **look.marks)
         found.append(Curve(made, label, look))
@@ -194,7 +194,8 @@ def _series(plot: Any, axes: Axes) -> list[Curve]:
 
 def _source(alike: Iterable[Shown]) -> Any:
     points = np.concatenate([shown.points for shown in alike])
-    return ColumnDataSource({"x": points[:, 0], "y": points[:, 1]})
+    # lists, not arrays: Bokeh packs these with the time of day
+    return ColumnDataSource({"x": points[:, 0].tolist(), "y": points[:, 1].tolist()})
 
 
 def _bars(plot: Any, shown: Shown, look: Look) -> Any:
@@ -204,7 +205,7 @@ def _bars(plot: Any, shown: Shown, look: Look) -> Any:
     return plot.multi_line("xs", "ys", source=source, name=shown.label or None, **look.line)
 
 
-def _map(plot: Any, cells: list[Shown]) -> Curve:
+def _map(plot: Any, cells: list[Shown], along: list[str]) -> Curve:
     """Cells of all columns with the bar of their colours."""
     edges: dict[str, list[np.ndarray]] = {k: [] for k in ("left", "right", "bottom", "top")}
     for shown in cells:
@@ -220,7 +221,8 @@ def _map(plot: Any, cells: list[Shown]) -> Curve:
     points = np.concatenate([shown.points for shown in cells])
     values = np.concatenate([shown.values for shown in cells])
     data = {k: np.concatenate(v) for k, v in edges.items()}
-    source = ColumnDataSource({**data, "x": points[:, 0], "y": points[:, 1], "value": values})
+    data |= {"x": points[:, 0], "y": points[:, 1], "value": values}
+    source = ColumnDataSource({k: v.tolist() for k, v in data.items()})
     palette = [to_hex(first.get_cmap()(k / (SHADES - 1))) for k in range(SHADES)]
     kind = LogColorMapper if isinstance(first.norm, LogNorm) else LinearColorMapper
     mapper = kind(palette=palette, low=first.norm.vmin, high=first.norm.vmax)
@@ -235,8 +237,8 @@ def _map(plot: Any, cells: list[Shown]) -> Curve:
     bar.title_text_font_style = "normal"
     plot.add_layout(bar, "below")
     tips = [
-        (plot.xaxis[0].axis_label or "x", f"@x{READ}"),
-        (plot.yaxis[0].axis_label or "y", f"@y{READ}"),
+        (along[0] or "x", f"@x{READ}"),
+        (along[1] or "y", f"@y{READ}"),
         (cells[0].colours or "value", f"@value{READ}"),
     ]
     exact = {"@x": "printf", "@y": "printf", "@value": "printf"}
@@ -291,7 +293,11 @@ def _bands(plot: Any, axes: Axes) -> list[Curve]:
                 x, y = np.asarray(path.vertices, float).T
                 kept = np.isfinite(x) & np.isfinite(y)
                 made = plot.patch(
-                    x[kept], y[kept], color=look.fill, fill_alpha=look.alpha, line_color=None
+                    x[kept].tolist(),
+                    y[kept].tolist(),
+                    color=look.fill,
+                    fill_alpha=look.alpha,
+                    line_color=None,
                 )
                 found.append(Curve(made, _name(area), look))
     for patch in axes.patches:
