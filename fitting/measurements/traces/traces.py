@@ -68,6 +68,8 @@ class Trace(TraceRecord):
         begin: "first": the trace begins with its first sample; "found": where the free decay
             begins, after a drive was switched off or a blow, and earlier samples are not used.
         settings: Start values of the FMU during the trace by variable, in the FMU's units.
+        setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
+            fitted; what has none is exact.
         label: Name of the trace, for values of its own; wanted where there are several.
         unit: Of the values.
         source: What complaints name it by.
