@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm, t
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenDesign
@@ -249,7 +250,9 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
     design = propose(bound, weigh(bound, workers, limits, goal), limits, goal, "Hz", {})
     assert bound.sweep is not None
     line = fit_resonance(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    assert design.before.at == pytest.approx(line.width_std_hz / line.structure.widening, rel=0.05)
+    # the line's own is Student's: its noise is told by residuals that hang together
+    gaussian = line.width_std_hz / t.ppf(norm.cdf(1.0), line.freedom)
+    assert design.before.at == pytest.approx(gaussian / line.structure.widening, rel=0.05)
     assert {p.output for p in design.proposals} == {"q1_hybrid"}
     assert {len(p.tones_hz) for p in design.proposals} == {1}
     assert len(design.places) == 1

@@ -217,19 +217,6 @@ def test_a_descent_whose_slopes_are_false_ends_where_it_began() -> None:
     assert end.reached  # less than one of chi square was promised
 
 
-def test_a_descent_that_is_stuck_where_much_is_promised_has_not_arrived() -> None:
-    """Slopes of the wrong sign promise all nine of chi square, and every step leads upward."""
-    evaluator = box(lambda p: np.array([3.0 * (1.0 + p[0]), 0.0]), 1)
-    here = begun(evaluator, np.zeros(1))
-    false = Expansion(here.sample, -here.matrix, here.outward)
-    [end] = run_in_lockstep([lower(evaluator.likelihood, false)], evaluator)
-    assert end is not None
-    assert end.end is false
-    assert not end.reached
-    [none] = run_in_lockstep([descend(evaluator.likelihood, false)], evaluator)
-    assert none is None
-
-
 # --- the most likely point
 
 

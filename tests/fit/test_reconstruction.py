@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
@@ -91,7 +92,7 @@ def test_no_error_is_claimed_where_nothing_is_known(result: Result, tmp_path: Pa
     for d in result.derived.values():
         assert d.box[0] <= d.ci95[0] <= d.value <= d.ci95[1] <= d.box[1]
     width = result.derived["D11"]
-    assert width.ci95[1] - width.ci95[0] == pytest.approx(2 * 1.96 * width.std)
+    assert width.ci95[1] - width.ci95[0] == pytest.approx(2 * norm.ppf(0.975) * width.std)
     data = json.loads(write_result(result, tmp_path)[0].read_text())
     assert data["parameters"]["theta"]["std"] is None
     assert data["derived"]["lambda"]["std"] is None

@@ -10,6 +10,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
+from scipy.stats import norm, t
 
 from fitting.signal.combinations import (
     combination_name,
@@ -275,7 +276,9 @@ def test_the_standard_deviations_of_a_resonance_are_those_of_curve_fit() -> None
 
     x, spread = curve_fit(law, f, a, p0=(eta, width, 2.0))
     found = fit_resonance(f, a)
-    std = np.sqrt(np.diag(spread)) * found.structure.widening
+    # ± holds 68 %: Student's, as the residuals of 61 - 3 degrees of freedom tell the noise
+    student = t.ppf(norm.cdf(1.0), 58.0 / found.structure.widening**2)
+    std = np.sqrt(np.diag(spread)) * found.structure.widening * student
     assert (found.eta_hz, found.width_hz, found.amplitude) == pytest.approx(x, rel=1e-5)
     assert (found.eta_std_hz, found.width_std_hz, found.amplitude_std) == pytest.approx(
         std, rel=1e-3
@@ -284,12 +287,12 @@ def test_the_standard_deviations_of_a_resonance_are_those_of_curve_fit() -> None
         spread[0, 1] / np.sqrt(spread[0, 0] * spread[1, 1]), abs=1e-3
     )
     slope = np.array([1.0 / x[1], -x[0] / x[1] ** 2])
-    q_std = np.sqrt(slope @ spread[:2, :2] @ slope) * found.structure.widening
+    q_std = np.sqrt(slope @ spread[:2, :2] @ slope) * found.structure.widening * student
     assert found.q_std == pytest.approx(q_std, rel=1e-3)
     assert found.residual_rms == pytest.approx(np.std(law(f, *x) - a) / x[2], rel=0.01)
     assert found.curve == pytest.approx(law(f, *x), rel=1e-5)
     known = fit_resonance(f, a, sigma_v=0.5)
-    free = found.eta_std_hz / np.sqrt(np.sum((law(f, *x) - a) ** 2) / 58.0)
+    free = found.eta_std_hz / np.sqrt(np.sum((law(f, *x) - a) ** 2) / 58.0) / student
     assert known.eta_std_hz == pytest.approx(0.5 * free, rel=1e-3)
 
 

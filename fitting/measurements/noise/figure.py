@@ -56,7 +56,7 @@ def noise_figure(
     said = f" {spectrum.label}" if spectrum.label else ""
     inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
     return Figure(
-        name=f"8_noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
+        name=f"noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
         title=f"Noise spectrum{said}: measured and simulated",
         caption=(
             f"{spectrum.seen_hz.size} points of {number(spectrum.averages, 4)} averages with the "
