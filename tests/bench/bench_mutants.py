@@ -1,7 +1,7 @@
 """Would the tests notice? A sample of single-line faults, and how many of them a test kills.
 
     python -m tests.bench.bench_mutants [--count 300] [--seed 1] [--workers 2]
-        [--longest 150] [--most 0] [--journal mutants.jsonl] [--only PATH]
+        [--longest 150] [--most 0] [--journal mutants.jsonl] [--covered covered.json] [--only PATH]
 
 Faults are put into `fmu_src`, `fitting/signal`, `fitting/simulate` and `fitting/fit`: an operator,
 a comparison, a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
@@ -12,7 +12,8 @@ them outside of one come first, then all others of `tests/models`.
 Everything is done with copies of the checkout as it is at the beginning: it may change meanwhile.
 Prints a Markdown table, and what survived: apart from these what is argued to change nothing that
 a test could see, `tests/bench/argued_mutants.toml`.
-A journal lets an interrupted sample go on; faults of lines that no test runs count as survived.
+A journal lets an interrupted sample go on, `--covered` keeps which tests run a line, for the same
+checkout; faults of lines that no test runs count as survived.
 """
 
 from __future__ import annotations
@@ -97,6 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--journal", type=Path, default=Path("mutants.jsonl"))
+    parser.add_argument("--covered", type=Path, help="which tests run a line: read, or kept there")
     parser.add_argument("--only", default="", help="faults of files whose path begins so")
     parser.add_argument("--longest", type=float, default=Limits.longest_s, help="s of tests each")
     parser.add_argument("--most", type=int, default=Limits.most, help="tests each; 0: all")
@@ -109,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rooms = {room for room in ROOMS for m in sample if m.path.startswith(room + "/")}
         todo = [mutant for mutant in sample if mutant.name not in done]
         if todo:
-            covered = _covered(base, rooms)
+            covered = _kept(options.covered, base, rooms, options.workers)
             copies = [_copy(base, Path(folder) / f"copy{k}") for k in range(options.workers)]
             limits = Limits(options.longest, options.most)
             _run(todo, covered, limits, copies, options.journal)
@@ -133,19 +135,47 @@ def _journal(path: Path) -> dict[str, str]:
     return {row["mutant"]: row["verdict"] for row in rows}
 
 
-def _covered(base: Path, rooms: Iterable[str]) -> Covered:
-    """Run the tests of some rooms once, line by line."""
+def _kept(path: Path | None, base: Path, rooms: Iterable[str], workers: int) -> Covered:
+    """What a file holds, or what is measured now and written there."""
+    if path is not None and path.exists():
+        stored = json.loads(path.read_text())
+        lines = {(file, line): tuple(names) for file, line, names in stored["tests"]}
+        return Covered(lines, stored["seconds"])
+    covered = _covered(base, rooms, workers)
+    if path is not None:
+        rows = [[file, line, names] for (file, line), names in covered.tests.items()]
+        path.write_text(json.dumps({"tests": rows, "seconds": covered.seconds}))
+    return covered
+
+
+def _covered(base: Path, rooms: Iterable[str], workers: int) -> Covered:
+    """Run the tests of some rooms once, line by line, some files beside each other."""
     folders = sorted({folder for room in rooms for folder in TESTS[room]})
-    if not folders:
-        return Covered({}, {})
+    files = sorted(
+        str(path.relative_to(base)) for each in folders for path in (base / each).rglob("test_*.py")
+    )
+    print(f"measuring which tests run which line: {' '.join(folders)}", file=sys.stderr)
+    parts = [files[k::workers] for k in range(workers) if files[k::workers]]
+    with ThreadPoolExecutor(workers) as executor:
+        measured = list(executor.map(lambda part: _measured(base, part), parts))
+    tests: dict[tuple[str, int], tuple[str, ...]] = {}
+    seconds: dict[str, float] = {}
+    for each in measured:
+        for place, names in each.tests.items():
+            tests[place] = tests.get(place, ()) + names
+        seconds |= each.seconds
+    return Covered(tests, seconds)
+
+
+def _measured(base: Path, files: Sequence[str]) -> Covered:
+    """Run some files of tests once, line by line."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "coverage"
-        print(f"measuring which tests run which line: {' '.join(folders)}", file=sys.stderr)
         # the tests' own durations come from the report, contexts from coverage's plugin-free hook
         command = [
             *(sys.executable, "-m", "coverage", "run", f"--data-file={data}"),
             *(f"--rcfile={_rcfile(Path(folder))}", "-m", "pytest", "-q", "--durations=0"),
-            *("--durations-min=0", "-p", "no:cacheprovider", *folders),
+            *("--durations-min=0", "-p", "no:cacheprovider", *files),
         ]
         run = subprocess.run(
             command, cwd=base, env=_environment(base), capture_output=True, text=True, check=False
