@@ -24,6 +24,7 @@ from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
+from fitting.measurements.labels import labels_of
 from fitting.text.errors import BadInput, gathered
 from fitting.text.keys import (
     Count,
@@ -138,14 +139,7 @@ class ComplexSweepTable(MeasurementTable):
     @classmethod
     def read_together(cls, tables: Sequence[Self]) -> ReadComplexSweeps:
         """All sweeps, with the labels that they are told apart by."""
-        alone = len(tables) == 1
-        labels = [t.label or ("" if alone else str(k)) for k, t in enumerate(tables, start=1)]
-        for k, label in enumerate(labels):
-            if label in labels[:k]:
-                raise BadInput(
-                    f"{tables[k].file}: is the second sweep of the label '{label}'; wanted a label "
-                    "of its own for every [[complex_sweep]]"
-                )
+        labels = labels_of(tables, "sweep", cls.TABLE)
         pairs = zip(tables, labels, strict=True)
         curves = gathered(_reader(table, label) for table, label in pairs)
         return ReadComplexSweeps(tuple(tables), tuple(curves))

@@ -13,6 +13,7 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
+from fitting.measurements.labels import labels_of
 from fitting.measurements.noise.record import FORCES, THERMAL, WHITE, WINDOWS, NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
 from fitting.text.arrays import FloatArray
@@ -112,14 +113,7 @@ class NoiseSpectrumTable(MeasurementTable):
     @classmethod
     def read_together(cls, tables: Sequence[Self]) -> ReadNoiseSpectra:
         """All spectra, with the labels that they are told apart by."""
-        alone = len(tables) == 1
-        labels = [x.label or ("" if alone else str(k)) for k, x in enumerate(tables, start=1)]
-        for k, label in enumerate(labels):
-            if label in labels[:k]:
-                raise BadInput(
-                    f"{tables[k].file}: is the second spectrum of the label '{label}'; wanted a "
-                    "label of its own for every [[noise_spectrum]]"
-                )
+        labels = labels_of(tables, "spectrum", cls.TABLE)
         return ReadNoiseSpectra(tuple(gathered(x.columns_read for x in tables)), tuple(labels))
 
 

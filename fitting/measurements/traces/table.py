@@ -16,6 +16,7 @@ from fitting.campaign.instruments import unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE, VariableLike
+from fitting.measurements.labels import labels_of
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     BEGINS,
@@ -313,15 +314,7 @@ class ReadTraces:
     @property
     def labels(self) -> list[str]:
         """Names of the traces."""
-        alone = len(self.tables) == 1
-        found = [x.label or ("" if alone else str(k)) for k, x in enumerate(self.tables, start=1)]
-        for k, label in enumerate(found):
-            if label in found[:k]:
-                raise BadInput(
-                    f"{self.tables[k].file}: is the second trace of the label '{label}'; wanted a "
-                    "label of its own for every [[trace]]"
-                )
-        return found
+        return labels_of(self.tables, "trace", TraceTable.TABLE)
 
     def bind(self, binder: Binder, setup: Setup) -> Traces:
         """The traces in the names and units of the FMU."""
