@@ -47,8 +47,8 @@ TESTS = {
     "fitting/simulate": ("tests/simulate", "tests/measurements"),
     "fitting/fit": ("tests/fit", "tests/inference"),
 }
-#: Seconds after which a fault counts as noticed: it hangs.
-HANGS_S = 900.0
+#: A fault counts as noticed by a hang after so many seconds, and so many times its tests' own.
+HANGS_S, HANGS_TIMES = 90.0, 10.0
 #: Verdicts of the journal, and what stands for a fault that was never tried.
 KILLED, SURVIVED, NO_TEST, NOT_TRIED = "killed", "survived", "no test", "not tried"
 
@@ -252,7 +252,9 @@ def _run(
     def one(mutant: Mutant) -> tuple[Mutant, str]:
         copy = free.get()
         try:
-            return mutant, _verdict(mutant, copy, covered.of(mutant, limits))
+            tests = covered.of(mutant, limits)
+            sound_s = sum(covered.seconds.get(name, 0.0) for name in tests)
+            return mutant, _verdict(mutant, copy, tests, HANGS_S + HANGS_TIMES * sound_s)
         finally:
             free.put(copy)
 
@@ -278,7 +280,7 @@ def _environment(folder: Path) -> dict[str, str]:
     return {**os.environ, **own}
 
 
-def _verdict(mutant: Mutant, copy: Path, tests: Sequence[str]) -> str:
+def _verdict(mutant: Mutant, copy: Path, tests: Sequence[str], hangs_s: float) -> str:
     """Killed, survived, or not run by any test."""
     if not tests:
         return NO_TEST
@@ -293,7 +295,7 @@ def _verdict(mutant: Mutant, copy: Path, tests: Sequence[str]) -> str:
             env=_environment(copy),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            timeout=HANGS_S,
+            timeout=hangs_s,
             check=False,
         )
     except subprocess.TimeoutExpired:
