@@ -5,8 +5,9 @@
 
 Faults are put into `fmu_src`, `fitting/signal`, `fitting/simulate` and `fitting/fit`: an operator,
 a comparison, a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
-tests run a line is measured once (coverage, a context per test); of these the quickest run first,
-until one fails, their time is up (`--longest` seconds) or there are as many as `--most`. The
+tests run a line is measured once (coverage, a context per test); of these the ones named like the
+file run first, then the quickest of every other file in turn, until one fails, their time is up
+(`--longest` seconds) or there are as many as `--most`. The
 equations in `fmu_src` also run inside an FMU, which no coverage sees: tests that run a line of
 them outside of one come first, then all others of `tests/models`.
 Everything is done with copies of the checkout as it is at the beginning: it may change meanwhile.
@@ -69,7 +70,7 @@ class Covered:
     seconds: Mapping[str, float]
 
     def of(self, mutant: Mutant, limits: Limits) -> list[str]:
-        """Tests of a mutant, the quickest first; a line that runs on import belongs to its file."""
+        """Tests of a mutant, in the order asked; a line that runs on import belongs to its file."""
         found = set(self.tests.get((mutant.path, mutant.line), ()))
         if not found:
             mine = [names for (path, _), names in self.tests.items() if path == mutant.path]
@@ -80,15 +81,27 @@ class Covered:
             inside = {name for name in self.seconds if name.startswith(folder)} - found
         asked: list[str] = []
         total = 0.0
-        for name in [*self._quickest(found), *self._quickest(inside)]:
+        for name in [*self._in_turn(found, mutant), *self._in_turn(inside, mutant)]:
             total += self.seconds.get(name, 1e9)
             if asked and (total > limits.longest_s or len(asked) == limits.most):
                 break
             asked.append(name)
         return asked
 
-    def _quickest(self, names: Iterable[str]) -> list[str]:
-        return sorted(names, key=lambda name: (self.seconds.get(name, 1e9), name))
+    def _in_turn(self, names: Iterable[str], mutant: Mutant) -> list[str]:
+        """Those of the file's own name first, then of every file of tests its quickest, in turn.
+
+        Quick tests of one file often ask the same thing: other files see a line in other ways.
+        """
+        rank: dict[str, int] = defaultdict(int)
+        order = []
+        own = f"/test_{Path(mutant.path).stem}.py"
+        for name in sorted(names, key=lambda name: (self.seconds.get(name, 1e9), name)):
+            file = name.split("::")[0]
+            rank[file] += 1
+            turn = 0 if file.endswith(own) else rank[file]
+            order.append((turn, self.seconds.get(name, 1e9), name))
+        return [name for *_, name in sorted(order)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
