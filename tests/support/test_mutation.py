@@ -65,6 +65,22 @@ def test_a_fault_is_asked_of_the_quickest_tests_that_run_its_line() -> None:
     assert covered.of(mutant("fmu_src/y.py", 1), everything) == ["tests/models/d", "tests/models/c"]
 
 
+def test_tests_named_like_the_file_come_first_then_others_in_turn() -> None:
+    """Of each other file the quickest, then of each the next: two quick ones often ask the same."""
+    other, third = "tests/fit/test_other.py", "tests/fit/test_third.py"
+    seconds = {
+        f"{other}::a": 1.0,
+        f"{other}::b": 1.5,
+        f"{third}::c": 4.0,
+        "tests/fit/test_x.py::d": 7.0,
+        "tests/fit/test_x.py::e": 8.0,
+    }
+    covered = Covered({("fitting/fit/x.py", 3): tuple(seconds)}, seconds)
+    own = ["tests/fit/test_x.py::d", "tests/fit/test_x.py::e"]
+    wanted = [*own, f"{other}::a", f"{third}::c", f"{other}::b"]
+    assert covered.of(mutant("fitting/fit/x.py", 3), Limits(100.0)) == wanted
+
+
 def test_the_report_tells_what_survived_and_what_is_argued(tmp_path: Path) -> None:
     """Also of files that are gone, and of faults that were not tried."""
     (tmp_path / "fmu_src").mkdir()
