@@ -138,6 +138,28 @@ def test_an_input_is_held_as_finely_as_its_share_asks(accuracy: float, kept: boo
         assert steps >= 320
 
 
+def test_an_input_that_cannot_be_held_more_finely_is_promised_nothing() -> None:
+    """At most 640 steps in a period: from 400 none is twice as many, and no change is seen."""
+    drive = replace(DRIVE, input="b", steps_per_period=400)
+    found = plan_drives((drive,), 1e-3, Staircase(), Knowledge(), None)
+    decision = only(found, Kind.INPUT)
+    assert (decision.numbers["steps_per_period"], decision.bound) == (400, 1.0)
+
+
+def test_a_users_own_value_of_which_no_finer_one_runs_is_promised_nothing() -> None:
+    """An error that cannot be measured may be all of the amplitude, and is not more."""
+
+    def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
+        if float(values.get("h", 1.0)) < 4e-4:
+            raise FmuFailure("too many substeps", {}, Path("test.fmu"))
+        return tone(t)
+
+    drive = replace(DRIVE, start_values={"h": 5e-4})
+    found = plan(output, 1e-4, PlanOptions(fixed=frozenset({"h"})), drive, substep="h")
+    assert only(found, Kind.SOLVER).bound == 1.0
+    assert not found.budget.kept
+
+
 # --- combinations that fold
 
 
@@ -293,3 +315,13 @@ def test_a_run_that_costs_far_too_much_is_refused() -> None:
                 plan(of_substep, 1e-3, options, drive, substep="h")
         else:
             assert not plan(of_substep, 1e-3, options, drive, substep="h").budget.kept
+
+
+def test_windows_are_as_long_as_the_tones_of_each_drive_ask() -> None:
+    """A period of 100 Hz, and of the beat of 100 and 130 Hz."""
+    pair = replace(DRIVE, tones_hz=(100.0, 130.0))
+    output = together(line(100.0, 1.0), line(130.0, 1.0))
+    found = plan_drives((pair, DRIVE), 1e-3, LineWorkers({"x": output}), Knowledge(), None)
+    numbers = only(found, Kind.WINDOW).numbers
+    assert (numbers["shortest_s"], numbers["longest_s"]) == (0.01, 0.1)
+    assert int(numbers["least"]) < int(numbers["most"])

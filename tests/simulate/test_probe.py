@@ -143,6 +143,15 @@ def test_windows_shorten_where_time_costs() -> None:
     assert probe.length_s(single) == pytest.approx(1.0 / 77.0)
 
 
+def test_of_three_tones_the_closest_pair_beats_slowest() -> None:
+    """100, 101.01 and 150 Hz: six beats of 1.01 Hz, which is far below 50 and 48.99 Hz."""
+    drive = drive_of(100.0, 101.01, 150.0)
+    probe = Probe((drive,), LineWorkers({"x": stepped("h", True)}), substep="h")
+    probe.shorten_windows({"h": 1e-3})
+    assert probe.longest_s == pytest.approx(6.0 / 1.01)
+    assert probe.length_s(drive) <= 6.0 / 1.01
+
+
 def stepped(name: str, acts: bool) -> Output:
     """An output that a parameter changes, or not."""
     return lambda t, values: np.asarray(
@@ -224,3 +233,15 @@ def test_a_tone_that_is_moved_has_no_phase() -> None:
     moved = replace(drive_of(100.0), start_values={"u": 90.0}, approach=Approach("u", 90.0, 100.0))
     [found] = Probe((moved,), LineWorkers({"x": line(100.0, 3.0, 0.9)})).read({}, 0.1)
     assert found.tones[0, 0] == pytest.approx(3.0 + 0j, rel=1e-9)
+
+
+def test_a_substep_acts_where_only_short_ones_do() -> None:
+    """A solver that takes no step longer than a fortieth of a period, whatever it is told."""
+    longest_s = 1.0 / (40.0 * 100.0)
+
+    def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
+        taken = min(float(values.get("h", longest_s)), longest_s)
+        return np.asarray(np.cos(2.0 * np.pi * 100.0 * t) * (1.0 + (1e3 * taken) ** 4))
+
+    probe = Probe((drive_of(100.0),), LineWorkers({"x": output}), substep="h")
+    assert probe.substeps_per_s({"h": 1e-4}) == pytest.approx(1e4)

@@ -104,6 +104,18 @@ def test_a_combination_that_stands_out_is_told_with_its_factors() -> None:
     assert found.steady
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("share", "told"), [(1.3e-6, True), (0.8e-6, False)])
+def test_a_combination_is_told_from_a_millionth_of_the_largest_peak_on(
+    share: float, told: bool, unit: float
+) -> None:
+    """Of 3, whatever the unit: neither of the smaller peak nor of one."""
+    clean = together(line(1000.0, 3.0 * unit, 0.4), line(1010.0, 2.0 * unit))
+    mixed = together(clean, line(990.0, 3.0 * unit * share))
+    lines = response_to({"x": mixed}, planned=clean).lines
+    assert [each.factors for each in lines] == ([(2, -1)] if told else [])
+
+
 @pytest.mark.parametrize(
     ("share", "kind"),
     [
@@ -196,5 +208,6 @@ def test_traces_show_two_beats_and_six_periods_about_the_largest() -> None:
     assert np.max(np.abs(carrier.values)) == pytest.approx(5.0, rel=0.02)
     at = beating.times_s[int(np.argmax(np.abs(beating.values[:, 0])))]
     assert carrier.times_s[0] <= at <= carrier.times_s[-1]
+    assert at == pytest.approx(float(np.mean(carrier.times_s[[0, -1]])), abs=0.1 / 1005.0)
     truth = CLEAN(carrier.times_s, {})
     assert carrier.values[:, 0] == pytest.approx(truth)

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 import build_fmu
 import fitting as ff
 from fitting.report.words.simulation import unsteady_line
+from fitting.simulate.budget import Basis, Budget, Decision, Kind
+from fitting.simulate.drive import Drive
+from fitting.simulate.knowledge import Knowledge
+from fitting.simulate.planner import plan_drives
+from fitting.simulate.unsteady import BesideLine, Sideband, line_beside, sideband_of
+from tests.support.line_workers import LineWorkers, line, together
 
 TONE_HZ, PUMP_HZ = 6.92e6, 87340.0
 #: Two modes at 6.94 and 7.03 MHz; the drive is below both.
@@ -68,3 +77,65 @@ def test_a_mode_that_rings_for_hours_is_a_free_oscillation(oscillator_fmu: Path)
         assert fmu.sideband(response) is None
         said = unsteady_line(response, None, list(fmu.variables))
     assert "which is no combination of u1; wanted more damping, or a longer time" in said
+
+
+TONES = (1000.0, 1010.0)
+CLEAN = together(line(1000.0, 3.0, 0.4), line(1010.0, 2.0))
+
+
+@pytest.mark.parametrize("beside_hz", [1003.1, 1006.3, 640.17, 1350.2])
+@pytest.mark.parametrize("share", [0.3, 1e-3])
+def test_the_strongest_line_beside_the_tones_is_found(beside_hz: float, share: float) -> None:
+    """As a part of the larger peak; a weaker one far away is another. A Hann window loses 15 %."""
+    drive = Drive(start_values={}, tones_hz=TONES, outputs=("x", "y"))
+    plan = plan_drives((drive,), 1e-4, LineWorkers({"x": CLEAN, "y": CLEAN}), Knowledge())
+    size, weaker = 3.0 * share, line(811.3, 1.5 * share)
+    noisy = LineWorkers({"x": CLEAN, "y": together(CLEAN, line(beside_hz, size, 1.1), weaker)})
+    found = line_beside(noisy, plan)
+    assert found is not None
+    assert found.at_hz == pytest.approx(beside_hz, abs=0.1 * found.bin_hz)
+    assert 0.84 * share < found.share < 1.01 * share
+    [look] = noisy.asked
+    assert found.bin_hz == pytest.approx(1.0 / (look.samples * look.sample_step_s))
+
+
+def test_a_line_that_does_not_explain_what_is_off_is_not_told() -> None:
+    """A promise of 1e-4 is not broken by a line of a millionth."""
+    drive = Drive(start_values={}, tones_hz=TONES, outputs=("x",))
+    plan = plan_drives((drive,), 1e-4, LineWorkers({"x": CLEAN}), Knowledge())
+    loose = replace(plan, budget=Budget(1e-4, (settling(1e-4),)))
+    for share, told in ((1e-6, False), (1e-5, True)):
+        noisy = LineWorkers({"x": together(CLEAN, line(640.17, 3.0 * share))})
+        assert (line_beside(noisy, loose) is not None) is told
+
+
+def settling(bound: float) -> Decision:
+    return Decision(kind=Kind.SETTLING, basis=Basis.UNSTEADY, bound=bound)
+
+
+def variable(name: str, start: float, unit: str = "Hz", causality: str = "parameter") -> Any:
+    return SimpleNamespace(name=name, start=start, unit=unit, causality=causality)
+
+
+@pytest.mark.parametrize(
+    ("at_hz", "variables", "found"),
+    [
+        (1040.1, [variable("pump", 40.0)], Sideband("u", "+", "pump")),
+        (959.9, [variable("pump", 40.0)], Sideband("u", "−", "pump")),
+        (1040.6, [variable("pump", 40.0)], None),
+        (1040.0, [variable("pump", 0.04, "kHz")], Sideband("u", "+", "pump")),
+        (1040.0, [variable("pump", 40.0), variable("other", 40.2)], None),
+        (1040.0, [variable("pump", 40.0, causality="output")], None),
+        (1040.0, [variable("pump", 40.0, unit="V")], None),
+        (1040.0, [variable("pump", 7.0), variable("told", 3.0)], Sideband("u", "+", "told")),
+        # what a look does not tell from the tone is no distance
+        (1002.0, [variable("pump", 2.0)], None),
+    ],
+)
+def test_a_distance_from_a_tone_is_that_of_one_parameter(
+    at_hz: float, variables: list[Any], found: Sideband | None
+) -> None:
+    """Within half of a bin of 1 Hz."""
+    beside = BesideLine(at_hz=at_hz, share=0.1, bin_hz=1.0)
+    known = {"u": variable("u", 1000.0), **{each.name: each for each in variables}}
+    assert sideband_of(beside, {"u": 1000.0}, {"told": 40.0}, known) == found
