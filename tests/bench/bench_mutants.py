@@ -170,25 +170,33 @@ def _covered(base: Path, rooms: Iterable[str], workers: int) -> Covered:
     print(f"measuring which tests run which line: {' '.join(folders)}", file=sys.stderr)
     parts = [files[k::workers] for k in range(workers) if files[k::workers]]
     with ThreadPoolExecutor(workers) as executor:
-        measured = list(executor.map(lambda part: _measured(base, part), parts))
+        runs = list(executor.map(lambda part: measured(base, part), parts))
     tests: dict[tuple[str, int], tuple[str, ...]] = {}
     seconds: dict[str, float] = {}
-    for each in measured:
+    for each in runs:
         for place, names in each.tests.items():
             tests[place] = tests.get(place, ()) + names
         seconds |= each.seconds
     return Covered(tests, seconds)
 
 
-def _measured(base: Path, files: Sequence[str]) -> Covered:
-    """Run some files of tests once, line by line."""
+def measured(base: Path, files: Sequence[str]) -> Covered:
+    """Run some files of tests once, line by line.
+
+    Args:
+        base: folder of the checkout.
+        files: of tests, relative to it.
+
+    Raises:
+        SystemExit: pytest does not run them.
+    """
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "coverage"
-        # the tests' own durations come from the report, contexts from coverage's plugin-free hook
         command = [
             *(sys.executable, "-m", "coverage", "run", f"--data-file={data}"),
             *(f"--rcfile={_rcfile(Path(folder))}", "-m", "pytest", "-q", "--durations=0"),
-            *("--durations-min=0", "-rfE", "-p", "no:cacheprovider", *files),
+            *("--durations-min=0", "-rfE", "-p", "no:cacheprovider"),
+            *("-p", "tests.support.line_contexts", *files),
         ]
         run = subprocess.run(
             command, cwd=base, env=_environment(base), capture_output=True, text=True, check=False
@@ -214,31 +222,20 @@ def _failed(report: str) -> list[str]:
 
 def _rcfile(folder: Path) -> Path:
     path = folder / "coveragerc"
-    path.write_text(
-        "[run]\ndynamic_context = test_function\nsource = fitting,fmu_src\ncore = ctrace\n"
-    )
+    path.write_text("[run]\nsource = fitting,fmu_src\ncore = ctrace\n")
     return path
 
 
 def _contexts(base: Path, data: Path) -> dict[tuple[str, int], tuple[str, ...]]:
-    """Test functions by line: "tests/fit/test_x.py::test_y" from "tests.fit.test_x.test_y"."""
+    """Test functions by line, as "tests/fit/test_x.py::test_y"."""
     stored = coverage.CoverageData(str(data))
     stored.read()
     found: dict[tuple[str, int], tuple[str, ...]] = {}
     for file in stored.measured_files():
         path = str(Path(file).relative_to(base.resolve()))
         for line, contexts in stored.contexts_by_lineno(file).items():
-            found[path, line] = tuple(filter(None, (_node(base, each) for each in contexts)))
+            found[path, line] = tuple(filter(None, contexts))
     return found
-
-
-def _node(base: Path, context: str) -> str:
-    parts = context.split(".")
-    for k in range(len(parts), 0, -1):
-        path = "/".join(parts[:k]) + ".py"
-        if (base / path).is_file():
-            return "::".join([path, *parts[k:]]) if k < len(parts) else ""
-    return ""
 
 
 def _durations(report: str) -> dict[str, float]:

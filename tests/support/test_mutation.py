@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ast
+import shutil
 from pathlib import Path
 
-from tests.bench.bench_mutants import ARGUED, ROOT, Covered, Limits, report
+from tests.bench.bench_mutants import ARGUED, ROOT, Covered, Limits, measured, report
 from tests.support.mutation import Argued, Mutant, argued_in, mutants_of, mutated
 
 SOURCE = '''
@@ -79,6 +80,48 @@ def test_tests_named_like_the_file_come_first_then_others_in_turn() -> None:
     own = ["tests/fit/test_x.py::d", "tests/fit/test_x.py::e"]
     wanted = [*own, f"{other}::a", f"{third}::c", f"{other}::b"]
     assert covered.of(mutant("fitting/fit/x.py", 3), Limits(100.0)) == wanted
+
+
+CACHED = """from functools import cache
+
+
+@cache
+def twice(x: int) -> int:
+    return 2 * x
+"""
+ASKING = """from hypothesis import given, strategies
+from fitting.signal.x import twice
+
+
+def test_first() -> None:
+    assert twice(3) == 6
+
+
+def test_second() -> None:
+    assert twice(3) == 6
+
+
+@given(strategies.integers())
+def test_drawn(k: int) -> None:
+    assert twice(k) == k + k
+"""
+
+
+def test_lines_are_seen_of_drawn_cases_and_behind_a_cache(tmp_path: Path) -> None:
+    """Every test that needs a line is known to run it: one that remembers its answer, too."""
+    texts = {"fitting/signal/x.py": CACHED, "fmu_src/y.py": "", "tests/signal/test_x.py": ASKING}
+    for name, text in texts.items():
+        file = tmp_path / name
+        file.parent.mkdir(parents=True)
+        file.write_text(text)
+    for folder in {file.parent for file in tmp_path.rglob("*.py")} | {tmp_path / "fitting"}:
+        (folder / "__init__.py").touch()
+    shutil.copytree(ROOT / "tests/support", tmp_path / "tests/support")
+    (tmp_path / "tests/__init__.py").touch()
+    covered = measured(tmp_path, ["tests/signal/test_x.py"])
+    wanted = {f"tests/signal/test_x.py::test_{name}" for name in ("first", "second", "drawn")}
+    assert set(covered.tests["fitting/signal/x.py", 6]) == wanted
+    assert set(covered.seconds) == wanted
 
 
 def test_the_report_tells_what_survived_and_what_is_argued(tmp_path: Path) -> None:
