@@ -145,7 +145,7 @@ def _heads(y: FloatArray, known: int, last: int) -> FloatArray:
         slope = 2.0 * np.pi * t * (b * design[:, 0] - a * design[:, 1])
         rest = y[:known] - design[:known] @ found
         steps = lstsq(np.column_stack([design, slope])[:known], rest)[0]
-        f += float(np.clip(steps[3], -1.0 / size, 1.0 / size))
+        f += float(steps[3])
     design = _tone(f, t)
     rest = y[:last] - design @ lstsq(design[:known], y[:known])[0]
     return np.concatenate([[0.0], np.cumsum(rest**2)])

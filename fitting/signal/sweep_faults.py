@@ -195,6 +195,7 @@ class _Sweep:
         spacing = float(np.median(np.diff(frequency_hz)))
         self.eta_hz = float(0.5 * (high[0] + high[-1]))
         self.width_hz = max(float(high[-1] - high[0]), spacing)
+        self.span_hz = float(np.ptp(frequency_hz))
 
     def fitted(self, form: _Form) -> _Line | None:
         """The line of a form; None where the sweep holds no such line."""
@@ -211,7 +212,7 @@ class _Sweep:
         except (ValueError, np.linalg.LinAlgError):
             return None
         eta_hz, width_hz = line(fit.values)
-        inside = self.f[0] <= eta_hz <= self.f[-1] and width_hz < 3.0 * (self.f[-1] - self.f[0])
+        inside = self.f[0] <= eta_hz <= self.f[-1] and width_hz < 3.0 * self.span_hz
         return _Line(form, fit, eta_hz, width_hz) if fit.converged and inside else None
 
     def two_lines_p(self, plain: _Line) -> float:
@@ -244,9 +245,9 @@ class _Sweep:
             fit = minimise_squares(residuals, begin)
         except (ValueError, np.linalg.LinAlgError):
             return None
-        span = self.f[-1] - self.f[0]
-        near = self.f[0] - span <= eta + width * fit.values[3] <= self.f[-1] + span
-        return fit if near and self.a.size > 7 else None
+        beside_hz = eta + width * fit.values[3]
+        near = self.f[0] - self.span_hz <= beside_hz <= self.f[-1] + self.span_hz
+        return fit if near else None
 
     def without(self, k: int) -> _Sweep:
         """The sweep without one point."""

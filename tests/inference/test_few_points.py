@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
@@ -158,6 +159,20 @@ def test_the_square_of_a_normal_deviate_is_as_improbable_as_that_of_student_s_t(
     assert normal_square(7.0, np.inf) == 7.0
     assert normal_square(-1.0, freedom) == -1.0
     assert reach(ROOT_95, freedom) == pytest.approx(t.ppf(0.975, freedom), rel=1e-6)
+
+
+@pytest.mark.parametrize(("freedom", "square"), [(30, 1e22), (100, 1e8), (1000, 5e3), (1e4, 2e3)])
+def test_far_tails_are_those_of_mpmath_but_for_wallace_s_error(
+    freedom: float, square: float
+) -> None:
+    """Tails below 1e-300: ln Phi(-z) = ln F_t(-t), the incomplete beta function at 30 digits."""
+    with mp.workdps(30):
+        n = mp.mpf(freedom)
+        tail = mp.betainc(n / 2, mp.mpf(1) / 2, 0, n / (n + square), regularized=True) / 2
+        begin = mp.sqrt(-2 * mp.log(tail))
+        z = mp.findroot(lambda z: mp.log(mp.erfc(z / mp.sqrt(2)) / 2) - mp.log(tail), begin)
+        wanted = float(z**2)
+    assert normal_square(square, freedom) == pytest.approx(wanted, rel=0.5 / freedom)
 
 
 def test_a_variance_of_which_a_part_is_estimated_has_satterthwaite_s_freedom() -> None:

@@ -166,6 +166,17 @@ def test_a_line_must_lie_within_its_sweep(eta: float, widths: float, told: bool)
     assert bool(sweep_faults(f, a)) == told
 
 
+@pytest.mark.parametrize("eta", [-40.0, 37.0])
+def test_a_narrow_line_is_found_anywhere_in_its_sweep(eta: float) -> None:
+    """A hundred widths are swept, four points of 401 are the line's top."""
+    f = detuned(401, 50.0)
+    a = noisy(line(f, ETA_HZ + eta * WIDTH_HZ, WIDTH_HZ, 1.0), 0.003, 12)
+    a[200] += 0.2
+    found = only(sweep_faults(f, a), Fault.OUTLIER)
+    assert found.frequency_hz == f[200]
+    assert found.width_hz[1] == pytest.approx(WIDTH_HZ, rel=0.03)
+
+
 def test_saturation_up_to_a_limit_has_the_size_that_is_missing_at_the_top() -> None:
     """a = tanh(t |g|)/t: at the top 1 - tanh(t)/t of the line is missing."""
     f = detuned(121, 6.0)

@@ -37,6 +37,12 @@ def test_the_step_solves_the_damped_normal_equations() -> None:
         assert damped_step(matrix, rows, damping) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1e-25, 1e25])
+def test_the_step_does_not_depend_on_the_unit_of_the_rows(unit: float) -> None:
+    matrix, rows = np.array([[1.0, 1.0], [1.0, -1.0]]), np.array([-4.0, 0.0])
+    assert damped_step(unit * matrix, unit * rows, 0.0) == pytest.approx([2.0, 2.0])
+
+
 def test_nothing_moves_along_what_the_rows_do_not_see() -> None:
     matrix = np.array([[1.0, 1.0], [1.0, 1.0]])
     step = damped_step(matrix, np.array([-2.0, -2.0]), 0.0)

@@ -127,6 +127,7 @@ def test_a_fit_of_tones_with_one_sample_fewer_than_unknowns_has_no_condition() -
 def test_tones_a_thousand_times_apart_look_like_a_forgotten_unit() -> None:
     assert unit_hint((6.94, 6.9e3)) == ""
     assert "differ by a factor of" in unit_hint((6.94, 6.95e3))
+    assert "differ by a factor of 14000" in unit_hint((5e-4, 7.0))
     assert unit_hint((0.0, 7e6)) == ""
     assert tones_in_words((6.94018, 6940360.0)) == "tones 6.94018 Hz and 6940360 Hz"
     assert tones_in_words((5.0,)) == "tone 5 Hz"

@@ -88,6 +88,22 @@ def test_crest_between_points_is_exact_for_a_gaussian_filter(
         assert found == pytest.approx(height, rel=1e-7)
 
 
+@pytest.mark.parametrize("end", [slice(0, 3), slice(-3, None)])
+def test_a_crest_between_the_last_points_is_that_of_their_filter(end: slice) -> None:
+    """Three points of a Gaussian line are enough, at either end of a trace as well."""
+    middle = float(GRID[end][1])
+    trace = 5.0 * np.exp(-0.3 * (GRID - (middle + 0.3)) ** 2)
+    found = read_peaks(GRID, trace, (middle + 0.2,), "none")
+    assert found.peaks_v[0] == pytest.approx(5.0, rel=1e-7)
+
+
+def test_a_line_beside_points_of_zero_is_at_least_its_largest_point() -> None:
+    """What an instrument cut off has no logarithm, and no crest between the points is known."""
+    trace = np.zeros(GRID.size)
+    trace[250:252] = 3.0, 2.0
+    assert read_peaks(GRID, trace, (float(GRID[250]) + 0.2,), "none").peaks_v[0] == 3.0
+
+
 @pytest.mark.parametrize(
     ("scale", "outside", "silent"),
     [

@@ -108,6 +108,16 @@ def test_a_pattern_of_four_points_is_seen_though_neighbours_do_not_correlate() -
     assert residual_structure(e, np.ones((120, 1))).widening < 1.2
 
 
+def test_ten_points_are_judged_and_nine_are_not() -> None:
+    """Ljung and Box of two lags: Q_h = m (m + 2) sum r_k^2/(m - k), here (-1)^k (10 - k)/10."""
+    e = np.tile([1.0, -1.0], 5)
+    first = 10 * 12 * 0.9**2 / 9
+    both = first + 10 * 12 * 0.8**2 / 8
+    wanted = 2.0 * min(chi2.sf(first, 1), chi2.sf(both, 2))
+    assert white_noise_p(e) == pytest.approx(wanted, rel=1e-9)
+    assert white_noise_p(e[:9]) == 1.0
+
+
 def test_an_autoregressive_process_is_recognised() -> None:
     a, rng = np.array([1.2, -0.6]), np.random.default_rng(5)
     e = np.zeros(20000)

@@ -85,6 +85,7 @@ def test_band_refuses_edges_and_broken_periods() -> None:
         ({"tones_hz": PAIR, "window_s": 0.03}, "1.2 common periods"),
         ({"tones_hz": PAIR, "samples": 3}, "no sampling"),
         ({"tones_hz": PAIR, "samples": 0}, "samples is 0"),
+        ({"tones_hz": PAIR, "samples": 1}, "no sampling of 0.025 s with 1 samples"),
         ({"tones_hz": (1.0, 1e7)}, "tones 1 Hz and 10000000 Hz: no sampling"),
         ({"tones_hz": (1.0, 1e7)}, "differ by a factor of 10000000: is a unit missing"),
     ],
@@ -92,6 +93,15 @@ def test_band_refuses_edges_and_broken_periods() -> None:
 def test_impossible_windows_are_refused(arguments: dict[str, object], words: str) -> None:
     with pytest.raises(BadInput, match=words):
         plan_band(**{"longest_s": 100.0, **arguments})  # type: ignore[arg-type]
+
+
+def test_a_window_is_whole_periods_to_nine_digits() -> None:
+    """A third of a second in decimals, off by 7 and by 13 parts in ten thousand millions."""
+    band = plan_band((3.0,), longest_s=1.0, window_s=0.3333333331)
+    assert band is not None
+    assert band.window_s == Fraction(1, 3)
+    with pytest.raises(BadInput, match="wanted a whole number"):
+        plan_band((3.0,), longest_s=1.0, window_s=0.3333333329)
 
 
 @given(st.integers(200, 400), st.integers(1, 20), st.integers(200, 400))

@@ -58,6 +58,13 @@ def test_the_reason_names_tones_in_the_unit_that_suits_them(
     assert window_in_words(plan_window(tones, 0.0)).startswith(words)
 
 
+def test_a_window_is_said_to_be_clear_of_the_mixtures_it_was_planned_for() -> None:
+    clear = plan_window((6.0, 7.0), 0.0, mixtures_hz=(5.0, 8.0, 13.0))
+    assert "clear of the 3 mixtures" in window_in_words(clear)
+    for tones in ((6.0, 7.0), (math.pi, math.e)):  # with a common period and without
+        assert "mixtures" not in window_in_words(plan_window(tones, 0.0))
+
+
 @given(
     tones=st.lists(st.integers(1, 5_000_000), min_size=1, max_size=3, unique=True),
     grain=st.sampled_from([1, 10, 1000]),
