@@ -240,3 +240,13 @@ def test_more_candidates_than_are_tried_are_none() -> None:
     five = [parameter(f"x{i}", 1.0, 10.0) for i in range(5)]
     assert len(twins_of(rows, *five)) == 119
     assert twins_of(rows, *five, parameter("x5", 1.0, 10.0)) == []
+
+
+def test_turns_are_tried_up_to_a_hundred_and_twenty_eight_and_not_some_of_more() -> None:
+    """Eight of each parameter that goes round, two of one about zero: 8 x 8 x 2, then 8^3."""
+    angles = [parameter(name, -4.0, 4.0, period=8.0) for name in "stu"]
+    rows = lambda p: np.append(np.cos(np.pi * p), 1.0)  # noqa: E731
+    about_zero = parameter("a", -3.0, 3.0)
+    even = lambda p: np.append(np.cos(np.pi * p[:2]), p[2] ** 2)  # noqa: E731
+    assert len(twins_of(even, *angles[:2], about_zero)) == 127
+    assert twins_of(rows, *angles) == []

@@ -45,6 +45,14 @@ def test_everything_is_that_of_the_full_array(m: int, k: int, size: float) -> No
     assert dense(noise.times(3.0)) == pytest.approx(9.0 * v)
 
 
+def test_rows_that_share_nothing_are_divided_by_their_own_noise() -> None:
+    sigma, rows = RNG.uniform(0.1, 1.0, 6), RNG.standard_normal(6)
+    noise = RowCovariance.of(sigma)
+    assert noise.whitened(rows) == pytest.approx(rows / sigma)
+    assert noise.common.size == 0
+    assert noise.log_determinant == pytest.approx(2.0 * np.sum(np.log(sigma)))
+
+
 def test_what_a_simulation_may_be_off_by_is_that_of_its_columns() -> None:
     m = 9
     noise = random_noise(m, 2, 0.5)

@@ -21,9 +21,14 @@ from fitting.fit.likelihood.descent import (
     lower,
     most_likely,
 )
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.likelihood import (
+    LikelihoodEvaluator,
+    likelihood_of,
+    likelihood_with,
+)
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
-from fitting.fit.objective import Objective
+from fitting.fit.noise import noise_of
+from fitting.fit.objective import Objective, evaluate_many
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import SIGMA, parameter, whitened
 
@@ -117,6 +122,17 @@ def test_a_step_that_promises_a_five_hundredth_of_chi_square_is_taken(
 def test_what_the_data_do_not_see_stays_where_it_began() -> None:
     end = let_down(box(lambda p: np.array([p[0] + p[1] - 4.0, 0.0]), 3), 0.0, 0.0, 7.0)
     assert end.end.x == pytest.approx([2.0, 2.0, 7.0], abs=0.03)
+
+
+def test_what_the_data_hardly_see_is_not_walked_while_others_take_their_steps() -> None:
+    """A row x^2, whose zero is halved by each step, and 1e-3 (z - 9): all of z gains 8e-5.
+
+    A step across the box of 20 costs 0.1 of chi square: z goes 0.4 per cent of its way in each.
+    """
+    end = let_down(box(lambda p: np.array([p[0] ** 2, 1e-3 * (p[1] - 9.0)]), 2), 8.0, 0.0)
+    assert end.reached
+    assert abs(end.end.x[0]) < 0.4
+    assert 0.0 <= end.end.x[1] < 0.5
 
 
 def test_a_bound_holds_and_a_quarter_of_a_period_is_the_longest_step() -> None:
@@ -308,6 +324,36 @@ def test_a_held_output_counts_among_the_rows() -> None:
     """x is pulled inward by its output more than the data push it outward, or the other way."""
     assert held(12.0, (10.0, 1.5), constraint=Constraint(0.0, output=0, weight=5.0)) == ()
     assert held(10.9, (10.0, 1.0), constraint=Constraint(30.0, output=0, weight=5.0)) == (0,)
+
+
+@pytest.mark.parametrize(("target", "limits"), [(10.35, ()), (10.45, (0,)), (9.5, ())])
+def test_what_a_held_output_gains_is_in_units_of_the_output(
+    target: float, limits: tuple[int, ...]
+) -> None:
+    """(x - 10)^2/2 + (x - t)^2 falls from (10 - t)^2 by (10 - t)^2/1.5: a tenth for t = 10.387."""
+    assert held(11.0, (10.0, 1.0), constraint=Constraint(target, output=0, weight=1.0)) == limits
+
+
+# --- noise that the residuals tell
+
+
+def test_without_a_slope_noise_has_the_freedom_of_all_rows() -> None:
+    """1, -2, 0, 2, -1 about a straight line: chi square of ten, three degrees of freedom."""
+    times, scattered = np.arange(-2.0, 3.0), np.array([1.0, -2.0, 0.0, 2.0, -1.0])
+    line = [parameter(name, -10.0, 10.0) for name in ("height", "slope")]
+    objective = whitened(lambda p: p[0] + p[1] * times + scattered, *line, known=False)
+    [point] = evaluate_many(objective, [np.zeros(2)])
+    evaluator = LikelihoodEvaluator(likelihood_with(objective, noise_of(objective, point)))
+    optimum = most_likely(evaluator, [np.zeros(2)])
+    assert optimum.noise_freedom == pytest.approx(3.0, rel=1e-2)
+    assert optimum.chi_square == pytest.approx(3.0, rel=1e-2)
+    wide = optimum.likelihood.residuals(np.ones(5))
+    assert wide == pytest.approx(np.full(5, SIGMA * (10.0 / 3.0) ** 0.5), rel=1e-2)
+    # the scatter is that of five rows of one size, whatever is asked of the two
+    seen = np.linalg.inv(np.diag([5.0, 10.0])) * 10.0 / 3.0
+    assert optimum.freedom_along(np.array([1.0, 0.0]), seen) == pytest.approx(3.0, rel=1e-2)
+    for lost in (np.array([1.0, np.nan]), np.full(2, np.inf)):
+        assert optimum.freedom_along(lost, seen) == optimum.noise_freedom
 
 
 # --- many at a time

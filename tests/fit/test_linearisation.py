@@ -63,6 +63,16 @@ def test_what_the_data_do_not_see_keeps_the_width_of_its_box() -> None:
     assert np.abs(found.undetermined(1.0)) == pytest.approx(np.array([[0.0, 1.0]]))
 
 
+@pytest.mark.parametrize(("second", "unseen"), [(1e2, 1), (1e4, 0)])
+def test_nothing_is_determined_at_the_rounding_of_the_sharpest(second: float, unseen: int) -> None:
+    """Beside one of 1e12 what is below 1e3 may be rounding, though it is more than the prior."""
+    found = problem(np.diag([1e12, second]), np.ones(2), np.ones(2))
+    assert np.abs(found.undetermined(1.0)) == pytest.approx(np.eye(2)[2 - unseen :])
+    assert found.minimum(1.0).rank == 2 - unseen
+    alone = problem(np.array([[5.0]]), np.ones(1), np.ones(1))
+    assert alone.minimum(1.0).rank == 1
+
+
 def test_a_known_sum_does_not_make_its_terms_determined() -> None:
     found = problem(np.ones((10, 2)), np.full(10, 1e-6), np.full(2, 2.0 / math.sqrt(12.0)))
     assert found.of(np.array([1.0, 1.0]))[1] > DETERMINED
