@@ -22,7 +22,8 @@ def check(
         step_s: Length of the trial step, s, above zero.
 
     Returns:
-        ``sound`` sums it up; ``problems``, ``failure`` and ``unsuited`` say what is wrong.
+        ``sound`` sums it up; ``findings`` (by severity), ``failure`` and ``unsuited``
+        say what is wrong.
 
     Raises:
         BadInput: no FMU that this machine can run, a campaign that cannot be read, no time.

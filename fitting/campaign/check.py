@@ -9,7 +9,8 @@ from fitting.campaign.binding import bind
 from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.data import Campaign
 from fitting.fmu import FmuDescription, FmuWorkers, validation_problems
-from fitting.fmu.trial import Resets, Trial, take_trial, try_resets
+from fitting.fmu.findings import Finding, Severity, rule_findings
+from fitting.fmu.trial import HalvedStep, Resets, Trial, halve_step, take_trial, try_resets
 from fitting.text.errors import BadInput, FmuFailure
 
 
@@ -27,14 +28,16 @@ class Suits:
 class Check:
     """What was found of an FMU; ``sound`` sums it up.
 
-    ``problems`` are the rules of FMI that it breaks; ``trial`` and ``resets`` are what came of a
-    trial run and of resets, None where the FMU failed, of which ``failure`` tells; ``suits`` says
-    that it suits the campaign, ``unsuited`` why it does not; ``warnings`` are what the FMU logged.
+    ``findings`` are rules of FMI that it breaks, and its failure, by severity; ``trial``,
+    ``halved`` and ``resets`` are what came of a trial run, of half its step and of resets, None
+    where the FMU failed, of which ``failure`` tells; ``suits`` says that it suits the campaign,
+    ``unsuited`` why it does not; ``warnings`` are what the FMU logged.
     """
 
     description: FmuDescription
-    problems: tuple[str, ...]
+    findings: tuple[Finding, ...]
     trial: Trial | None
+    halved: HalvedStep | None
     resets: Resets | None
     failure: FmuFailure | None
     suits: Suits | None
@@ -43,8 +46,9 @@ class Check:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing is wrong with it."""
-        return not (self.problems or self.unsuited) and self.failure is None
+        """Whether it runs and suits, and whatever rules it breaks are cosmetic."""
+        cosmetic = all(f.severity is Severity.COSMETIC for f in self.findings)
+        return cosmetic and not self.unsuited
 
 
 def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> Check:
@@ -66,17 +70,22 @@ def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> 
             bound = bind(campaign, description.variables)
         except BadInput as error:
             unsuited = tuple(map(str, error.args))
-    trial, resets, failure = None, None, None
+    trial, halved, resets, failure = None, None, None, None
     values = bound.setup.start_values if bound else {}
     try:
         trial = take_trial(workers, step_s, values)
+        halved = halve_step(workers, step_s, values)
         resets = try_resets(workers, step_s, values)
     except FmuFailure as error:
         failure = error
+    findings = rule_findings(validation_problems(description.path))
+    if failure is not None:
+        findings = (Finding(Severity.FATAL, str(failure)), *findings)
     return Check(
         description=description,
-        problems=tuple(" ".join(p.split()) for p in validation_problems(description.path)),
+        findings=findings,
         trial=trial,
+        halved=halved,
         resets=resets,
         failure=failure,
         suits=None if bound is None else _suits(bound),

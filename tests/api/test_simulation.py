@@ -103,6 +103,8 @@ def test_a_model_is_driven_by_its_name(tmp_path: Path) -> None:
 def test_a_sound_fmu_that_suits(fmu: ff.Fmu) -> None:
     found = ff.check(fmu, ff.example("string_q1"))
     assert found.sound
+    assert found.findings == ()
+    assert found.halved is not None
     assert found.trial is not None
     assert found.suits is not None
     assert (found.suits.parameters, found.suits.experiments) == (3 + 5, 5)  # offsets

@@ -6,7 +6,8 @@ from collections import Counter
 
 from fitting.campaign.check import Check
 from fitting.fmu import FmuDescription, FmuVariable
-from fitting.fmu.trial import Trial
+from fitting.fmu.findings import Finding, Severity
+from fitting.fmu.trial import HalvedStep, Resets, Trial
 from fitting.text.notation import listed
 
 #: Those that the binary which pythonfmu packs into an FMU looks for on the machine.
@@ -18,6 +19,8 @@ CAUSALITIES = {
     "local": "local variable",
     "independent": "independent variable",
 }
+#: Share of an output below which rounding differs, on another machine in another way.
+ROUNDING = 1e-12
 SHOWN = ("parameter", "input", "output", "calculatedParameter")
 
 
@@ -36,6 +39,7 @@ def description_lines(description: FmuDescription) -> list[str]:
         f"guid {description.guid}, sha256 {description.sha256}",
         f"made by {description.generation_tool or 'a tool that does not tell'}",
         *_needs(description),
+        *_step(description),
         listed(_counted(n, causality) for causality, n in sorted(counts.items())),
         "",
         *(_row(v, width) for v in shown),
@@ -55,7 +59,7 @@ def check_lines(found: Check) -> list[str]:
     Args:
         found: of the FMU.
     """
-    lines = [f"problem: {problem}" for problem in found.problems]
+    lines = [_finding(f) for f in found.findings if f.severity is not Severity.FATAL]
     if found.suits is not None:
         suits = found.suits
         lines.append(
@@ -64,12 +68,37 @@ def check_lines(found: Check) -> list[str]:
         )
     if found.trial is not None:
         lines.append(_trial(found.trial))
+    if found.halved is not None:
+        lines.append(_halved(found.halved))
     if found.resets is not None:
-        lines.append(f"reset: {found.resets.reuse}")
-        if found.resets.unvaried:
-            said = ", ".join(found.resets.unvaried)
-            lines.append(f"not varied, because the FMU refuses: {said}")
+        lines += _resets(found.resets)
     return [*lines, *(f"the FMU warns: {warning}" for warning in found.warnings)]
+
+
+def _finding(finding: Finding) -> str:
+    more = f" ({finding.count - 1} more of this kind)" if finding.count > 1 else ""
+    return f"{finding.severity}: {finding.sentence}{more}"
+
+
+def _halved(halved: HalvedStep) -> str:
+    """How far outputs rest on the communication step."""
+    of = f"over {halved.steps} steps of {halved.step_s:g} s"
+    if halved.share <= ROUNDING:
+        return f"half the step: the outputs are the same to {ROUNDING:g} {of}"
+    return (
+        f"half the step: outputs differ by up to {halved.share:.1e} of their largest value {of} "
+        f"({halved.output})"
+    )
+
+
+def _resets(resets: Resets) -> list[str]:
+    lines = [f"reset: {resets.reuse}"]
+    if resets.idle:
+        over = f"over {resets.steps} steps of {resets.step_s:g} s"
+        lines.append(f"a change by 0.1 % changed no output {over}: {listed(resets.idle)}")
+    if resets.unvaried:
+        lines.append(f"not varied, because the FMU refuses: {', '.join(resets.unvaried)}")
+    return lines
 
 
 def _trial(trial: Trial) -> str:
@@ -87,6 +116,12 @@ def _needs(description: FmuDescription) -> list[str]:
     if description.one_instance_per_process:
         lines.append("canBeInstantiatedOnlyOncePerProcess: one instance in a process")
     return lines
+
+
+def _step(description: FmuDescription) -> list[str]:
+    """The step that the FMU was made for."""
+    step_s = description.step_s
+    return [] if step_s is None else [f"made for steps of {step_s:g} s"]
 
 
 def _row(v: FmuVariable, width: int) -> str:
