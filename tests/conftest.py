@@ -16,6 +16,7 @@ import build_fmu
 from fitting.fmu.worker import process as worker_process
 from tests.support.fmus import Instance, Unpacked, unpack
 from tests.support.processes import MOST_S, Clock
+from tests.support.shipped_runs import ShippedRun, shipped_run
 from tests.support.twins import twin_of
 
 # no claim about time: a busy machine is no fault of the code
@@ -44,6 +45,29 @@ def oscillator(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -
 def twin_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its native twin, as ``build_fmu.py --native`` makes it."""
     return twin_of("CoupledOscillator", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def swift_fmu(request: pytest.FixtureRequest) -> Path:
+    """The twin, which answers in a fifth of the time; without a compiler the FMU itself.
+
+    For tests of what is made of the answers: `tests/models/test_native.py` holds both together.
+    """
+    name = "oscillator_fmu" if shutil.which("cc") is None else "twin_fmu"
+    path: Path = request.getfixturevalue(name)
+    return path
+
+
+@pytest.fixture(scope="session")
+def string_q1_run(tmp_path_factory: pytest.TempPathFactory) -> ShippedRun:
+    """The first shipped series, reconstructed by the command as a user runs it."""
+    return shipped_run("string_q1", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def string_q2_run(tmp_path_factory: pytest.TempPathFactory) -> ShippedRun:
+    """The second shipped series, reconstructed by the command with ``--quick``."""
+    return shipped_run("string_q2", tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

@@ -165,7 +165,7 @@ def test_a_foreign_fmu_driven_through_its_input(
 ) -> None:
     """No mode, no angle, an FMU by its path: single tones are proposed, and the campaign binds."""
     fmu = build_c_fmu(tmp_path, reset="RESET_WORKS")
-    path = test_swap.campaign(tmp_path, fmu, "squares")
+    path = test_swap.campaign(tmp_path, fmu, "squares", ["line_width"])
     text = path.read_text()
     path.write_text(text + '[design]\nnoise_floor = "2 uV"\nnumber = 2\nlevels = [1]\n')
     words = ["design", path, "--target", "line_width", "--out", tmp_path / "out", "--no-report"]

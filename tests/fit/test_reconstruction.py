@@ -37,6 +37,8 @@ from tests.support import closed_form
 from tests.support.datasets import drafted, linear, through
 from tests.support.processes import MOST_S
 from tests.support.reconstruction import ReconstructionOptions, reconstruct, reconstruct_through
+from tests.support.shipped_runs import ShippedRun
+from tests.support.small_campaign import small_campaign
 
 TRUTH = (1.9498, 120.0, 90.0)
 ROOT = Path(__file__).resolve().parents[2]
@@ -227,16 +229,20 @@ def without_times(result: Result) -> str:
 def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
     noisy_campaign: BoundCampaign, tmp_path: Path
 ) -> None:
+    """In the first start, between the alternatives, and in the second of them."""
     options = options_of(noisy_campaign.continuation)
     job = job_of(problem_of([noisy_campaign]), Identity(), options)
-    whole = run(noisy_campaign)
-    for stop_after in (1, 4, 12, 15):
+    whole = run(noisy_campaign, starts=2)
+    assert [a.reported for a in whole.alternatives] == [True, False]
+    for stop_after in (1, 10, 13):
         memory = Stopping(tmp_path, job)
         memory.stop_after = stop_after
-        partial = run(noisy_campaign, Hooks(memory=memory))
+        partial = run(noisy_campaign, Hooks(memory=memory), starts=2)
         assert partial.status == "interrupted"
         assert "best so far" in partial.message
-        again = run(noisy_campaign, Hooks(memory=checkpoint.resume(tmp_path, job)))
+        memory = checkpoint.resume(tmp_path, job)
+        assert len(memory) == stop_after
+        again = run(noisy_campaign, Hooks(memory=memory), starts=2)
         assert without_times(again) == without_times(whole)
 
 
@@ -367,7 +373,7 @@ def test_a_maximum_outside_the_first_points_is_found(
     ],
 )
 def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
-    oscillator_fmu: Path,
+    swift_fmu: Path,
     string_q1: BoundCampaign,
     box: tuple[float, float],
     start: float,
@@ -385,7 +391,7 @@ def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
     )
     options = options_of(bound.continuation, quick=True)
     options = replace(options, schedule=replace(options.schedule, levels=1))
-    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+    with FmuWorkers(swift_fmu, workers=1) as workers:
         identity = identify_fmu(workers.description, "test")
         asked = ReconstructionOptions(options, profiles=False)
         found = reconstruct_through(workers, problem_of([bound]), identity, asked)
@@ -402,18 +408,14 @@ def arguments(*words: str) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def test_the_command_reconstructs_the_shipped_campaign(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    args = arguments(str(STRING_Q1), "--out", str(tmp_path), "--workers", "2", "--no-report")
-    assert command.run(args) == 0
-    out = capsys.readouterr().out
+def test_the_command_reconstructs_the_shipped_campaign(string_q1_run: ShippedRun) -> None:
+    out = string_q1_run.printed
     assert out.splitlines()[1].startswith("Converged and describes the data: χ² = ")
     assert "not determined" in out
     # the sweep by itself knows the width better than the peaks, and is told first
     known = next(line for line in out.splitlines() if line.startswith("known:"))
     assert "width_plus = 94.18 ± 0.24 Hz" in known
-    found = read_result(tmp_path / "result.json")
+    found = string_q1_run.result
     width = found.derived["width_plus"]
     assert abs(width.value - WIDTH) < 3.0 * width.std
     assert found.deviations.final.mean < found.deviations.initial.mean
@@ -426,7 +428,7 @@ def test_the_command_reconstructs_the_shipped_campaign(
     [note] = found.provenance.notes
     assert "other parameters than the reported ones" in note
     assert "lambda is not a real number" in note
-    assert not (tmp_path / checkpoint.NAME).exists()
+    assert not (string_q1_run.folder / checkpoint.NAME).exists()
 
 
 SCRIPT = """
@@ -449,11 +451,12 @@ sys.exit(reconstruct.run(arguments(*sys.argv[2:])))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_a_run_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_a_run_that_is_killed_goes_on_where_it_was(swift_fmu: Path, tmp_path: Path) -> None:
     """Stopped with the first level on disk, by a signal to itself: no race with the clock."""
     script = tmp_path / "go.py"
     script.write_text(SCRIPT)
-    words = [str(STRING_Q1), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
+    campaign = small_campaign(tmp_path / "campaign", swift_fmu)
+    words = [str(campaign), "--workers", "1", "--quick", "--no-report", "--no-profiles"]
 
     def go(folder: str, how: int, *more: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(

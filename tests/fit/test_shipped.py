@@ -26,6 +26,7 @@ from fitting.result.provenance import Identity
 from fitting.result.result import Result, read_result
 from fitting.text.files import write_all
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
+from tests.support.shipped_runs import ShippedRun
 from tests.support.virtual.answers import ModesResponse
 
 DATA = Path(__file__).parents[2] / "data"
@@ -169,10 +170,11 @@ def test_noise_moves_the_width_by_no_more_than_its_scatter(tmp_path: Path) -> No
     """
     bench = string_bench("q1")
     widths, claimed = [], []
+    fmu = ff.Fmu("CoupledOscillator")
     for seed in SEEDS:
         write_all(tmp_path / str(seed), campaign_files(measure(bench, seed), "test"))
         campaign = ff.read_campaign(tmp_path / str(seed) / "campaign.toml")
-        record = ff.Problem.of(campaign, ff.Fmu("CoupledOscillator")).record
+        record = ff.Problem.of(campaign, fmu).record
         record = replace(record, alternatives=record.alternatives[:1])
         answers = partial(ModesResponse, record)
         found = ff.fit(ff.Problem.answered_by(answers, record), ff.Tikhonov(levels=1), starts=1)
@@ -189,18 +191,16 @@ def test_noise_moves_the_width_by_no_more_than_its_scatter(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("series", ["q1", "q2"])
 def test_the_shipped_series_start_and_end_below_what_is_published(
-    series: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    series: str, request: pytest.FixtureRequest
 ) -> None:
     """Published: 0.70 to 0.17 and 0.74 to 0.27; here the damping starts at the sweep's width."""
-    path = DATA / f"string_{series}" / "campaign.toml"
-    words = ["reconstruct", str(path), "--out", str(tmp_path), "--quick", "--no-report"]
-    assert main([*words, "--no-profiles", "--workers", "2"]) == 0
-    result = read_result(tmp_path / "result.json")
+    run: ShippedRun = request.getfixturevalue(f"string_{series}_run")
+    result = run.result
     published = tomllib.loads((DATA / "paper.toml").read_text())["series"][series]
     before, after = result.deviations.initial.mean, result.deviations.final.mean
     assert after < before < published["mean_deviation_before"]
     assert after < published["mean_deviation_after"]
-    assert f"mean deviation {before:.4g} -> {after:.4g}" in capsys.readouterr().out
+    assert f"mean deviation {before:.4g} -> {after:.4g}" in run.printed
     width = result.derived["width_plus" if series == "q1" else "width_minus"]
     bench = string_bench(series)
     assert abs(width.value - true_width(bench)) < 2 * width.std

@@ -13,8 +13,9 @@ from fitting.result.result import read_result
 from fitting.text.arrays import FloatArray
 from tests.support.cfmu_build import build_c_fmu
 
-MASS, DAMPING, STIFFNESS = 1e-3, 0.2, 4.1e3
-F_HZ = np.linspace(292.0, 352.0, 9)
+#: A quality factor of 5: every point of every run has to settle first.
+MASS, DAMPING, STIFFNESS = 1e-3, 0.4, 4.1e3
+F_HZ = np.linspace(262.0, 382.0, 8)
 
 CAMPAIGN = """
 title = "Driven oscillator"
@@ -25,7 +26,7 @@ file = "{fmu}"
 mass = "1 g"
 [observe]
 output = "displacement"
-line_width = "40 Hz"
+line_width = "80 Hz"
 [drive]
 kind = "input"
 frequencies = ["f"]
@@ -41,10 +42,10 @@ scale = "fit"
 [[parameters]]
 name = "damping"
 unit = "N.s/m"
-lower = 0.05
-upper = 0.6
-start = 0.25
-scale = 0.1
+lower = 0.1
+upper = 1.2
+start = 0.5
+scale = 0.2
 [[parameters]]
 name = "stiffness"
 unit = "N/m"
@@ -53,7 +54,7 @@ upper = 4500.0
 start = 4000.0
 scale = 500.0
 [derived]
-outputs = ["eigenfrequency", "line_width"]
+outputs = {outputs}
 [continuation]
 nu_start = 1e-6
 beta = 0.001
@@ -89,14 +90,14 @@ def worst_shifts(promised: float) -> FloatArray:
     return np.asarray(promised * pull @ measured / np.max(measured))
 
 
-def campaign(folder: Path, fmu: Path, misfit: str) -> Path:
+def campaign(folder: Path, fmu: Path, misfit: str, outputs: list[str]) -> Path:
     """Campaign and its data, |F/(k - m w^2 + i c w)| in closed form times a detector's gain."""
     amplitude = 0.37 * amplitudes(np.array([DAMPING, STIFFNESS]))
     points = zip(F_HZ.tolist(), amplitude.tolist(), strict=True)
     rows = "".join(f"{a!r},{b!r}\n" for a, b in points)
     (folder / "sweep.csv").write_text(f"frequency (Hz),amplitude (V)\n{rows}")
     path = folder / "campaign.toml"
-    path.write_text(CAMPAIGN.format(fmu=fmu.as_posix(), misfit=misfit))
+    path.write_text(CAMPAIGN.format(fmu=fmu.as_posix(), misfit=misfit, outputs=outputs))
     return path
 
 
@@ -106,16 +107,19 @@ def campaign(folder: Path, fmu: Path, misfit: str) -> Path:
 def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     reset: str, misfit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = campaign(tmp_path, build_c_fmu(tmp_path, reset=reset), misfit)
+    # profiles are walked for one of the two, of one output: stepping an input takes its time
+    outputs = ["eigenfrequency", "line_width"] if misfit == "slack" else ["line_width"]
+    path = campaign(tmp_path, build_c_fmu(tmp_path, reset=reset), misfit, outputs)
     out = tmp_path / "out"
     words = ["reconstruct", str(path), "--out", str(out), "--workers", "2", "--no-report"]
-    # profiles are walked for one of the two: stepping an input takes its time
     further = ["--no-profiles", "--estimator", "algorithm2"] if misfit == "slack" else []
     assert main([*words, *further]) == 0
     found = read_result(out / "result.json")
     eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2 * math.pi)
     width = DAMPING / MASS / (2 * math.pi)
-    assert found.derived["eigenfrequency"].value == pytest.approx(eigenfrequency, rel=1e-6)
+    if misfit == "slack":
+        assert found.derived["eigenfrequency"].value == pytest.approx(eigenfrequency, rel=1e-6)
+    assert found.parameters["stiffness"].value == pytest.approx(STIFFNESS, rel=1e-6)
     assert found.derived["line_width"].value == pytest.approx(width, rel=1e-6)
     word = "linearised only" if misfit == "slack" else "determined"
     assert found.derived["line_width"].identifiable == word

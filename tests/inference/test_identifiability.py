@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import Parameter, to_search
-from fitting.cli.main import main
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
@@ -21,6 +20,7 @@ from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
 from tests.support import closed_form
 from tests.support.datasets import answer, dataset
+from tests.support.shipped_runs import ShippedRun
 
 DATA = Path(__file__).parents[2] / "data"
 TRUTH = np.array([1.9498, 120.0, 90.0])
@@ -186,19 +186,14 @@ def test_two_minima_that_fit_alike_are_not_called_determined() -> None:
 
 
 @pytest.fixture(scope="module", params=["q1", "q2"])
-def shipped(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[str, Result]:
+def shipped(request: pytest.FixtureRequest) -> tuple[str, Result]:
     """The shipped campaigns through the FMU, by the command."""
-    out = tmp_path_factory.mktemp(request.param)
-    path = DATA / f"string_{request.param}" / "campaign.toml"
-    words = ["reconstruct", str(path), "--out", str(out), "--quick", "--no-report"]
-    assert main([*words, "--workers", "2"]) == 0
-    return request.param, read_result(out / "result.json")
+    run: ShippedRun = request.getfixturevalue(f"string_{request.param}_run")
+    return request.param, run.result
 
 
 def test_shipped_data_determine_the_width_and_neither_angle_nor_coupling(
-    shipped: tuple[str, Result], capsys: pytest.CaptureFixture[str]
+    shipped: tuple[str, Result],
 ) -> None:
     series, result = shipped
     seen, other = ("plus", "minus") if series == "q1" else ("minus", "plus")

@@ -1,0 +1,48 @@
+"""Shipped campaigns as the command reconstructs them: once for all tests that read the results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import filelock
+import pytest
+
+from fitting.result.result import Result, read_result
+from tests.support.in_process import told
+from tests.support.twins import shared_folder
+
+DATA = Path(__file__).parents[2] / "data"
+#: The first series as a user runs it; the second with looser tolerances, which take half as long.
+WORDS: dict[str, tuple[str, ...]] = {"string_q1": (), "string_q2": ("--quick",)}
+
+
+@dataclass(frozen=True)
+class ShippedRun:
+    """What the command wrote and printed; tests share the folder, so nothing is written there."""
+
+    folder: Path
+    printed: str
+
+    @property
+    def result(self) -> Result:
+        """Read from its file."""
+        return read_result(self.folder / "result.json")
+
+
+def shipped_run(name: str, factory: pytest.TempPathFactory) -> ShippedRun:
+    """A shipped campaign with its profiles, run unless another test process has done so.
+
+    Args:
+        name: folder of the campaign.
+        factory: of pytest, for the folder that the test processes of a session have in common.
+    """
+    shared = shared_folder(factory, "shipped")
+    out, printed = shared / name, shared / f"{name}.txt"
+    with filelock.FileLock(shared / f"{name}.lock"):  # of a process that ends, however, it is free
+        if not printed.exists():
+            words = ("reconstruct", DATA / name / "campaign.toml", "--out", out, *WORDS[name])
+            ended = told(*words, "--no-report", "--workers", "2")
+            assert ended.code == 0, ended.err
+            printed.write_text(ended.out, "utf-8")
+    return ShippedRun(out, printed.read_text("utf-8"))
