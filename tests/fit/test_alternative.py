@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,18 @@ def test_what_mirrors_a_solved_alternative_takes_its_minima_over() -> None:
     assert (again.search.evaluations, again.search.runs) == (0, 0)
     assert len(again.search.minima) == len(outcome.search.minima)
     assert ends(again) == ends(outcome)
+
+
+def test_the_course_is_told_with_its_places_counted_from_one(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """The third alternative: its own start, the search of the box, and one start more."""
+    own = replace(course(9.0, 5.0, -3.0), alternative=2)
+    with caplog.at_level("INFO", logger="fitting.fit"):
+        outcome = run_alternative(own)
+    first, searched, second = (record.getMessage() for record in caplog.records)
+    assert first.startswith("alternative 3, start 1, ν = 1.0e-08: J = 0.09, optimal, ")
+    assert searched.startswith("alternative 3: box searched from ")
+    assert ", 2 minima, " in searched
+    assert second.startswith("alternative 3, start 2, ν = 1.0e-08: J = 0.05, optimal, ")
+    assert len(outcome.chains) == 2

@@ -14,12 +14,20 @@ from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, tikhonov_rows, weights
 from fitting.fit.search.twins import Twin
 from fitting.fit.solution import Solution, negligible, solution_of
-from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule, equal_j, is_lower
+from fitting.fit.solver.continuation import (
+    Chain,
+    ContinuationStep,
+    Schedule,
+    equal_j,
+    is_lower,
+    met,
+)
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
+from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray
-from tests.support.datasets import dataset, peaks_measurement, sweep_measurement
+from tests.support.datasets import answer, dataset, peaks_measurement, sweep_measurement
 from tests.support.rows import RowsResponse, rows_evaluator, rows_objective
 from tests.support.whitened import SIGMA, parameter, whitened
 
@@ -131,6 +139,32 @@ def test_when_two_values_of_j_are_one(one: float, other: float, equal: bool, low
     assert is_lower(one, other) is lower
 
 
+@pytest.mark.parametrize(
+    ("x", "j", "joined"),
+    [
+        (1.009, 0.4, 0),  # within a hundredth of a unit of the search vector
+        (1.011, 0.4, None),
+        (0.991, 0.4, 0),
+        (1.0, 0.4003, 0),  # and a thousandth of J
+        (1.0, 0.4005, None),
+        (1.0 + 2.0 * np.pi, 0.4, 0),  # a turn on
+        (1.5, 0.4, 0),  # at its twin
+        (-1.005, 0.4, None),
+    ],
+)
+def test_a_start_meets_another_where_it_ends_beside_it_at_the_same_j(
+    x: float, j: float, joined: int | None
+) -> None:
+    turning = parameter("t", -9.0, 9.0, period=2.0 * np.pi)
+    found = met([turning], chain(2, x, j), [chain(0, 1.0, 0.4), chain(1, -1.0, 0.4, joined=0)])
+    if x == 1.5:
+        assert found.joined is None
+        images = [np.array([7.0]), np.array([1.0])]
+        found = met([turning], chain(2, x, j), [chain(0, 1.0, 0.4)], images)
+        assert found.ended == "met a twin of start 1 at ν = 1.0e-09"
+    assert found.joined == joined
+
+
 # --- noise of the rows
 
 
@@ -151,6 +185,32 @@ def test_known_noise_is_its_own_and_unknown_noise_the_scatter_of_its_rows() -> N
     assert known.bounded.columns == 0
     mixed = noise(dataset(np.ones(4), np.array([0.0, 0.0, 0.3, 0.4])), rows)
     assert mixed.sigma == pytest.approx([np.sqrt(0.125), np.sqrt(0.125), 0.3, 0.4])
+
+
+MAXIMUM = Maximum(value=2.0, frequency_hz=2.0, bias=0.0, bracketed=True)
+
+
+class Scaled(RowsResponse):
+    """Peaks and, before their scale is taken, the maximum of a sweep."""
+
+    def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
+        return [answer(self.rows(p), maximum=MAXIMUM) for p in ps]
+
+
+def test_the_error_of_a_scale_is_shared_by_all_rows_that_it_scales() -> None:
+    """Half as large as measured at the maximum: chi = 2, whose error e moves a row by e (1 + r)."""
+    sweep = sweep_measurement(np.array([1.0, 4.0, 1.0]), sigmas_v=np.array([0.5, 0.08, 0.5]))
+    objective = Objective(
+        response=Scaled(lambda p: np.array([0.5, 0.25, 0.75])),
+        parameters=(parameter("p", -1.0, 1.0),),
+        data=dataset(np.ones(3), np.full(3, 0.1), sweep),
+        steps=np.full(1, 1e-4),
+    )
+    [point] = evaluate_many(objective, [np.zeros(1)])
+    assert point.residuals == pytest.approx([0.0, -0.5, 0.5])
+    assert noise_of(objective, point).common == pytest.approx(
+        0.02 * np.array([[1.0], [0.5], [1.5]])
+    )
 
 
 def test_widened_rows_are_those_that_were_meant() -> None:

@@ -157,6 +157,26 @@ def test_a_solve_that_lowers_nothing_ends_at_its_start() -> None:
         assert found.optimality > 0.1
 
 
+@pytest.mark.parametrize(("half", "size"), [(9.0, 1.0), (0.05, 0.1)])
+def test_a_further_try_begins_beside_the_end_of_the_first(half: float, size: float) -> None:
+    """Within some fiftieths of the box, or of a unit: it is another try of the same minimum."""
+    asked: list[list[float]] = []
+
+    def rows(p: FloatArray) -> FloatArray:
+        asked[-1].append(float(p[0]))
+        return p[0] / half - B
+
+    settings = SolveSettings(misfit="absolute", absolute=0.0, relative=0.0, iterations=3)
+    ends = []
+    for restarts in (0, 1):
+        asked.append([])
+        evaluator = rows_evaluator(rows, [-half], [half], step=1e-4 * size)
+        ends.append(solved(evaluator, -0.5 * half, 0.5, replace(settings, restarts=restarts)))
+    first, both = asked
+    assert both[: len(first)] == first
+    assert 0.0 < abs(both[len(first)] - ends[0].x[0]) < 5.0 * 0.02 * size
+
+
 @pytest.mark.parametrize("misfit", ["slack", "squares"])
 def test_a_finish_near_the_minimum_takes_linearised_steps_only(misfit: str) -> None:
     evaluator = three()

@@ -25,8 +25,10 @@ from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
 from fitting.text.arrays import FloatArray
+from fitting.text.errors import NoScale
 from tests.support import closed_form
 from tests.support.datasets import SETUP, dataset, sweep_measurement
+from tests.support.rows import rows_objective
 
 TRUTH = np.array([1.9498, 120.0, 90.0])
 
@@ -203,6 +205,20 @@ def test_sweep_rows_are_relative_to_the_maximum() -> None:
     expected = (swept - sweep_v) / np.max(sweep_v)
     assert point.residuals[10:] == pytest.approx(expected, rel=1e-4, abs=1e-12)
     assert point.residuals.size == 51
+
+
+@pytest.mark.parametrize(("times", "refused"), [(1e100, False), (1e149, False), (1e151, True)])
+def test_a_model_whose_squared_distance_is_no_number_is_refused(
+    times: float, refused: bool
+) -> None:
+    """Squares of 1e154 and more are infinite."""
+    objective = rows_objective(lambda p: times * np.array([0.5, -1.0]), [-1.0], [1.0])
+    if refused:
+        with pytest.raises(NoScale, match=r"the model is 1e\+151 times the data away"):
+            evaluate_many(objective, [np.zeros(1)])
+    else:
+        [point] = evaluate_many(objective, [np.zeros(1)])
+        assert point.squares == pytest.approx(1.25 * times**2)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import signal
@@ -19,10 +20,10 @@ from scipy.stats import norm
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
 from fitting.fit import checkpoint
-from fitting.fit.fit import Hooks, Progress
+from fitting.fit.fit import Hooks, Progress, solve_problem
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.solver.continuation import ContinuationStep
+from fitting.fit.solver.continuation import ContinuationStep, Schedule
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.report.words.result import result_lines
@@ -191,6 +192,28 @@ def test_progress_counts_up_to_the_end(noisy_campaign: BoundCampaign) -> None:
     assert seen[-1].evaluations > 0
     assert seen[-1].left_s >= 0.0
     assert {state.alternative for state in seen} == {0, 1}
+
+
+def test_what_is_left_is_the_time_of_a_level_for_each_that_is_not_done(
+    noisy_campaign: BoundCampaign,
+) -> None:
+    """By a clock that goes on by a second whenever it is looked at: each level takes one."""
+    ticks = itertools.count(1000.0)
+    seen: list[Progress] = []
+    hooks = Hooks(progress=seen.append, clock=lambda: next(ticks))
+    problem, schedule = problem_of([noisy_campaign]), Schedule(starts=1, levels=2)
+    found = solve_problem(problem, respond, Options(schedule), hooks)
+    assert [state.done for state in seen] == [0, 1, 1, 2, 2, 3, 3, 4]
+    assert {state.of for state in seen} == {4}
+    assert np.isnan(seen[0].left_s)
+    assert [state.left_s for state in seen[1:]] == [3.0, 3.0, 2.0, 2.0, 1.0, 1.0, 0.0]
+    assert [state.elapsed_s for state in seen[:4]] == [1.0, 4.0, 5.0, 8.0]
+    # the start itself took nothing, each level what it took
+    assert [(row.level, row.evaluations > 0, row.seconds) for row in found.path] == [
+        (-1, False, 0.0),
+        (0, True, 1.0),
+        (1, True, 1.0),
+    ]
 
 
 def test_ending_badly_is_a_value(noisy_campaign: BoundCampaign) -> None:

@@ -188,7 +188,7 @@ def _one_step(
     while radius > SMALLEST_RADIUS:
         step = linear_step(rows, matrix, slope, room, radius)
         promise = _promise(rows, matrix, slope, step)
-        best, gain, corrections = x, 0.0, 0
+        best, gain = x, 0.0
         for corrections in range(CORRECTIONS + 1):  # noqa: B007 - used after the loop
             trial = np.clip(x + step, evaluator.lower, evaluator.upper)
             point = evaluator.point(trial)
