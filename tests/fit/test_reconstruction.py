@@ -263,9 +263,9 @@ def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
         partial = run(noisy_campaign, Hooks(memory=memory), starts=2)
         assert partial.status == "interrupted"
         assert "best so far" in partial.message
-        memory = checkpoint.resume(tmp_path, job)
-        assert len(memory) == stop_after
-        again = run(noisy_campaign, Hooks(memory=memory), starts=2)
+        kept = checkpoint.resume(tmp_path, job)
+        assert len(kept) == stop_after
+        again = run(noisy_campaign, Hooks(memory=kept), starts=2)
         assert without_times(again) == without_times(whole)
 
 

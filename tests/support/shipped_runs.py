@@ -41,8 +41,8 @@ def shipped_run(name: str, factory: pytest.TempPathFactory) -> ShippedRun:
     out, printed = shared / name, shared / f"{name}.txt"
     with filelock.FileLock(shared / f"{name}.lock"):  # of a process that ends, however, it is free
         if not printed.exists():
-            words = ("reconstruct", DATA / name / "campaign.toml", "--out", out, *WORDS[name])
-            ended = told(*words, "--no-report", "--workers", "2")
+            words = ["reconstruct", str(DATA / name / "campaign.toml"), "--out", str(out)]
+            ended = told(*words, "--no-report", "--workers", "2", *WORDS[name])
             assert ended.code == 0, ended.err
             printed.write_text(ended.out, "utf-8")
     return ShippedRun(out, printed.read_text("utf-8"))
