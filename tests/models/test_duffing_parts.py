@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -13,11 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmu_src.duffing_envelope import EnvelopeSolver, Settings
-from fmu_src.duffing_equations import Cubic, find_root, solve, steady_squares
+from fmu_src.duffing_equations import Cubic, find_root, shift, solve, steady_squares
 from fmu_src.duffing_exponential import phi
 from fmu_src.duffing_rk4 import DuffingRungeKutta
 from fmu_src.duffing_slow import SlowModel
 from fmu_src.oscillator_equations import Parameters
+from tests.support import duffing_reference
 
 STRING = Parameters(
     theta=1.9,
@@ -112,6 +114,109 @@ def test_slow_and_full_state_are_inverse(seed: int) -> None:
         assert abs(a - b) <= 1e-9 * size
 
 
+# --- the motion of the envelope, in nanometres ---------------------------------------------------
+
+NM = 1e-9
+SMALL = Cubic(*(coefficient / NM**2 for coefficient in CUBIC))
+PULLED = (0.8 * NM, -0.5 * NM, 300.0 * NM, 700.0 * NM)
+
+
+def small(**changes: float) -> Parameters:
+    """The string of Q about 50, driven by two tones to about a nanometre."""
+    own = {"d1": 25.0, "d2": 15.0, "u2": 995.0, "A1": 2e6 * NM, "A2": 1.5e6 * NM, "phase2": -1.0}
+    return Parameters(**{**STRING._asdict(), **own, **changes})
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"eta_minus": 3.0 * 999.0 / 1.12},
+        {"eta_minus": 3.0 * 999.0 / 0.88},
+        {"u1": 880.0, "u2": 1120.0},
+        {"u1": 530.0, "u2": 530.0},
+    ],
+    ids=["near", "below-the-third", "above-the-third", "tones-apart", "slow"],
+)
+def test_the_envelope_goes_on_from_any_state_as_the_full_equations(
+    changes: dict[str, float],
+) -> None:
+    """By scipy's DOP853, also where frequencies are as far from each other as is allowed.
+
+    What averaging leaves out is of second order: of the shift eps and of the frequencies' spread.
+    """
+    p = small(**changes)
+    solver = EnvelopeSolver(p, SMALL, Settings(1e-8, False))
+    q1, q2, v1, v2 = PULLED
+    solver.start(0.0, (complex(q1), complex(q2), complex(v1), complex(v2)), 0.0)
+    times = np.linspace(0.0, 0.06, 60)[1:]
+    found, squares = [], []
+    for t in times.tolist():
+        solver.advance(t)
+        found.append(solver.displacement(t))
+        squares.append(solver.squares(t))
+    full = SimpleNamespace(**p._asdict(), **SMALL._asdict())
+    start = (q1, q2, 2.0 * math.pi * v1, 2.0 * math.pi * v2)
+    truth = duffing_reference.motion(full, times, start, rtol=1e-10).q
+    m1, m2 = np.max(squares, axis=0) / (2.0 * math.pi * 0.5 * (p.u1 + p.u2)) ** 2
+    eps = 0.375 * max(
+        abs(SMALL.alpha1) * m1 + SMALL.kappa * m2, abs(SMALL.alpha2) * m2 + SMALL.kappa * m1
+    )
+    tones = (p.u1, p.u2)
+    spread = max(abs(u - f) for u in tones for f in (*tones, p.eta_plus, p.eta_minus)) / p.u1
+    errors = np.abs(np.array(found) - truth).max(axis=0) / np.abs(truth).max(axis=0)
+    assert eps > 1e-3
+    assert errors.max() < 0.2 * eps * (3.0 * eps + spread)
+
+
+def test_an_envelope_that_is_restored_goes_on_to_the_last_bit() -> None:
+    solver = EnvelopeSolver(small(), SMALL, Settings(1e-6, False))
+    solver.start(0.0, (0j, 0j, 0j, 0j), 0.0)
+    solver.advance(0.01)
+    stored = solver.snapshot()
+    again = EnvelopeSolver(small(), SMALL, Settings(1e-6, False))
+    again.restore(stored)
+    for t in (0.01, 0.0123, 0.05):
+        for each in (solver, again):
+            each.advance(t)
+        assert again.displacement(t) == solver.displacement(t)
+        assert again.full_state(t) == solver.full_state(t)
+
+
+def test_two_tones_start_where_the_slower_mode_has_settled_too() -> None:
+    """A settled motion repeats after its tones' common period; one mode is eight times as wide."""
+    p = small(theta=0.0, d1=40.0, d2=5.0, eta_minus=1010.0, u1=1000.0, u2=1010.0, A2=5e5 * NM)
+    weak = Cubic(*(0.1 * coefficient for coefficient in SMALL))
+    solver = EnvelopeSolver(p, weak, Settings(1e-7, False))
+    solver.start(0.0, None, 0.0)
+    times = np.linspace(0.0, 2e-3, 17)
+    rows = []
+    for begin in (0.0, 0.1):
+        for t in (begin + times).tolist():
+            solver.advance(t)
+            rows.append(solver.displacement(t))
+    first, second = np.split(np.array(rows), 2)
+    assert np.abs(second - first).max() < 1e-6 * np.abs(first).max()
+    assert np.abs(first).max(axis=0).min() > 0.1 * NM
+
+
+@pytest.mark.parametrize("unit", [1.0, NM])
+@pytest.mark.parametrize("alpha", [1.0, -1.0])
+def test_the_shift_is_that_of_the_exact_period(unit: float, alpha: float) -> None:
+    """x'' + w^2 x + alpha x^3 = 0 has the period 4 K(m)/sqrt(w^2 + alpha a^2), elliptic; along
+    q~1 = q~2 the coupling is such a force."""
+    w = 2.0 * math.pi * 1000.0
+    cubic = alpha * 1e-3 * w**2 / unit**2
+    with mp.workdps(30):
+        stiff = mp.mpf(w) ** 2 + cubic * unit**2
+        period = 4 * mp.ellipk(cubic * unit**2 / (2 * stiff)) / mp.sqrt(stiff)
+        wanted = abs(float(2 * mp.pi / period / w - 1))
+    alone = shift(Cubic(cubic, 0.0, 0.0), (unit**2, 0.0), 1000.0)
+    other = shift(Cubic(0.0, cubic, 0.0), (0.0, unit**2), 1000.0)
+    both = shift(Cubic(0.75 * cubic, 0.0, 0.25 * cubic), (unit**2, unit**2), 1000.0)
+    assert (alone, other, both) == pytest.approx((wanted, wanted, wanted), rel=2e-3)
+
+
 def test_the_orbit_of_rk4_closes_after_a_period() -> None:
     solver = DuffingRungeKutta(STRING, CUBIC, Settings(1e-6, False), 0.0)
     solver.start(0.0, None, 0.0)
@@ -144,6 +249,26 @@ def test_steady_amplitudes_are_roots_of_the_cubic(
         assert (low, high) == pytest.approx((real[0], real[-1]), rel=1e-6)
 
 
+@pytest.mark.parametrize("s", [-1.8, -2.5, -7.0, -30.0])
+@pytest.mark.parametrize("alpha", [3.0, -3.0])
+@pytest.mark.parametrize("share", [-0.3, 0.1, 0.5, 0.9, 1.3])
+def test_between_the_folds_the_smallest_and_the_largest_of_three_are_told(
+    s: float, alpha: float, share: float
+) -> None:
+    """x ((s + x)^2 + 1) = P has three roots for P between its two turns, by numpy's roots."""
+    fold = sorted(x * ((s + x) ** 2 + 1.0) for x in np.roots([3.0, 4.0 * s, s * s + 1.0]).real)
+    power = fold[0] + share * (fold[1] - fold[0])
+    if power <= 0.0:
+        power = 0.5 * fold[0]
+    roots = np.roots([1.0, 2.0 * s, s * s + 1.0, -power])
+    real = np.sort(roots[np.abs(roots.imag) < 1e-9 * np.abs(roots)].real)
+    assert real.size == (3 if 0.0 < share < 1.0 else 1)
+    loss, unit = 7.0, 7.0 / (0.75 * abs(alpha))  # x = 3/4 |alpha| |a|^2/loss
+    drive = loss * math.sqrt(power * unit)
+    found = steady_squares(s * math.copysign(loss, alpha), loss, alpha, drive)
+    assert found == pytest.approx((real[0] * unit, real[-1] * unit), rel=1e-9)
+
+
 def test_no_drive_and_no_cubic_term_are_plain_cases() -> None:
     assert steady_squares(-3.0, 1.0, 2.0, 0.0) == (0.0, 0.0)
     low, high = steady_squares(3.0, 4.0, 0.0, 10.0)
@@ -168,6 +293,18 @@ def test_a_saddle_is_not_taken_for_an_orbit() -> None:
     assert find_root(motion, [-0.7, 0.2], [1.0, 1.0]) == pytest.approx([-1.0, 0.0], abs=1e-12)
     assert find_root(motion, [1.3, 0.2], [1.0, 1.0]) is None
     assert find_root(lambda x: [x[0] ** 2 + 1.0, -x[1]], [0.3, 0.1], [1.0, 1.0]) is None
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_a_root_is_found_in_any_unit(unit: float) -> None:
+    """x^2 = 2 and x y = 1, in units of x."""
+    root = find_root(
+        lambda x: [(x[0] / unit) ** 2 - 2.0, x[0] * x[1] / unit**2 - 1.0],
+        [1.0 * unit, 0.5 * unit],
+        [unit, unit],
+    )
+    assert root is not None
+    assert root == pytest.approx([math.sqrt(2.0) * unit, math.sqrt(0.5) * unit], rel=1e-10, abs=0)
 
 
 @given(size=st.floats(-9.0, 2.3), angle=st.floats(-math.pi, math.pi))
