@@ -481,8 +481,8 @@ class Fmu:
             Binder(self.variables).real(name, f"{argument} '{name}'", READABLE, "read")
         if asked:
             return asked
-        for v in self.variables.values():
-            if (v.causality, v.kind, v.variability) == ("output", "Real", "continuous"):
+        for v in self.description.seen:
+            if (v.kind, v.variability) == ("Real", "continuous"):
                 return (v.name,)
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
 

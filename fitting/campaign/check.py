@@ -60,7 +60,7 @@ def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> 
         step_s: length of the trial step, s.
 
     Raises:
-        BadInput: it has no output that is a number.
+        BadInput: it has neither an output nor a local variable that is a number.
     """
     description = workers.description
     bound: BoundCampaign | None = None

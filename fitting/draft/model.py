@@ -90,7 +90,7 @@ def offer_of(description: FmuDescription) -> Offer:
     sound = [v for v in free if not (OTHER.search(_words(v)) or OTHER_NAMES.search(_parts(v.name)))]
     widths = [v for v in sound if _is_width(v)]
     places = [v for v in sound if v not in widths and _is_place(v)]
-    real = [v for v in variables.values() if (v.causality, v.kind) == ("output", "Real")]
+    real = [v for v in description.seen if v.kind == "Real"]
     numbers = [v for v in real if v.unit is not None and same_kind(v.unit, "Hz")]
     seen = [v for v in real if v not in numbers and v.variability == "continuous"]
     plain = [v for v in seen if not re.search(r"_at_|error", v.name)]

@@ -80,6 +80,17 @@ class FmuDescription:
     variables: Mapping[str, FmuVariable] = field(repr=False)
     step_s: float | None = None
 
+    @property
+    def seen(self) -> tuple[FmuVariable, ...]:
+        """Outputs that are numbers; of an FMU without any, its local variables that move."""
+        numbers = [v for v in self.variables.values() if v.kind in ("Real", "Integer", "Boolean")]
+        outputs = tuple(v for v in numbers if v.causality == "output")
+        return outputs or tuple(
+            v
+            for v in numbers
+            if v.causality == "local" and v.variability in ("continuous", "discrete")
+        )
+
     def variable(self, name: str) -> FmuVariable:
         """The variable ``name``; BadInput with the nearest names if there is none."""
         found = self.variables.get(name)

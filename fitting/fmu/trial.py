@@ -64,7 +64,7 @@ def take_trial(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
         values: start values by name, beside the FMU's own.
 
     Raises:
-        BadInput: no output is a number.
+        BadInput: neither an output nor a local variable is a number.
         FmuFailure: the FMU failed with these values.
     """
     run = _trial_run(workers.description, step_s, values)
@@ -190,13 +190,12 @@ def _moved(variable: FmuVariable, value: Scalar | None, share: float) -> float |
 
 
 def _trial_run(description: FmuDescription, step_s: float, values: Mapping[str, Scalar]) -> Run:
-    outputs = tuple(
-        v.name
-        for v in description.variables.values()
-        if v.causality == "output" and v.kind in ("Real", "Integer", "Boolean")
-    )
+    outputs = tuple(v.name for v in description.seen)
     if not outputs:
-        raise BadInput(f"{description.path}: has no output that is a number, wanted one at least")
+        raise BadInput(
+            f"{description.path}: has neither an output nor a local variable that is a number, "
+            "wanted one at least"
+        )
     starts = {
         v.name: v.start
         for v in description.variables.values()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import zipfile
 from pathlib import Path
@@ -79,6 +80,23 @@ def test_rules_broken_are_told_by_how_much_they_matter(
     assert re.search(words, told.out)
     assert told.err == ""
     assert "same bit for bit" in told.out
+
+
+def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A force of 1 N at 300 Hz: |x| = 1/|k - m w^2 + i c w| by hand."""
+    fmu = rewritten(build_c_fmu(tmp_path), b'causality="output"', b'causality="local"')
+    assert main(["check", str(fmu)]) == 0
+    text = capsys.readouterr().out
+    assert "4 local variables (it has no output) are numbers" in text
+    assert re.search("^displacement +local, continuous, Real m$", text, re.MULTILINE)
+    drive = ["--input", "force", "--drive", "300 Hz", "--set", "damping=0.2"]
+    assert main(["simulate", str(fmu), *drive, "--out", str(tmp_path / "out")]) == 0
+    told = re.search(r"^displacement: (\S+) m peak", capsys.readouterr().out, re.MULTILINE)
+    assert told is not None
+    w = 2 * math.pi * 300.0
+    assert float(told[1]) == pytest.approx(1 / abs(4e3 - 1e-3 * w**2 + 0.2j * w), rel=1e-4)
 
 
 def test_no_binary_for_this_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,7 +31,8 @@ def description_lines(description: FmuDescription) -> list[str]:
         description: of the FMU.
     """
     counts = Counter(v.causality for v in description.variables.values())
-    shown = [v for v in description.variables.values() if v.causality in SHOWN]
+    seen = description.seen
+    shown = [v for v in description.variables.values() if v.causality in SHOWN or v in seen]
     width = max((len(v.name) for v in shown), default=0)
     return [
         f"{description.path}: {description.model_name}, FMI {description.fmi_version}, "
@@ -67,7 +68,7 @@ def check_lines(found: Check) -> list[str]:
             f"{suits.experiments} experiments, output {suits.output}"
         )
     if found.trial is not None:
-        lines.append(_trial(found.trial))
+        lines.append(_trial(found.trial, found.description))
     if found.halved is not None:
         lines.append(_halved(found.halved))
     if found.resets is not None:
@@ -101,8 +102,10 @@ def _resets(resets: Resets) -> list[str]:
     return lines
 
 
-def _trial(trial: Trial) -> str:
-    line = f"trial run: one step of {trial.step_s:g} s, {len(trial.numbers)} outputs are numbers"
+def _trial(trial: Trial, description: FmuDescription) -> str:
+    outputs = any(v.causality == "output" for v in description.seen)
+    what = "outputs" if outputs else "local variables (it has no output)"
+    line = f"trial run: one step of {trial.step_s:g} s, {len(trial.numbers)} {what} are numbers"
     return line + (f"; not a number: {', '.join(trial.blank)}" if trial.blank else "")
 
 
