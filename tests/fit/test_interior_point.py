@@ -164,7 +164,7 @@ def test_a_further_try_begins_beside_the_end_of_the_first(half: float, size: flo
 
     def rows(p: FloatArray) -> FloatArray:
         asked[-1].append(float(p[0]))
-        return p[0] / half - B
+        return np.asarray(p[0] / half - B)
 
     settings = SolveSettings(misfit="absolute", absolute=0.0, relative=0.0, iterations=3)
     ends = []
