@@ -24,7 +24,7 @@ from .driven_slave import (
 )
 from .model_error import ModelError
 from .modes_equations import SINGLE, Parameters, check, matrices, pairs
-from .modes_linear import FOUR_PI_SQUARED, TWO_PI, ModesSolver, at_rest
+from .modes_linear import FOUR_PI_SQUARED, NO_OFFSETS, TWO_PI, ModesSolver, at_rest
 from .modes_rk4 import ModesRungeKutta
 from .oscillator_phase import Frequency
 from .variables import Accuracy, Variable
@@ -381,7 +381,7 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         p = self._parameters()
         periodic = self.value("periodic_start")
         self.warn_all(check(p, periodic))
-        solver = self._new_solver(p, (0.0, 0.0, 0.0))
+        solver = self._new_solver(p, NO_OFFSETS)
         solver.start(t, None if periodic else at_rest(self.modes), self.value("b"))
         return solver
 

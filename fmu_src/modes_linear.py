@@ -146,7 +146,7 @@ class ModesSolver:
     @property
     def grows(self) -> bool:
         """Whether a transient can leave the range of a double."""
-        return self._motion is not None and min(self.p.d) < 0.0
+        return min(self.p.d) < 0.0
 
     def advance(self, t: float) -> None:
         """Carry the transient on to ``t`` s."""

@@ -45,7 +45,6 @@ class ModesRungeKutta:
             (size, Frequency(u), offset + phase / TWO_PI)
             for (u, size, phase), offset in self.steady.driven
         ]
-        self.b = 0.0
 
     def response(self, u: float) -> Steady:
         """Return the response to cos(2 pi u t), over (2 pi)^2, in s^2."""

@@ -56,9 +56,6 @@ class LinearSolver:
         self._kernel: Kernel | None = None
         self._tone_kernels: list[ToneKernel] = []
         self._free: tuple[list[Pair], list[Pair]] | None = None
-        self.anchor = 0.0
-        self.state: State | None = None
-        self.b = 0.0
 
     def _tone(self, index: int) -> Tone:
         p = self.p

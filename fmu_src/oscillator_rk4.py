@@ -137,11 +137,6 @@ class RungeKuttaSolver:
         """Return q~1, q~2 at the communication point reached."""
         return self._y[0], self._y[1]
 
-    def full_state(self, t: float) -> State:
-        """Return displacements and velocities over 2 pi at the communication point reached."""
-        q1, q2, v1, v2 = self._y
-        return complex(q1), complex(q2), complex(v1 / TWO_PI), complex(v2 / TWO_PI)
-
     def with_input(self, b: float, t: float) -> None:
         """Hold the input at ``b`` from ``t`` s on."""
         self.b = b

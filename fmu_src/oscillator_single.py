@@ -48,8 +48,6 @@ class SingleModeSolver:
             )
             if size
         ]
-        self.anchor, self.b = 0.0, 0.0
-        self._free: tuple[float, float] | None = None
 
     def response(self, u: float) -> tuple[complex, complex]:
         """Return the phasors of both modes for a drive of unit amplitude at ``u`` Hz, in s^2."""
@@ -79,7 +77,8 @@ class SingleModeSolver:
     def start(self, t: float, state: State | None, b: float) -> None:
         """Begin at ``t`` s from a state (None: on the periodic orbit) with input ``b``."""
         p, n = self.p, self.near
-        self.anchor, self.b, self._free = t, b, None
+        self.anchor, self.b = t, b
+        self._free: tuple[float, float] | None = None
         own = b * (p.g1, p.g2)[n] / self._omega**2
         far = 0.0
         if self.other == QUASI_STATIC:

@@ -191,6 +191,51 @@ def test_a_substep_left_to_rk4_follows_the_fastest_motion(fast: Values) -> None:
     assert apart(found, motion([Piece(modes(p), times)])) <= 25.0 * (TWO_PI / 40.0) ** 4 / 120.0
 
 
+@pytest.mark.parametrize(
+    "label",
+    [
+        "a tone on each mode",
+        "one tone on a mode and one far off",
+        "one tone far off and one on a mode",
+    ],
+)
+@pytest.mark.parametrize("solver", [EXACT, ENVELOPE])
+def test_a_change_keeps_the_state_while_a_tone_and_its_mode_are_still_in_phase(
+    solver: int, label: str
+) -> None:
+    p = BASE | SCENES[label]
+    slave = Slave(CoupledOscillator, **p, solver=solver)
+    pieces, found = [], []
+    for k, d2 in enumerate((p["d2"], 0.7, 1.4, 0.9)):
+        times = (7.1e-4 * (k + 0.4), 7.1e-4 * (k + 1.0))
+        p = p | {"d2": d2}
+        slave.set(d2=d2)
+        pieces.append(Piece(modes(p), times))
+        found += slave.run(times, *BOTH)
+    assert apart(found, motion(pieces, envelope=solver == ENVELOPE)) <= 1e-10
+
+
+def test_a_frame_that_does_not_rotate_is_refused() -> None:
+    p = BASE | {"u1": 0.0, "u2": 0.0}
+    slave = Slave(CoupledOscillator, solver=ENVELOPE, **p)
+    assert not slave.step(1e-3)
+    assert "the rotating frame of solver 1 (envelope) needs a drive above 0 Hz" in slave.message
+    p = p | {"eta_plus": 1.1, "eta_minus": 1.2, "d1": 0.1, "d2": 0.2, "u1": 1.0, "u2": 1.0}
+    slave = Slave(CoupledOscillator, solver=ENVELOPE, **p)
+    truth = motion([Piece(modes(p), (0.3, 1.7))], envelope=True)
+    assert apart(slave.run((0.3, 1.7), *BOTH), truth) <= 1e-10
+
+
+@pytest.mark.parametrize("name", ["d1", "d2"])
+def test_only_a_start_on_the_orbit_needs_damping_and_little_is_enough(name: str) -> None:
+    p = BASE | {"d1": 1e-3, "d2": 1e-3}
+    Slave(CoupledOscillator, periodic_start=True, **p).run((1e-3,), *BOTH)
+    Slave(CoupledOscillator, **(p | {name: 0.0})).run((1e-3,), *BOTH)
+    slave = Slave(CoupledOscillator, periodic_start=True, **(p | {name: 0.0}))
+    assert not slave.step(1e-3)
+    assert f"{name} = 0.0 Hz: the damping matrix is not positive definite" in slave.message
+
+
 def test_a_restored_run_goes_on_as_the_run_did() -> None:
     for settings in ({"solver": EXACT}, {"solver": RK4}, {"other_mode": QUASI_STATIC}):
         slave = Slave(CoupledOscillator, **BASE, **settings)

@@ -1,0 +1,449 @@
+"""N modes in this process, by the calls that a host makes, against scipy and numpy."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmu_src import coupled_modes, modes_steady
+from fmu_src.modes_equations import SINGLE, Parameters, matrices
+from fmu_src.oscillator_precise import in_precise_arithmetic
+from fmu_src.start_values import BuildError, checked_start_values
+from tests.support.linear_motion import Modes, Piece, motion
+from tests.support.slaves import Slave
+
+EXACT, ENVELOPE, RK4 = 0, 1, 2
+TWO_PI = 2.0 * math.pi
+Values = dict[str, Any]
+
+
+def model(n: int) -> Any:
+    return getattr(coupled_modes, f"CoupledModes{n}")
+
+
+def started(p: Values, **settings: Any) -> Slave:
+    return Slave(model(count(p)), **p, **settings)
+
+
+def count(p: Values) -> int:
+    return sum(name[0] == "f" for name in p)
+
+
+def names(p: Values) -> list[str]:
+    return [f"q{i + 1}" for i in range(count(p))]
+
+
+def modes(p: Values) -> Modes:
+    """The equations as they stand."""
+    n = count(p)
+    c, pump = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        c[i, i] = (TWO_PI * p[f"f{i + 1}"]) ** 2
+        pump[i, i] = c[i, i] * p.get(f"depth_f{i + 1}", 0.0)
+    for i, j in itertools.combinations(range(n), 2):
+        mark = f"lambda{i + 1}{j + 1}"
+        c[i, j] = c[j, i] = -((TWO_PI * p[mark]) ** 2)
+        pump[i, j] = pump[j, i] = c[i, j] * p.get(f"depth_{mark}", 0.0)
+    return Modes(
+        c,
+        TWO_PI * np.diag([p[f"d{i + 1}"] for i in range(n)]),
+        np.array([p[f"g{i + 1}"] for i in range(n)]),
+        tuple((p[f"u{k}"], p[f"A{k}"], p[f"phase{k}"]) for k in (1, 2)),
+        float(np.mean([p[f"f{i + 1}"] for i in range(n)])),
+        pump if pump.any() else None,
+        p.get("pump_hz", 0.0),
+        p.get("pump_phase", 0.0),
+    )
+
+
+def apart(found: Any, truth: Any) -> float:
+    """The largest error over the largest displacement."""
+    return float(np.abs(np.asarray(found) - truth).max() / np.abs(truth).max())
+
+
+TONES = {"u1": 0.97, "u2": 1.31, "A1": 1.0, "A2": 0.6, "phase1": 0.3, "phase2": -1.0}
+THREE: Values = TONES | {
+    "f1": 1.0,
+    "f2": 1.3,
+    "f3": 1.45,
+    "d1": 0.05,
+    "d2": 0.08,
+    "d3": 0.06,
+    "lambda12": 0.4,
+    "lambda13": 0.2,
+    "lambda23": 0.3,
+    "g1": 1.0,
+    "g2": -0.5,
+    "g3": 0.7,
+}
+TWO: Values = TONES | {
+    "f1": 1.0,
+    "f2": 1.3,
+    "d1": 0.05,
+    "d2": 0.08,
+    "lambda12": 0.4,
+    "g1": 1.0,
+    "g2": -0.5,
+}
+ONE: Values = TONES | {"f1": 1.1, "d1": 0.07, "g1": -0.8}
+PUMP: Values = {
+    "pump_hz": 0.31,
+    "pump_phase": 0.8,
+    "depth_f1": 0.25,
+    "depth_f2": -0.2,
+    "depth_f3": 0.1,
+    "depth_lambda12": 0.5,
+    "depth_lambda23": -0.4,
+}
+FAST_PUMP: Values = PUMP | {"pump_hz": 3.3}
+SLOW_PUMP: Values = {"pump_hz": 0.0031, "pump_phase": -0.4, "depth_f2": 1e-3}
+UNPUMPED: dict[str, Values] = {
+    "one mode": ONE,
+    "two modes": TWO,
+    "three modes": THREE,
+    "exceptional point": TWO
+    | {"f1": 1.0, "f2": 1.0, "lambda12": math.sqrt(0.01), "d1": 0.02, "d2": 0.06},
+    "one eigenvalue twice": TWO | {"f2": 1.0, "lambda12": 0.0, "d2": 0.05, "u1": 1.0},
+    "overdamped": TWO | {"d1": 5.0},
+    "growing": TWO | {"d1": -0.05, "d2": 0.01},
+    "one tone": TWO | {"A1": 0.0},
+}
+PUMPED: dict[str, Values] = {
+    "pumped": THREE | PUMP,
+    "fast pump": THREE | FAST_PUMP,
+    "slow pump": THREE | SLOW_PUMP,
+    "one pumped mode": ONE | {"pump_hz": 0.45, "depth_f1": 0.2, "pump_phase": 2.0},
+}
+SCENES = UNPUMPED | PUMPED
+TIMES = (0.01, 0.13, 0.9, 4.4, 11.3)
+
+
+def worst(solver: int) -> float:
+    """Of the steps of rk4 here, (2 pi 1.5/2000)^4/120 of each of 200 rad, the most that counts."""
+    return 1e-9 if solver == RK4 else 2e-10
+
+
+@pytest.mark.parametrize(
+    ("solver", "label"),
+    [
+        *((solver, label) for solver in (EXACT, ENVELOPE) for label in SCENES),
+        *((RK4, label) for label in ("one mode", "two modes", "growing", "pumped")),
+    ],
+)
+def test_motion_from_rest_is_that_of_scipy(solver: int, label: str) -> None:
+    p = SCENES[label]
+    found = started(p, solver=solver, rk4_substep=5e-4 if solver == RK4 else 0.0)
+    times = TIMES[: 4 if solver == RK4 else 5]
+    truth = motion([Piece(modes(p), times)], envelope=solver == ENVELOPE)
+    assert apart(found.run(times, *names(p)), truth) <= worst(solver)
+
+
+@pytest.mark.parametrize("label", [name for name in SCENES if name != "growing"])
+@pytest.mark.parametrize("solver", [EXACT, ENVELOPE])
+def test_a_start_on_the_orbit_stays_there(solver: int, label: str) -> None:
+    p = SCENES[label]
+    found = started(p, solver=solver, periodic_start=True).run(TIMES[:4], *names(p))
+    truth = motion([Piece(modes(p), TIMES[:4])], periodic=True, envelope=solver == ENVELOPE)
+    assert apart(found, truth) <= worst(solver)
+
+
+CHANGES: tuple[Values, ...] = (
+    {"u1": 1.03, "phase2": 0.6},
+    {"lambda12": 0.3, "d2": 0.2, "u2": 1.25},
+    {"A1": 0.0, "A2": 0.0, "f1": 1.02},
+    {"A2": 1.4, "g2": -0.6},
+)
+
+
+@pytest.mark.parametrize(
+    ("solver", "periodic", "pump"),
+    [
+        *((solver, periodic, "no") for solver in (0, 1, 2) for periodic in (False, True)),
+        *((solver, solver == ENVELOPE, "strong") for solver in (0, 1, 2)),
+        *((solver, solver != ENVELOPE, "slow") for solver in (0, 1, 2)),
+    ],
+)
+def test_changed_parameters_keep_state_and_phase(solver: int, periodic: bool, pump: str) -> None:
+    pumped = {"no": {}, "strong": PUMP, "slow": SLOW_PUMP}[pump]
+    p = THREE | pumped
+    settings = {"solver": solver, "periodic_start": periodic, "rk4_substep": 1e-3}
+    slave = started(p, **settings)
+    pieces, found = [], []
+    for k, changes in enumerate(({}, *CHANGES)):
+        more = changes | ({"pump_hz": 0.4, "depth_f3": -0.1} if pumped and k == 2 else {})
+        p = p | more
+        slave.set(**more)
+        times = tuple(1.7 * k + x for x in (0.02, 0.7, 1.7))
+        pieces.append(Piece(modes(p), times))
+        found += slave.run(times, *names(p))
+    truth = motion(pieces, periodic=periodic, envelope=solver == ENVELOPE)
+    assert apart(found, truth) <= (1e-8 if solver == RK4 else 3e-10)
+
+
+@pytest.mark.parametrize(
+    ("solver", "periodic", "pump"),
+    [(EXACT, False, {}), (EXACT, True, PUMP), (RK4, False, PUMP), (RK4, True, {})],
+    ids=["exact", "exact on the orbit, pumped", "rk4, pumped", "rk4 on the orbit"],
+)
+def test_a_held_input_drives_all_modes(solver: int, periodic: bool, pump: Values) -> None:
+    p, inputs = THREE | pump, (3.0, -2.0, 5.0, 0.0)
+    settings = {"solver": solver, "periodic_start": periodic, "rk4_substep": 1e-3}
+    slave = started(p, b=inputs[0], **settings)
+    pieces, found = [], []
+    for k, b in enumerate(inputs):
+        times = tuple(1.1 * k + x for x in (0.02, 0.3, 1.1))
+        pieces.append(Piece(modes(p), times, b))
+        slave.set(b=b)
+        found += slave.run(times, *names(p))
+    assert apart(found, motion(pieces, periodic=periodic)) <= (1e-8 if solver == RK4 else 3e-10)
+
+
+@pytest.mark.parametrize("label", ["three modes", "pumped", "fast pump", "one pumped mode"])
+@pytest.mark.parametrize("solver", [EXACT, ENVELOPE])
+def test_a_later_start_leads_to_the_orbit(solver: int, label: str) -> None:
+    """Hundreds of pump periods later, transients of exp(-pi 0.05 t) gone."""
+    p = SCENES[label]
+    begin, times = 12.7, (312.9, 313.3)
+    slave = Slave(model(count(p)), begin, **p, solver=solver)
+    kind = solver == ENVELOPE
+    truth = []
+    for t in times:
+        total = np.zeros(count(p))
+        for u, size, phase in modes(p).tones:
+            for k, x in modes(p).sidebands(u, envelope=kind).items():
+                turn = TWO_PI * (u + k * p.get("pump_hz", 0.0)) * t + phase
+                total = total + (x * size * np.exp(1j * turn)).real
+        truth.append(total)
+    assert apart(slave.run(times, *names(p)), np.array(truth)) <= 1e-9
+
+
+@pytest.mark.parametrize("solver", [EXACT, RK4])
+@pytest.mark.parametrize("label", ["two modes", "pumped"])
+def test_a_restored_run_goes_on_as_the_run_did(label: str, solver: int) -> None:
+    p = SCENES[label]
+    slave = started(p, solver=solver)
+    slave.run([0.4], "q1")
+    slave.set(b=1.0, u1=0.9)
+    slave.run([0.9, 5.0], "q1")
+    kept = slave.state()
+    whole = slave.run([5.5, 9.0], *names(p))
+    again = started(p, solver=solver)
+    again.take(kept)
+    assert again.run([5.5, 9.0], *names(p)) == whole
+
+
+# --- what is told
+
+
+def quadratures(slave: Slave, name: str, tone: int, side: str = "") -> complex:
+    return complex(*slave.get(*(f"{name}_{part}_u{tone}{side}" for part in "XY")))
+
+
+READOUT = {"readout1": 0.7, "readout2": -1.2}
+
+
+@pytest.mark.parametrize("label", ["two modes", "one tone", "three modes", "pumped", "slow pump"])
+@pytest.mark.parametrize("solver", [EXACT, ENVELOPE, RK4])
+def test_lock_in_and_sidebands_are_those_of_a_dense_solve(solver: int, label: str) -> None:
+    p = SCENES[label]
+    slave = started(p, solver=solver, **READOUT)
+    weights = np.array([0.7, -1.2, 0.0])[: count(p)]
+    system, errors, reach = modes(p), [], 0.0
+    parts = slave.run([0.7], "readout_at_u1", "readout_at_u2")[0]
+    for tone, (u, size, phase) in enumerate(system.tones, start=1):
+        turn = size * np.exp(1j * phase)
+        found = system.sidebands(u, envelope=solver == ENVELOPE)
+        full = system.sidebands(u)
+        scale = np.abs(found[0]).max() * size or 1.0
+        for i, x in enumerate(found[0]):
+            assert abs(quadratures(slave, f"q{i + 1}", tone) - turn * x) <= 1e-11 * scale
+        assert abs(quadratures(slave, "readout", tone) - turn * (weights @ found[0])) <= (
+            1e-11 * scale
+        )
+        for k, side in ((1, "_upper"), (-1, "_lower")):
+            z = turn * (weights @ found[k]) if k in found else 0.0
+            assert abs(quadratures(slave, "readout", tone, side) - z) <= 1e-11 * scale
+        now = (turn * (weights @ found[0]) * np.exp(1j * TWO_PI * u * 0.7)).real
+        assert parts[tone - 1] == pytest.approx(now, abs=1e-11 * scale)
+        if size:
+            truth = np.array([weights @ full[0], *full[0]])
+            seen = np.array([weights @ found[0], *found[0]])
+            errors.append(np.abs(seen - truth) / np.abs(truth))
+            sizes = [float(np.abs(found[k]).max()) for k in found]
+            reach = max(reach, *(abs(k) for k, s in zip(found, sizes, strict=True) if s > 1e-13))
+    told = slave.get(*(f"{name}_error" for name in ("readout", *names(p))))
+    assert told == pytest.approx(np.max(errors, axis=0).tolist(), rel=1e-6, abs=1e-12)
+    if solver != RK4 and system.pump is not None:
+        assert reach <= slave.get("pump_sidebands")[0] <= 3 * reach + 5
+    if system.pump is None:
+        assert slave.get("pump_sidebands")[0] == 0.0
+
+
+@pytest.mark.parametrize("p", [ONE, TWO, THREE], ids=["1", "2", "3"])
+@pytest.mark.parametrize("solver", [EXACT, RK4])
+def test_eigenfrequencies_and_widths_are_those_of_numpy(p: Values, solver: int) -> None:
+    squares, shapes = np.linalg.eigh(modes(p).stiffness)
+    slave = started(p, solver=solver)
+    n = count(p)
+    found = slave.get(*(f"eta{i + 1}" for i in range(n)))
+    assert found == pytest.approx(np.sqrt(squares) / TWO_PI, rel=1e-12)
+    widths = np.diag(shapes.T @ modes(p).damping @ shapes) / TWO_PI
+    assert slave.get(*(f"width{i + 1}" for i in range(n))) == pytest.approx(widths, rel=1e-10)
+
+
+def test_a_mode_that_grows_out_of_range_ends_the_run() -> None:
+    """exp(pi t) passes the largest double at 226 s."""
+    slave = started(TWO | {"d1": -1.0, "lambda12": 0.0})
+    assert slave.step(200.0)
+    assert not slave.step(260.0)
+    assert "the growing oscillation left the range of numbers before 260.0 s" in slave.message
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"lambda12": 1.2}, "the stiffness matrix is not positive definite"),
+        ({"depth_f1": 0.1, "pump_hz": 0.0}, "pump_hz = 0.0 Hz"),
+        ({"depth_f1": 0.1, "pump_hz": 0.3, "d2": 0.0}, "d2 = 0.0 Hz: a pumped system"),
+        ({"d2": 0.0, "periodic_start": True}, "d2 = 0.0 Hz: the damping matrix"),
+        ({"solver": 1, "b": 1.0}, "b = 1.0: the rotating frame"),
+        ({"solver": 3}, "solver = 3"),
+        ({"lambda12": 0.0, "d1": 0.0, "u1": 1.0}, "a drive at 1.0 Hz has no steady state"),
+        ({"u2": -5.0}, "u2 = -5.0 Hz: a drive frequency"),
+        ({"depth_f1": 0.9, "pump_hz": 1e-3}, "too slow and too deep"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(values: Values, words: str) -> None:
+    slave = started(TWO | values)
+    assert not slave.step(0.1)
+    assert words in slave.message
+
+
+def test_a_coupling_may_be_zero_but_not_negative_when_a_model_is_built() -> None:
+    assert checked_start_values(model(2), {"lambda12": 0.0}) == {"lambda12": 0.0}
+    with pytest.raises(BuildError, match=r"wanted is at least 0\.0 Hz"):
+        checked_start_values(model(2), {"lambda12": -0.5})
+
+
+def test_sidebands_that_one_side_alone_needs_too_many_of_are_refused() -> None:
+    """1610 steps of the pump down to the resonance at -f, and none above the drive."""
+    p = ONE | {"f1": 1.0, "u1": 1.3, "A2": 0.0, "pump_hz": 1.0 / 700.0, "depth_f1": 0.4}
+    slave = started(p)
+    assert not slave.step(0.1)
+    assert "needs more than 1500 sidebands of a drive at 1.3 Hz" in slave.message
+
+
+NEAR_RESONANCE = (
+    (0.2, 0.4, 6, 1),
+    (0.2, 0.4, 6, 0),
+    (0.6, 0.4, 6, 0),
+    (1.4, 0.4, 0, 6),
+    (1.8, 0.4, 1, 6),
+    (2.8, 1.8, 0, 6),
+    (0.2, 0.6, 1, 6),
+    (0.2, 0.4, 1, 1),
+    (0.6, 0.8, 1, 6),
+    (0.05, 0.35, 2, 6),
+)
+
+
+@pytest.mark.parametrize(("u", "pump_hz", "below", "above"), NEAR_RESONANCE)
+def test_the_bound_of_a_cut_is_near_what_it_costs_where_one_mode_resounds_beyond(
+    u: float, pump_hz: float, below: int, above: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only one mode: no norm is larger than its number. Kept sidebands alone, then all."""
+    p = ONE | {"f1": 1.0, "d1": 0.05, "g1": 1.0, "pump_hz": pump_hz, "pump_phase": 0.0}
+    p |= {"depth_f1": 0.1, "u1": u, "A2": 0.0}
+    one = Parameters(
+        f=(1.0,),
+        d=(0.05,),
+        coupling=(),
+        g=(1.0,),
+        depth_f=(0.1,),
+        depth_coupling=(),
+        **{name: p[name] for name in SINGLE},
+    )
+    frame = modes_steady.Frame(matrices(one), None, pump_hz)
+    tails = modes_steady._Tail(frame, u, 1), modes_steady._Tail(frame, u, -1)
+    with in_precise_arithmetic():
+        chain = modes_steady._Chain(frame, u, below, above)
+        found = [complex(row[0]) for row in chain.solved(one.g)]
+    truth = {k: TWO_PI**2 * complex(x[0]) for k, x in modes(p).sidebands(u).items()}
+    kept = range(-below, above + 1)
+    error = sum(abs(found[k + below] - truth[k]) for k in kept)
+    beyond = sum(abs(x) for k, x in truth.items() if k not in kept)
+    sizes = [abs(x) for x in found]
+    assert error + beyond <= chain.bound(tails, sizes)
+    monkeypatch.setattr(modes_steady._Tail, "after", lambda _tail, _k: 0.0)
+    assert error <= chain.bound(tails, sizes) <= 1.3 * error
+
+
+# --- stability
+
+
+def multiplier(p: Values) -> float:
+    """The largest Floquet multiplier: classical Runge-Kutta for all unit states at once."""
+    system, n = modes(p), count(p)
+    scale = float(np.sqrt(system.stiffness.max()))
+    still = system.generator(scale, envelope=False)[: 2 * n, : 2 * n].real
+    pumped = system.modulation(scale, envelope=False)[: 2 * n, : 2 * n].real
+    steps = 1000
+    h, flow = 1.0 / p["pump_hz"] / steps, np.eye(2 * n)
+    for k in range(steps):
+        first, middle, last = (
+            still + pumped * math.cos(TWO_PI * (k + x) / steps) for x in (0.0, 0.5, 1.0)
+        )
+        k1 = first @ flow
+        k2 = middle @ (flow + 0.5 * h * k1)
+        k3 = middle @ (flow + 0.5 * h * k2)
+        k4 = last @ (flow + h * k3)
+        flow = flow + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return float(np.abs(np.linalg.eigvals(flow)).max())
+
+
+RESONANT: dict[str, tuple[Values, float]] = {
+    "twice one mode": (ONE | {"pump_hz": 2.2}, 0.127),
+    "one mode itself": (ONE | {"pump_hz": 1.1, "d1": 0.01}, 0.19),
+    "two thirds": (ONE | {"pump_hz": 2.2 / 3.0, "d1": 0.002}, 0.29),
+    "a sum": (TWO | {"pump_hz": 2.28, "d1": 0.02, "d2": 0.03}, 0.13),
+    "a difference": (TWO | {"pump_hz": 0.36}, 0.3),
+}
+
+
+@pytest.mark.parametrize("label", RESONANT)
+@pytest.mark.parametrize("part", [0.3, 0.9, 1.1, 2.0])
+def test_a_pump_is_refused_where_its_floquet_multiplier_says_so(label: str, part: float) -> None:
+    p, depth = RESONANT[label]
+    p = p | {"depth_f1": part * depth}
+    growth, slave = multiplier(p), started(p)
+    assert abs(growth - 1.0) > 1e-4
+    assert slave.step(1e-3) == (growth < 1.0)
+    if growth > 1.0:
+        told = float(slave.message.split("by the factor ")[1].split(" ")[0])
+        assert told == pytest.approx(growth, rel=1e-7)
+
+
+@pytest.mark.parametrize("depth", [0.46, 0.49])
+@pytest.mark.parametrize("periods", [600.0, 1201.0])
+def test_a_slow_pump_of_one_mode_passes_where_its_bound_shows_it(
+    depth: float, periods: float
+) -> None:
+    """1/q + 2 + q = 2/t, r = 2 t/(2 - t (3 + q)), m = f/(sqrt 2 u_p) sidebands below C/2.
+
+    Growth is excluded by m u_p d/C > t r q^(m-1)/4, t the depth of a single mode.
+    """
+    f = 1.1
+    [q] = [x for x in np.roots([1.0, 2.0 - 2.0 / depth, 1.0]) if abs(x) < 1.0]
+    r = 2.0 * depth / (2.0 - depth * (3.0 + q))
+    m = math.floor(periods / math.sqrt(2.0))
+    least = depth * r * q ** (m - 1) / 4.0 * f * periods / m
+    p = ONE | {"pump_hz": f / periods, "depth_f1": depth, "A1": 0.0, "A2": 0.0}
+    assert started(p | {"d1": 1.01 * least}).step(1e-3)
+    slave = started(p | {"d1": 0.99 * least})
+    assert not slave.step(1e-3)
+    assert "too slow and too deep" in slave.message
+    assert f"by {depth:.3g} of the stiffness" in slave.message
