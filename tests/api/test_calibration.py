@@ -86,6 +86,28 @@ def test_the_calibrated_fmu_answers_in_fmpy_as_the_textbook_does_at_the_fitted_v
     assert worst(found["q1_hybrid"], wanted) < 1e-9
 
 
+def test_a_native_twin_is_handed_on_as_a_native_twin(
+    fitted: Path, twin_fmu: Path, tmp_path: Path
+) -> None:
+    """Its own start values are the fitted ones: the host sets those of the drive alone."""
+    result = read_result(fitted)
+    fitted_was = read_description(twin_fmu)
+    provenance = replace(result.provenance, fmu_sha256=fitted_was.sha256)
+    made = ff.calibrate(replace(result, provenance=provenance), tmp_path / "out", fmu=twin_fmu)
+    assert made.fmu is not None
+    assert read_description(made.fmu).generation_tool == fitted_was.generation_tool
+    assert not read_description(made.fmu).needs_execution_tool
+    found = fmpy.simulate_fmu(
+        made.fmu,
+        stop_time=ROWS * STEP_S,
+        output_interval=STEP_S,
+        start_values=DRIVEN,
+        apply_default_start_values=False,
+        output=["q1_hybrid"],
+    )
+    assert worst(found["q1_hybrid"], truth(result, found["time"])) < 1e-9
+
+
 def test_the_system_structure_answers_in_libcosim_likewise(
     calibrated: Path, fitted: Path, oscillator_fmu: Path, tmp_path: Path
 ) -> None:
