@@ -99,6 +99,16 @@ def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
     assert float(told[1]) == pytest.approx(1 / abs(4e3 - 1e-3 * w**2 + 0.2j * w), rel=1e-4)
 
 
+def test_a_crash_when_an_instance_is_freed_is_found(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One run goes well: a fit would die at the next one."""
+    assert main(["check", str(build_c_fmu(tmp_path, marks={"CRASHES_WHEN_FREED": 1.0}))]) == 3
+    told = capsys.readouterr()
+    assert "trial run: one step" in told.out
+    assert "crashed its process" in told.err
+
+
 def test_no_binary_for_this_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(build_c_fmu(tmp_path, platform="plan9"))]) == 2
     assert "no binary for this platform" in capsys.readouterr().err

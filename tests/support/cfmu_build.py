@@ -28,8 +28,8 @@ def build_c_fmu(
 
     ``reset`` one of the RESET names in model.h; ``once``: a second instance in a process fails;
     ``platform`` files the binary under another platform's name; ``marks``: files that it writes
-    when it hangs at another stiffness than its own (HANGS_WHERE_VARIED) or forks (FORKS_ONCE), and
-    the relative NOISE of its output.
+    when it hangs at another stiffness than its own (HANGS_WHERE_VARIED) or forks (FORKS_ONCE), the
+    relative NOISE of its output, and any number where it CRASHES_WHEN_FREED.
     """
     stem = f"oscillator{fmi}_{reset.lower()}{'_once' if once else ''}"
     library = folder / f"{stem}{fmpy.sharedLibraryExtension}"

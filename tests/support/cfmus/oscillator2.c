@@ -29,7 +29,12 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     m->environment = functions->componentEnvironment;
     return m;
 }
-void fmi2FreeInstance(fmi2Component c) { free(c); }
+void fmi2FreeInstance(fmi2Component c) {
+#ifdef CRASHES_WHEN_FREED
+    model_crash();
+#endif
+    free(c);
+}
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean t, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean s, fmi2Real stop) {
