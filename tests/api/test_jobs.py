@@ -23,12 +23,12 @@ from tests.support.string_part import string_part
 
 
 @pytest.fixture(scope="module")
-def fit(oscillator_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fit:
+def fit(swift_fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ff.Fit:
     """Of the string, by two drive pairs and its sweep."""
     folder = tmp_path_factory.mktemp("string") / "string"
     asked = 'outputs = ["lambda", "width_plus", "Q_plus"]'
     path = string_part(folder, pairs=(1, 3), outputs=asked)
-    problem = ff.Problem.of(path, ff.Fmu(oscillator_fmu))
+    problem = ff.Problem.of(path, ff.Fmu(swift_fmu))
     return ff.fit(problem, ff.Tikhonov(levels=3, quick=True), starts=1)
 
 
@@ -148,9 +148,7 @@ def test_a_design_makes_the_target_better_known(fit: ff.Fit) -> None:
         ff.design(fit.problem, "lambda", limits=replace(few, outputs=("q3_hybrid",)))
 
 
-def test_limits_are_no_wider_than_those_of_the_campaign(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
+def test_limits_are_no_wider_than_those_of_the_campaign(swift_fmu: Path, tmp_path: Path) -> None:
     """What a file or a record leaves out is the campaign's; what goes beyond that is refused."""
     folder = tmp_path / "string"
     shutil.copytree(ff.example("string_q1").parent, folder)
@@ -158,7 +156,7 @@ def test_limits_are_no_wider_than_those_of_the_campaign(
     own = 'levels = [1, 2]\nlargest = "80 uV"\nfarthest = "100 Hz"\nleast_spacing = "20 Hz"\n'
     own += 'outputs = ["q1_hybrid"]\nsettings = { g1 = [1] }\n'
     path.write_text(path.read_text() + "\n[design]\n" + own)
-    problem = ff.Problem.of(path, ff.Fmu(oscillator_fmu))
+    problem = ff.Problem.of(path, ff.Fmu(swift_fmu))
     given = tmp_path / "candidates.toml"
     given.write_text('[design]\nfarthest = "0.1 kHz"\nrepeats = [1]\nsettings = { g2 = [0, 1] }\n')
     found = ff.limits(problem, given)

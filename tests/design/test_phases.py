@@ -39,8 +39,8 @@ TRUTH = np.array([1.9498, 120.0, 90.0])
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu, workers=1) as made:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu, workers=1) as made:
         yield made
 
 
@@ -146,16 +146,12 @@ def test_information_of_complex_data_is_that_of_their_rows(
     assert np.max(np.abs(turned)) < 0.05 * np.max(np.abs(columns[:, :-1]))
 
 
-def test_the_proposed_campaign_asks_for_both_quadratures(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
+def test_the_proposed_campaign_asks_for_both_quadratures(swift_fmu: Path, tmp_path: Path) -> None:
     """Its columns are filled in by a virtual laboratory, and read back."""
     made = ff.synthesize("q1", seed=2, instrument=PhaseDetectors(), noise_scale=0.01)
     made.write(tmp_path / "old")
     design, limits = designed(2)
-    bound = ff.Problem.of(
-        tmp_path / "old" / "campaign.toml", ff.Fmu(oscillator_fmu)
-    ).record.together
+    bound = ff.Problem.of(tmp_path / "old" / "campaign.toml", ff.Fmu(swift_fmu)).record.together
     folder = tmp_path / "next"
     files = campaign_files(design, bound, replace(limits, phases=True), folder, "a test")
     experiments = tomllib.loads(str(files["campaign.toml"]))["experiments"]
@@ -165,7 +161,7 @@ def test_the_proposed_campaign_asks_for_both_quadratures(
     filled = ff.synthesize(
         tmp_path / "old" / "truth.toml", plan=folder / "campaign.toml", out=tmp_path / "new"
     )
-    problem = ff.Problem.of(tmp_path / "new" / "campaign.toml", ff.Fmu(oscillator_fmu))
+    problem = ff.Problem.of(tmp_path / "new" / "campaign.toml", ff.Fmu(swift_fmu))
     [tones] = [m for m in problem.record.measurements if isinstance(m, ComplexTones)]
     waves = np.concatenate([a.lines_v for a in filled.measured.answers])
     turns = tones.y / waves

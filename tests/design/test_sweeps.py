@@ -152,8 +152,8 @@ def tuple_of_floats(values: tuple[float, float]) -> tuple[float, float]:
 
 
 @pytest.fixture(scope="module")
-def fmu(oscillator_fmu: Path) -> Iterator[ff.Fmu]:
-    with ff.Fmu(oscillator_fmu, workers=1) as made:
+def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
+    with ff.Fmu(swift_fmu, workers=1) as made:
         yield made
 
 

@@ -37,8 +37,8 @@ ETA = (6940309.917628119, 7027650.274917843)
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu, workers=2) as made:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu, workers=2) as made:
         yield made
 
 

@@ -1,8 +1,8 @@
 """The whole chain at the edges of the model: each case is right, or says in a sentence that not.
 
-Files as a user has them, the real reader, the real FMU, Algorithms 1 and 2. Truth is the virtual
-laboratory's closed form, or mpmath's. `tests/fit/test_extremes_data.py` has the edges of the data,
-and `python tests/bench/bench_extremes.py` measures where each of them stops.
+Files as a user has them, the real reader, the FMU by its native twin, Algorithms 1 and 2. Truth is
+the virtual laboratory's closed form, or mpmath's. `tests/fit/test_extremes_data.py` has the edges
+of the data, and `python tests/bench/bench_extremes.py` measures where each of them stops.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ WHOLE = Scene(scale="fit", points=15)
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu, workers=1) as started:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu, workers=1) as started:
         yield started
 
 

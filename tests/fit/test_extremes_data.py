@@ -39,8 +39,8 @@ PAIRS = Scene().tones
 
 
 @pytest.fixture(scope="module")
-def workers(oscillator_fmu: Path) -> Iterator[FmuWorkers]:
-    with FmuWorkers(oscillator_fmu, workers=1) as started:
+def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(swift_fmu, workers=1) as started:
         yield started
 
 

@@ -57,8 +57,8 @@ Campaigns = tuple[BoundCampaign, BoundCampaign]
 
 
 @pytest.fixture(scope="module")
-def shipped(oscillator_fmu: Path) -> Campaigns:
-    variables = read_description(oscillator_fmu).variables
+def shipped(swift_fmu: Path) -> Campaigns:
+    variables = read_description(swift_fmu).variables
     one, two = (
         linear(bind(read_campaign(DATA / name / "campaign.toml"), variables))
         for name in ("string_q1", "string_q2")
@@ -310,10 +310,8 @@ def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 
     return reconstruct_through(workers, problem, identity, asked)
 
 
-def test_the_shipped_series_together_hold_the_widths_alone(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
-    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+def test_the_shipped_series_together_hold_the_widths_alone(swift_fmu: Path, tmp_path: Path) -> None:
+    with FmuWorkers(swift_fmu, workers=2) as workers:
         variables = workers.description.variables
         paths = [DATA / name / "campaign.toml" for name in ("string_q1", "string_q2")]
         bounds = [bind(read_campaign(path), variables) for path in paths]
@@ -340,11 +338,9 @@ def test_the_shipped_series_together_hold_the_widths_alone(
     assert repr(read_result(tmp_path / "result.json")) == repr(told)
 
 
-def test_both_modes_at_both_resonances_hold_the_coupling(
-    oscillator_fmu: Path, tmp_path: Path
-) -> None:
+def test_both_modes_at_both_resonances_hold_the_coupling(swift_fmu: Path, tmp_path: Path) -> None:
     """|q2| while driving at eta_plus gives D12, the series around eta_minus D22: theta follows."""
-    variables = read_description(oscillator_fmu).variables
+    variables = read_description(swift_fmu).variables
     bounds = []
     for name in ("q1", "q2"):
         bench = string_bench(name)
@@ -357,7 +353,7 @@ def test_both_modes_at_both_resonances_hold_the_coupling(
         bound = bind(read_campaign(tmp_path / name / "campaign.toml"), variables)
         theta = replace(bound.parameters[0], lower=1.6, upper=2.3, start=1.8, period=None)
         bounds.append(replace(bound, parameters=(theta, *bound.parameters[1:])))
-    with FmuWorkers(oscillator_fmu, workers=2) as workers:
+    with FmuWorkers(swift_fmu, workers=2) as workers:
         result = quickly(workers, bounds)
     coupling = result.derived["lambda"]
     assert coupling.identifiable == "linearised only"
@@ -370,11 +366,11 @@ def test_both_modes_at_both_resonances_hold_the_coupling(
     assert abs(result.joint.tensions[0].sigmas) < 3.0
 
 
-def test_cross_peaks_are_those_of_the_other_mode(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_cross_peaks_are_those_of_the_other_mode(swift_fmu: Path, tmp_path: Path) -> None:
     made = measure(replace(string_bench("q1"), noise_scale=0.0, instrument=LockIns()), 1)
     for file, text in campaign_files(made, "test").items():
         (tmp_path / file).write_text(text)
-    variables = read_description(oscillator_fmu).variables
+    variables = read_description(swift_fmu).variables
     bound = bind(read_campaign(tmp_path / "campaign.toml"), variables)
     assert series_names([bound]) == (tmp_path.name,)
     d = closed_form.damping(*TRUTH, False)

@@ -1,4 +1,4 @@
-"""Scenes at the edges of what a campaign may hold: written as files, fitted through the real FMU.
+"""Scenes at the edges of what a campaign may hold: written as files, fitted through an FMU.
 
 The measurements are the virtual laboratory's closed form (`fitting.lab.string`, which shares no
 code with the FMU), or mpmath's at 90 digits where the laboratory has no scene (degenerate modes).
