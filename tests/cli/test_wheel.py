@@ -130,8 +130,8 @@ def test_an_installed_wheel_fits_its_example(
     assert installed.parent in place.parents
     assert call([command, "--version"], tmp_path) == f"fmu-fit {fitting.__version__}\n"
     assert [line.split()[0] for line in call([command, "example"], tmp_path).splitlines()] == NAMES
-    call([command, "example", "string_q1", "--out", "d"], tmp_path)
-    assert files(tmp_path / "d") == files(DATA / "string_q1")
+    call([command, "example", "afm_sensor", "--out", "d"], tmp_path)
+    assert files(tmp_path / "d") == files(DATA / "afm_sensor")
     options = ["--quick", "--no-profiles", "--out", "o"]
     call([command, "reconstruct", "d/campaign.toml", *options], tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["d", "o"]

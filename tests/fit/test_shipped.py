@@ -208,15 +208,18 @@ def test_the_shipped_series_start_and_end_below_what_is_published(
 
 @pytest.mark.parametrize("series", ["q1", "q2"])
 def test_as_published_the_deviations_fall_as_the_paper_prints(
-    series: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    series: str, swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Start at width / 2 pi, a drift that bends; an offset per pair then explains the rest.
 
     Without the offsets the model does not describe the data, and nothing else may be said.
+    The first series as it is shipped, the second with one form of the rotation by the native twin.
     """
     published = tomllib.loads((DATA / "paper.toml").read_text())["series"][series]
     ff.synthesize(f"{series}-published", seed=4, out=tmp_path)
     path = tmp_path / "campaign.toml"
+    if series == "q2":
+        shorten(path, swift_fmu)
     words = ["--quick", "--no-report", "--no-profiles", "--workers", "2"]
     assert main(["reconstruct", str(path), "--out", str(tmp_path / "a"), *words]) == 4
     straight = read_result(tmp_path / "a" / "result.json").deviations
@@ -231,6 +234,18 @@ def test_as_published_the_deviations_fall_as_the_paper_prints(
     assert result.deviations.final.mean < 0.02
     width = result.derived["width_plus" if series == "q1" else "width_minus"]
     assert abs(width.value - true_width(string_bench(series))) < 2 * width.std
+
+
+def shorten(path: Path, fmu: Path) -> None:
+    """One of two forms that fit alike, and an FMU that answers sooner."""
+    text = path.read_text()
+    for old, new in (
+        ("reflection = [false, true]", "reflection = [false]"),
+        ('model = "CoupledOscillator"', f'file = "{fmu.as_posix()}"'),
+    ):
+        assert old in text, old
+        text = text.replace(old, new)
+    path.write_text(text)
 
 
 def through(workers: FmuWorkers, bench: Bench, seed: int, folder: Path, *, quick: bool) -> Result:
