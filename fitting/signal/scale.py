@@ -274,7 +274,7 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     curve = np.asarray(polynomial(t))
     c0, c1, c2 = (float(c) for c in (*polynomial.convert().coef, 0.0, 0.0)[:3])  # zeros are trimmed
     lowest = c0 - c1 * c1 / (4 * c2) if c2 > FLAT else 0.0
-    if lowest <= 0.0 or np.any(curve <= 0.0):
+    if lowest <= 0.0:
         return plain
     residuals = relative - curve**-0.5
     scatter = float(np.sqrt(np.sum(residuals**2) / max(relative.size - 3, 1)))

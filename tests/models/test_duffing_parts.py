@@ -131,12 +131,20 @@ def small(**changes: float) -> Parameters:
     "changes",
     [
         {},
+        {"eta_minus": 970.0},
         {"eta_minus": 3.0 * 999.0 / 1.12},
         {"eta_minus": 3.0 * 999.0 / 0.88},
         {"u1": 880.0, "u2": 1120.0},
         {"u1": 530.0, "u2": 530.0},
     ],
-    ids=["near", "below-the-third", "above-the-third", "tones-apart", "slow"],
+    ids=[
+        "near",
+        "reversed",
+        "below-the-third",
+        "above-the-third",
+        "tones-apart",
+        "slow",
+    ],
 )
 def test_the_envelope_goes_on_from_any_state_as_the_full_equations(
     changes: dict[str, float],

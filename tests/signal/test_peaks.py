@@ -97,6 +97,15 @@ def test_a_crest_between_the_last_points_is_that_of_their_filter(end: slice) -> 
     assert found.peaks_v[0] == pytest.approx(5.0, rel=1e-7)
 
 
+def test_a_point_stands_for_half_a_spacing_around_it() -> None:
+    """Of two lines in a bare list, too: what is further from both is not in the list."""
+    f, a = np.array([10.0, 12.0]), np.array([3.0, 5.0])
+    assert read_peaks(f, a, (9.1, 12.9), "none").peaks_v.tolist() == [3.0, 5.0]
+    for tone in (8.9, 13.1):
+        with pytest.raises(BadInput, match="does not contain the tone"):
+            read_peaks(f, a, (tone,), "none")
+
+
 def test_a_line_beside_points_of_zero_is_at_least_its_largest_point() -> None:
     """What an instrument cut off has no logarithm, and no crest between the points is known."""
     trace = np.zeros(GRID.size)

@@ -121,6 +121,19 @@ def test_a_nonlinear_response_has_lines_at_combinations_only(first: int, gap: in
     assert not combined & set(band.bins())
 
 
+def test_combinations_are_those_of_order_five_and_those_beside_the_tones_up_to_41() -> None:
+    """k1 f1 + k2 f2 by counting: |k1| + |k2| <= 5, or k1 + k2 = 1 and |k1| + |k2| <= 41."""
+    band = Band(tones_hz=(1001.0, 1002.0), window_s=Fraction(1), samples=10000, zone=0)
+    wanted = set()
+    for k1 in range(-41, 42):
+        for k2 in range(-41, 42):
+            order = abs(k1) + abs(k2)
+            if order <= 5 or (k1 + k2 == 1 and order <= 41):
+                cycles = (1001 * k1 + 1002 * k2) % 10000
+                wanted.add(min(cycles, 10000 - cycles))
+    assert band.combination_bins() == tuple(sorted(wanted - {1001, 1002}))
+
+
 def test_combinations_are_a_part_of_the_band_only() -> None:
     """Between and beside the published pair, 200 Hz apart; else a free oscillation is not seen."""
     band = plan_band(PAIR, longest_s=1.0)
@@ -129,6 +142,19 @@ def test_combinations_are_a_part_of_the_band_only() -> None:
     beside = np.array([PAIR[0] + 200 * k for k in range(-8, 10) if k not in (0, 1)])
     assert all(np.abs(seen - f).min() < 1e-6 for f in beside)
     assert len(seen) < 0.6 * band.samples / 2
+
+
+@pytest.mark.parametrize("gap", [1, 10, 200, 1000])
+def test_two_tones_are_seen_in_the_middle_of_their_band(gap: int) -> None:
+    """So that what a nonlinear response has beside them is seen on both sides alike."""
+    pair = (6940160.0, 6940160.0 + gap)
+    band = plan_band(pair, longest_s=10.0)
+    assert band is not None
+    seen = band.frequencies_hz()
+    middle = 0.5 * float(seen[0] + seen[-1])
+    width = abs(float(seen[-1] - seen[0]))
+    assert abs(0.5 * sum(pair) - middle) < 0.06 * width
+    assert 6.0 * gap <= width * 1.01
 
 
 def test_no_common_period_of_reasonable_length() -> None:
