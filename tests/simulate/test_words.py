@@ -126,6 +126,76 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
             "without leakage",
         ),
         (
+            Decision(
+                kind=Kind.WINDOW,
+                basis=Basis.FITTED,
+                bound=0.0,
+                numbers={"shortest_s": 0.5, "longest_s": 0.5, "least": 9, "most": 12},
+            ),
+            "window: 0.5 s, 9 to 12 samples; tones without a common period of reasonable length "
+            "are fitted, which leaves no leakage either",
+        ),
+        (
+            Decision(
+                kind=Kind.CURVE,
+                basis=Basis.RATIONAL,
+                bound=0.0,
+                numbers={
+                    "runs": 14,
+                    "points": 82,
+                    "curves": 2,
+                    "interpolated": 1,
+                    "degree": 3,
+                    "safety": 2.0,
+                },
+            ),
+            "response curve: 14 runs for 82 points of 2 curves; half the drive gives half the "
+            "response, and a rational function of degree 3 goes through it for 1 of 2 curves, the "
+            "rest point by point; both are checked in every evaluation, at every point by 2.0 "
+            "times the change that leaving out a run makes; where that exceeds the bound runs are "
+            "added",
+        ),
+        (
+            Decision(
+                kind=Kind.CURVE,
+                basis=Basis.NONLINEAR,
+                bound=0.0,
+                numbers={"points": 41, "curves": 1, "found": 2e-3, "wanted": 1e-6},
+                taken=False,
+            ),
+            "response curve: a run for each of 41 points; not interpolated: half the drive does "
+            "not give half the response (off by 2.0e-03, wanted 1.0e-06)",
+        ),
+        (
+            Decision(
+                kind=Kind.STEP,
+                basis=Basis.HALVED,
+                bound=1e-5,
+                numbers={
+                    "step_s": 1.25e-4,
+                    "longest_s": 5e-4,
+                    "per_sample": 4,
+                    "own_s": 1e-3,
+                    "change": 5e-6,
+                    "runs": 3,
+                },
+            ),
+            "communication step: 125 µs and longer, up to 4 in a sample; half of it changes a "
+            "trace by 5.0e-06 of its largest value, in 3 runs; the FMU's own step of 0.001 s is "
+            "longer than the sampling interval; at most 1.0e-05",
+        ),
+        (
+            Decision(
+                kind=Kind.MAXIMUM,
+                basis=Basis.POLYNOMIAL,
+                bound=2e-6,
+                numbers={"points": 5, "spacing_hz": 0.25, "centre_hz": 1000.0},
+            ),
+            "maximum of the sweep: 5 points 0.25 Hz apart; the simulated maximum is interpolated "
+            "around 1 kHz (1/A^2 as a polynomial of degree four); more points are added where "
+            "its bias exceeds the bound; at most 2.0e-06",
+        ),
+        (
             model(Basis.STATED, 1e-4, numbers={"left": 3e-4, "work": 0.25, "outputs": "x_error"}),
             "far mode left out: far = false; by the FMU's x_error; a run takes 0.25 of the work; "
             "at most 1.0e-04",
