@@ -236,6 +236,25 @@ def test_a_restored_run_goes_on_as_the_run_did(label: str, solver: int) -> None:
     assert again.run([5.5, 9.0], *names(p)) == whole
 
 
+@pytest.mark.parametrize(
+    "fast", [{"f3": 4.0}, {"d1": 4.0}, {"u1": 4.0}, {"u2": 4.0}, {"pump_hz": 4.0}], ids=str
+)
+def test_a_substep_left_to_rk4_is_a_fortieth_of_the_shortest_period(fast: Values) -> None:
+    p = THREE | {"lambda13": 0.0, "lambda23": 0.0} | PUMP | fast
+    found = started(p, solver=RK4).run([0.3, 1.1], *names(p))
+    asked = started(p, solver=RK4, rk4_substep=1.0 / (40.0 * 4.0))
+    assert found == asked.run([0.3, 1.1], *names(p))
+
+
+def test_rk4_that_leaves_the_range_of_numbers_tells_a_stable_substep() -> None:
+    """Classical Runge-Kutta is stable on the imaginary axis up to sqrt(8)."""
+    slave = started(ONE, solver=RK4, rk4_substep=1.0)
+    assert not slave.step(500.0)
+    assert "the rk4 solution left the range of numbers at t = 500.0 s" in slave.message
+    told = float(slave.message.split("a stable substep is below ")[1].split(" ")[0])
+    assert told == pytest.approx(math.sqrt(8.0) / (TWO_PI * 1.1), rel=0.02)
+
+
 # --- what is told
 
 
@@ -321,6 +340,15 @@ def test_what_cannot_be_simulated_is_refused(values: Values, words: str) -> None
     slave = started(TWO | values)
     assert not slave.step(0.1)
     assert words in slave.message
+
+
+def test_couplings_that_are_too_strong_are_named_and_others_are_not() -> None:
+    slave = started(THREE | {"lambda12": 1.2})
+    assert not slave.step(0.1)
+    assert "with f2 = 1.3 Hz and lambda12 = 1.2 Hz the modes have a motion" in slave.message
+    slave = started(THREE | {"lambda13": 0.0, "lambda23": 1.4})
+    assert not slave.step(0.1)
+    assert "with f3 = 1.45 Hz and lambda12 = 0.4 Hz, lambda23 = 1.4 Hz the" in slave.message
 
 
 def test_a_coupling_may_be_zero_but_not_negative_when_a_model_is_built() -> None:

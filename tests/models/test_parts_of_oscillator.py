@@ -189,6 +189,8 @@ def test_a_substep_left_to_rk4_follows_the_fastest_motion(fast: Values) -> None:
     times = (5e-4, 1e-3)
     found = Slave(CoupledOscillator, solver=RK4, **p).run(times, *BOTH)
     assert apart(found, motion([Piece(modes(p), times)])) <= 25.0 * (TWO_PI / 40.0) ** 4 / 120.0
+    asked = Slave(CoupledOscillator, solver=RK4, rk4_substep=1.0 / (40.0 * 4000.0), **p)
+    assert asked.run(times, *BOTH) == found
 
 
 @pytest.mark.parametrize(
@@ -234,6 +236,15 @@ def test_only_a_start_on_the_orbit_needs_damping_and_little_is_enough(name: str)
     slave = Slave(CoupledOscillator, periodic_start=True, **(p | {name: 0.0}))
     assert not slave.step(1e-3)
     assert f"{name} = 0.0 Hz: the damping matrix is not positive definite" in slave.message
+
+
+def test_rk4_that_leaves_the_range_of_numbers_tells_a_stable_substep() -> None:
+    """Classical Runge-Kutta is stable on the imaginary axis up to sqrt(8)."""
+    slave = Slave(CoupledOscillator, solver=RK4, rk4_substep=1e-3, **BASE)
+    assert not slave.step(1.0)
+    assert "the rk4 solution left the range of numbers at t = 1.0 s" in slave.message
+    told = float(slave.message.split("a stable substep is below ")[1].split(" ")[0])
+    assert told == pytest.approx(math.sqrt(8.0) / (TWO_PI * 1300.0), rel=0.02)
 
 
 def test_a_restored_run_goes_on_as_the_run_did() -> None:
