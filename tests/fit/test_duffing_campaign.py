@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import build_fmu
 from fitting.campaign import BoundCampaign, read_campaign
 from fitting.campaign.binding import bind
 from fitting.cli.main import main
@@ -30,13 +29,14 @@ from fitting.result.result import Result
 from fitting.text.files import write_all
 from tests.support.datasets import drafted, planned_with, through
 from tests.support.reconstruction import ReconstructionOptions, reconstruct
+from tests.support.twins import swift_model
 
 SHIPPED = Path(__file__).parents[2] / "data" / "duffing_string"
 
 
 @pytest.fixture(scope="module")
 def workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FmuWorkers]:
-    path = build_fmu.build("DuffingOscillator", tmp_path_factory.mktemp("fmu"))
+    path = swift_model("DuffingOscillator", tmp_path_factory)
     with FmuWorkers(path, timeout_s=60.0) as made:
         yield made
 

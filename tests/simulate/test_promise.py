@@ -14,7 +14,6 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-import build_fmu
 from fitting.fmu import FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.budget import SHARES, Basis, Kind
@@ -25,6 +24,7 @@ from fitting.simulate.planner import plan_drives
 from fitting.simulate.words import plan_in_words, warnings_in_words
 from tests.support import reference
 from tests.support.scenes import Scene
+from tests.support.twins import swift_model
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-9)
 SCENES = 100
@@ -191,7 +191,7 @@ CUBIC_SCENES = (
 
 @pytest.fixture(scope="module")
 def cubic_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FmuWorkers]:
-    fmu = build_fmu.build("DuffingOscillator", tmp_path_factory.mktemp("cubic"))
+    fmu = swift_model("DuffingOscillator", tmp_path_factory)
     with FmuWorkers(fmu) as running:
         yield running
 

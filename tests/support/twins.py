@@ -42,6 +42,13 @@ def twin_of(model: str, factory: pytest.TempPathFactory) -> Path:
         return path if path.exists() else build_fmu.build(model, folder, native=())
 
 
+def swift_model(model: str, factory: pytest.TempPathFactory) -> Path:
+    """The twin, which answers in a fifth of the time; without a compiler the Python FMU."""
+    if shutil.which("cc") is None:
+        return build_fmu.build(model, factory.mktemp("model"))
+    return twin_of(model, factory)
+
+
 def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:
     """Compile an FMU's binary anew, with all warnings as errors and further options; its path."""
     made = build_fmu.built_from(fmu)
