@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from fmu_src.duffing_envelope import EnvelopeSolver, Settings
 from fmu_src.duffing_equations import Cubic, find_root, shift, solve, steady_squares
-from fmu_src.duffing_exponential import phi
+from fmu_src.duffing_exponential import phi, take_step, weights
 from fmu_src.duffing_rk4 import DuffingRungeKutta
 from fmu_src.duffing_slow import SlowModel
 from fmu_src.oscillator_equations import Parameters
@@ -313,6 +313,36 @@ def test_a_root_is_found_in_any_unit(unit: float) -> None:
     )
     assert root is not None
     assert root == pytest.approx([math.sqrt(2.0) * unit, math.sqrt(0.5) * unit], rel=1e-10, abs=0)
+
+
+def test_a_step_is_of_order_four_and_what_is_between_follows() -> None:
+    """y' = L y + y^2 has y = L/((L/y0 + 1) exp(-L t) - 1): the error of a step falls as h^5."""
+    rates, begin = (-1.0 + 3.0j, -0.5 + 0j), (0.6 + 0.2j, 0.3 + 0j)
+    none = 0j, 0j
+
+    def slope(
+        y: tuple[complex, complex], _: tuple[complex, complex]
+    ) -> tuple[complex, complex, complex, complex]:
+        return y[0] * y[0], y[1] * y[1], y[0], y[1]
+
+    def exact(t: float) -> list[complex]:
+        return [
+            rate / ((rate / y + 1.0) * cmath.exp(-rate * t) - 1.0)
+            for rate, y in zip(rates, begin, strict=True)
+        ]
+
+    sizes, ends, inner = (0.2, 0.1, 0.05), [], []
+    for h in sizes:
+        first = begin, slope(begin, none)[:2]
+        pair = weights(rates[0], h), weights(rates[1], h)
+        step = take_step((0.0, *first), h, pair, slope, (none, none, none))
+        ends.append([abs(a - b) for a, b in zip(step.y_end, exact(h), strict=True)])
+        there = step.between(rates, 0.3 * h)
+        inner.append([abs(a - b) for a, b in zip(there, exact(0.3 * h), strict=True)])
+        assert np.max(step.error) > np.max(ends[-1])
+    for errors, order in ((ends, 5.0), (inner, 4.0)):
+        for each in np.transpose(errors):
+            assert np.polyfit(np.log(sizes), np.log(each), 1)[0] > order - 0.4
 
 
 @given(size=st.floats(-9.0, 2.3), angle=st.floats(-math.pi, math.pi))
