@@ -19,8 +19,10 @@ from fitting.signal.window import folded, kept_apart
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
-#: A window has at least this many beats of the closest tones, and periods of a single tone.
+#: A window has at least this many beats of the closest tones.
 BEATS = 5
+#: Periods of a single tone in a window, at least and at most.
+PERIODS = (4, 64)
 #: The band shown is this many times as wide as the tones are apart.
 BREADTH = 6
 LEAST_SAMPLES = 256
@@ -103,13 +105,14 @@ def plan_band(
     window_s: float | None = None,
     samples: int | None = None,
 ) -> Band | None:
-    """A coherent window for the tones; None where they have no common period up to ``longest_s``.
+    """A coherent window for the tones; None where several have no common period in ``longest_s``.
 
-    The window is the least number of common periods with five beats (for a single tone: 64 periods)
-    unless ``window_s`` is given, and the number of samples the least at which the band is six times
-    as wide as the tones are apart, unless ``samples`` is given. Among numbers of samples those are
-    passed over at which a harmonic or a mixture of the tones up to order 5 (3 f1, 2 f1 + f2), as a
-    nonlinear response has them, folds onto a tone; where there is no other, the first is taken.
+    The window is the least number of common periods with five beats (for a single tone 64 periods,
+    or as many as ``longest_s`` holds, 4 at least) unless ``window_s`` is given, and the number of
+    samples the least at which the band is six times as wide as the tones are apart, unless
+    ``samples`` is given. Among numbers of samples those are passed over at which a harmonic or a
+    mixture of the tones up to order 5 (3 f1, 2 f1 + f2), as a nonlinear response has them, folds
+    onto a tone; where there is no other, the first is taken.
 
     Args:
         tones_hz: frequencies of the tones, Hz.
@@ -136,10 +139,12 @@ def plan_band(
                 f"{float(period)!r} s, wanted a whole number"
             )
         window = periods * period
+    elif len(tones) == 1:
+        fit = longest_s / period if math.isfinite(longest_s) else PERIODS[1]
+        window = period * max(PERIODS[0], min(PERIODS[1], math.floor(fit)))
     else:
-        wanted = 64 / exact(tones[0]) if len(tones) == 1 else BEATS / _closest(tones)
-        window = period * math.ceil(wanted / period)
-    if window > longest_s:
+        window = period * math.ceil(BEATS / _closest(tones) / period)
+    if len(tones) > 1 and window > longest_s:
         return None
     halves = [int(2 * exact(tone) * window) for tone in tones]
     tried = _candidates(halves) if samples is None else [samples]

@@ -21,7 +21,7 @@ from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import plan_drives
 from fitting.simulate.response import USUAL_ACCURACY, RemainderKind, Shown, respond
 from fitting.simulate.words import remainder_in_words
-from tests.support.cfmu_build import build_c_fmu
+from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 
 PAIR = (6.94016e6, 6.94036e6)
 AT_REST = ["--forbid", "periodic start"]
@@ -147,6 +147,16 @@ def test_an_input_is_driven_where_no_parameter_holds_tones(tmp_path: Path) -> No
     omega = 2 * math.pi * np.array([300.0, 310.0])
     truth = 0.5 / np.abs(4e3 - 1e-3 * omega**2 + 2e-2j * omega)
     np.testing.assert_allclose(peaks[:, 1], truth, rtol=1e-5)
+
+
+def test_a_single_slow_tone_is_simulated(tmp_path: Path) -> None:
+    """A lag of 0.7 s follows 0.2 Hz by 1/|1 + i w tau|, to what the held input allows."""
+    words = ["--input", "u", "--drive", "0.2 Hz", "--set", "tau=0.7", "--accuracy", "1e-3"]
+    fmu = str(build_lag_fmu(tmp_path))
+    assert main(["simulate", fmu, *words, "--out", str(tmp_path / "out")]) == 0
+    _, peaks = read(tmp_path / "out" / "peaks.csv")
+    truth = 1.0 / math.hypot(1.0, 0.7 * 2.0 * math.pi * 0.2)
+    np.testing.assert_allclose(peaks[:, 1], truth, rtol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -157,6 +157,19 @@ def test_two_tones_are_seen_in_the_middle_of_their_band(gap: int) -> None:
     assert 6.0 * gap <= width * 1.01
 
 
+@pytest.mark.parametrize(
+    ("tone_hz", "window_s"), [(300.0, 64 / 300), (0.2, 100.0), (0.03, 400 / 3), (1e-3, 4000.0)]
+)
+def test_a_single_tone_always_has_a_window_of_whole_periods(
+    tone_hz: float, window_s: float
+) -> None:
+    """Of 64, of as many as 100 s hold, of four."""
+    band = plan_band([tone_hz], longest_s=100.0)
+    assert band is not None
+    assert float(band.window_s) == pytest.approx(window_s, rel=1e-12)
+    assert band.bins() == (round(tone_hz * window_s),)
+
+
 def test_no_common_period_of_reasonable_length() -> None:
     assert plan_band((1.0, 1.0000001), longest_s=100.0) is None
 
