@@ -24,9 +24,9 @@ C3_NF = np.arange(10.0, 101.0, 10.0)
 
 
 def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
-    oscillator_fmu: Path, tmp_path: Path
+    swift_fmu: Path, tmp_path: Path
 ) -> None:
-    fit = ff.fit(ff.Problem.of(SPECTRA, ff.Fmu(oscillator_fmu)))
+    fit = ff.fit(ff.Problem.of(SPECTRA, ff.Fmu(swift_fmu)))
     assert fit.success
     k = fit.result.parameters["k"]
     assert k.value == pytest.approx(COMPONENTS, rel=0.03)
@@ -44,7 +44,7 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
     assert f"{high:.4g}"[:4] in table.text_content()
 
 
-def test_every_spectrum_has_a_coupling_of_its_own(oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_every_spectrum_has_a_coupling_of_its_own(swift_fmu: Path, tmp_path: Path) -> None:
     """Errors are linearised ones of scatter that all share; tolerances are not known.
 
     At 10 nF the upper mode lies above the range that has lines; at 20 and 90 nF the values are two
@@ -55,7 +55,7 @@ def test_every_spectrum_has_a_coupling_of_its_own(oscillator_fmu: Path, tmp_path
     text = text.replace('"square_wave', f'"{SPECTRA.parent.as_posix()}/square_wave')
     path = tmp_path / "each.toml"
     path.write_text(text)
-    fit = ff.fit(ff.Problem.of(path, ff.Fmu(oscillator_fmu)))
+    fit = ff.fit(ff.Problem.of(path, ff.Fmu(swift_fmu)))
     found = {o.parameter: o for o in fit.result.offsets}
     assert set(found) == {f"k[{c:g} nF]" for c in C3_NF}
     assert np.median([o.value for o in found.values()]) == pytest.approx(COMPONENTS, rel=0.03)
@@ -94,7 +94,7 @@ def fit_of_tones() -> tuple[FloatArray, FloatArray]:
     return np.asarray(found.x[:4]), np.sqrt(np.diag(covariance))[:4]
 
 
-def test_wave_forms_tell_what_their_tones_tell(oscillator_fmu: Path) -> None:
+def test_wave_forms_tell_what_their_tones_tell(swift_fmu: Path) -> None:
     """Nobody knows what went before a record: its start is solved for; one gain for all."""
     setup = ff.Setup(
         ff.Drive(),
@@ -129,7 +129,7 @@ def test_wave_forms_tell_what_their_tones_tell(oscillator_fmu: Path) -> None:
         ff.Parameter("gain", -5e6, bounds=(-2e7, -1e6), unit="1"),
     ]
     method = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
-    fit = ff.fit(ff.Problem(oscillator_fmu, parameters, traces), method=method, starts=1)
+    fit = ff.fit(ff.Problem(swift_fmu, parameters, traces), method=method, starts=1)
     values = np.array([fit[name].value for name in ETAS_AND_WIDTHS])
     stds = np.array([fit[name].std for name in ETAS_AND_WIDTHS])
     tones, errors = fit_of_tones()
