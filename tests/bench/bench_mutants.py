@@ -206,12 +206,9 @@ def measured(base: Path, files: Sequence[str]) -> Covered:
         failed = _failed(run.stdout)
         if failed:
             print(f"fail without any fault, not asked: {' '.join(failed)}", file=sys.stderr)
-        lines = {
-            place: tuple(name for name in names if name not in failed)
-            for place, names in _contexts(base, data).items()
-        }
-        seconds = _durations(run.stdout)
-        return Covered(lines, {name: s for name, s in seconds.items() if name not in failed})
+        durations = _durations(run.stdout)
+        seconds = {name: s for name, s in durations.items() if name not in failed}
+        return Covered(_tests_by_line(base, data, seconds), seconds)
 
 
 def _failed(report: str) -> list[str]:
@@ -226,15 +223,22 @@ def _rcfile(folder: Path) -> Path:
     return path
 
 
-def _contexts(base: Path, data: Path) -> dict[tuple[str, int], tuple[str, ...]]:
-    """Test functions by line, as "tests/fit/test_x.py::test_y"."""
+def _tests_by_line(
+    base: Path, data: Path, known: Iterable[str]
+) -> dict[tuple[str, int], tuple[str, ...]]:
+    """Test functions by line, as "tests/fit/test_x.py::test_y"; a fixture's line is its file's."""
     stored = coverage.CoverageData(str(data))
     stored.read()
+    by_context: dict[str, list[str]] = defaultdict(list)
+    for name in known:
+        by_context[name].append(name)
+        by_context[name.split("::")[0]].append(name)
     found: dict[tuple[str, int], tuple[str, ...]] = {}
     for file in stored.measured_files():
         path = str(Path(file).relative_to(base.resolve()))
         for line, contexts in stored.contexts_by_lineno(file).items():
-            found[path, line] = tuple(filter(None, contexts))
+            names = {name for context in contexts for name in by_context.get(context, ())}
+            found[path, line] = tuple(sorted(names))
     return found
 
 

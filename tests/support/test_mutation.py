@@ -88,9 +88,23 @@ CACHED = """from functools import cache
 @cache
 def twice(x: int) -> int:
     return 2 * x
+
+
+def thrice(x: int) -> int:
+    return 3 * x
 """
-ASKING = """from hypothesis import given, strategies
-from fitting.signal.x import twice
+ASKING = """import pytest
+from hypothesis import given, strategies
+from fitting.signal.x import thrice, twice
+
+
+@pytest.fixture(scope="module")
+def six() -> int:
+    return thrice(2)
+
+
+def test_of_a_fixture(six: int) -> None:
+    assert six == 6
 
 
 def test_first() -> None:
@@ -108,7 +122,10 @@ def test_drawn(k: int) -> None:
 
 
 def test_lines_are_seen_of_drawn_cases_and_behind_a_cache(tmp_path: Path) -> None:
-    """Every test that needs a line is known to run it: one that remembers its answer, too."""
+    """Every test that needs a line is known to run it: one that remembers its answer, too.
+
+    A line that a fixture runs is known of all tests of its file.
+    """
     texts = {"fitting/signal/x.py": CACHED, "fmu_src/y.py": "", "tests/signal/test_x.py": ASKING}
     for name, text in texts.items():
         file = tmp_path / name
@@ -121,7 +138,9 @@ def test_lines_are_seen_of_drawn_cases_and_behind_a_cache(tmp_path: Path) -> Non
     covered = measured(tmp_path, ["tests/signal/test_x.py"])
     wanted = {f"tests/signal/test_x.py::test_{name}" for name in ("first", "second", "drawn")}
     assert set(covered.tests["fitting/signal/x.py", 6]) == wanted
-    assert set(covered.seconds) == wanted
+    everything = wanted | {"tests/signal/test_x.py::test_of_a_fixture"}
+    assert set(covered.tests["fitting/signal/x.py", 10]) == everything
+    assert set(covered.seconds) == everything
 
 
 def test_the_report_tells_what_survived_and_what_is_argued(tmp_path: Path) -> None:
