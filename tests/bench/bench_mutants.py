@@ -6,7 +6,7 @@
 Faults are put into `fmu_src`, `fitting/signal`, `fitting/simulate` and `fitting/fit`: an operator,
 a comparison, a constant (doubled, or one more), a sign, `min` for `max`, `and` for `or`. Which
 tests run a line is measured once (coverage, a context per test); of these the ones named like the
-file run first, then the quickest of every other file in turn, until one fails, their time is up
+file run first, then those that run the fewest lines, until one fails, their time is up
 (`--longest` seconds) or there are as many as `--most`. The
 equations in `fmu_src` also run inside an FMU, which no coverage sees: tests that run a line of
 them outside of one come first, then all others of `tests/models`.
@@ -28,10 +28,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import coverage
@@ -88,20 +89,23 @@ class Covered:
             asked.append(name)
         return asked
 
-    def _in_turn(self, names: Iterable[str], mutant: Mutant) -> list[str]:
-        """Those of the file's own name first, then of every file of tests its quickest, in turn.
+    @cached_property
+    def breadth(self) -> Mapping[str, int]:
+        """How many lines a test runs, by its name."""
+        return Counter(name for names in self.tests.values() for name in names)
 
-        Quick tests of one file often ask the same thing: other files see a line in other ways.
+    def _in_turn(self, names: Iterable[str], mutant: Mutant) -> list[str]:
+        """Those of the file's own name first, then those that run few lines besides this one.
+
+        A test of a whole fit runs every line and asks little of each.
         """
-        rank: dict[str, int] = defaultdict(int)
-        order = []
         own = f"/test_{Path(mutant.path).stem}.py"
-        for name in sorted(names, key=lambda name: (self.seconds.get(name, 1e9), name)):
-            file = name.split("::")[0]
-            rank[file] += 1
-            turn = 0 if file.endswith(own) else rank[file]
-            order.append((turn, self.seconds.get(name, 1e9), name))
-        return [name for *_, name in sorted(order)]
+
+        def turn(name: str) -> tuple[bool, int, float, str]:
+            away = not name.split("::")[0].endswith(own)
+            return away, self.breadth.get(name, 0), self.seconds.get(name, 1e9), name
+
+        return sorted(names, key=turn)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -66,20 +66,18 @@ def test_a_fault_is_asked_of_the_quickest_tests_that_run_its_line() -> None:
     assert covered.of(mutant("fmu_src/y.py", 1), everything) == ["tests/models/d", "tests/models/c"]
 
 
-def test_tests_named_like_the_file_come_first_then_others_in_turn() -> None:
-    """Of each other file the quickest, then of each the next: two quick ones often ask the same."""
-    other, third = "tests/fit/test_other.py", "tests/fit/test_third.py"
-    seconds = {
-        f"{other}::a": 1.0,
-        f"{other}::b": 1.5,
-        f"{third}::c": 4.0,
-        "tests/fit/test_x.py::d": 7.0,
-        "tests/fit/test_x.py::e": 8.0,
-    }
-    covered = Covered({("fitting/fit/x.py", 3): tuple(seconds)}, seconds)
-    own = ["tests/fit/test_x.py::d", "tests/fit/test_x.py::e"]
-    wanted = [*own, f"{other}::a", f"{third}::c", f"{other}::b"]
-    assert covered.of(mutant("fitting/fit/x.py", 3), Limits(100.0)) == wanted
+def test_tests_named_like_the_file_come_first_then_those_that_run_little_else() -> None:
+    """A quick test that runs everything asks little of a line."""
+    whole, few, own = "tests/fit/test_a.py::w", "tests/fit/test_b.py::f", "tests/fit/test_x.py::o"
+    covered = Covered(
+        {
+            ("fitting/fit/x.py", 3): (whole, few, own),
+            ("fitting/fit/x.py", 4): (whole, own),
+            ("fitting/fit/y.py", 9): (whole, own),
+        },
+        {whole: 1.0, few: 2.0, own: 7.0},
+    )
+    assert covered.of(mutant("fitting/fit/x.py", 3), Limits(100.0)) == [own, few, whole]
 
 
 CACHED = """from functools import cache
