@@ -191,6 +191,24 @@ def test_an_envelope_that_is_restored_goes_on_to_the_last_bit() -> None:
         assert again.full_state(t) == solver.full_state(t)
 
 
+@pytest.mark.parametrize("g", [(1.0, 0.0), (0.0, 1.0)])
+@pytest.mark.parametrize("only", [0, 1])
+def test_one_driven_mode_and_one_cubic_term_start_on_their_orbit(
+    g: tuple[float, float], only: int
+) -> None:
+    """An orbit repeats after its tone's period, from the first one on."""
+    p = small(theta=0.0, eta_minus=1005.0, A2=0.0, g1=g[0], g2=g[1])
+    cubic = Cubic(*(SMALL[k] if k == only else 0.0 for k in range(3)))
+    solver = EnvelopeSolver(p, cubic, Settings(1e-8, False))
+    solver.start(0.0, None, 0.0)
+    first = solver.displacement(0.0)
+    periods = 50
+    solver.advance(periods / p.u1)
+    again = solver.displacement(periods / p.u1)
+    assert np.abs(np.array(again) - first).max() < 1e-6 * np.abs(first).max()
+    assert np.abs(first).max() > 0.0
+
+
 def test_two_tones_start_where_the_slower_mode_has_settled_too() -> None:
     """A settled motion repeats after its tones' common period; one mode is eight times as wide."""
     p = small(theta=0.0, d1=40.0, d2=5.0, eta_minus=1010.0, u1=1000.0, u2=1010.0, A2=5e5 * NM)

@@ -38,6 +38,14 @@ def test_the_decay_begins_where_the_drive_ends(before: str, begin: int, noise: f
         assert -1 <= found - begin <= 100
 
 
+@pytest.mark.parametrize("begin", [40, 700])
+@pytest.mark.parametrize("noise", [1e-3, 1e-2])
+def test_a_tone_before_the_decay_tells_the_very_sample(begin: int, noise: float) -> None:
+    """There the decay is a quarter of the tone away from it, far more than the noise."""
+    for seed in range(4):
+        assert decay_start(record("tone", begin, noise, np.random.default_rng(seed)), 4) == begin
+
+
 def test_what_does_not_decay_has_no_beginning() -> None:
     rng, t = np.random.default_rng(1), np.arange(1000)
     assert decay_start(rng.standard_normal(1000), 2) is None

@@ -179,6 +179,20 @@ def test_resonance_without_noise_comes_back(
     assert fit.q == pytest.approx((1e6 + eta * width) / width, rel=1e-8 + 30 * rounding)
 
 
+@pytest.mark.parametrize(
+    ("at", "inside"), [(0.5, True), (-0.5, False), (39.5, True), (40.5, False)]
+)
+def test_a_line_is_found_up_to_the_ends_of_its_sweep(at: float, inside: bool) -> None:
+    """Forty gaps of half a width; the line lies so many gaps from the first point."""
+    f = 1e6 + 5.0 * np.arange(41)
+    trace = lorentz(f, 1e6 + 5.0 * at, 10.0, 1.0)
+    if inside:
+        assert fit_resonance(f, trace).eta_hz == pytest.approx(1e6 + 5.0 * at, abs=1e-6)
+    else:
+        with pytest.raises(BadInput, match="no resonance between"):
+            fit_resonance(f, trace)
+
+
 def test_stated_uncertainties_are_the_scatter() -> None:
     f = 6.94e6 + np.arange(-300.0, 301.0, 5.0)
     clean, rng, pulls = lorentz(f, 6.94001e6, 94.0, 40.0), np.random.default_rng(5), []
