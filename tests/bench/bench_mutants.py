@@ -250,7 +250,7 @@ def _durations(report: str) -> dict[str, float]:
     """Seconds by test function, all its cases together."""
     seconds: dict[str, float] = defaultdict(float)
     for line in report.splitlines():
-        words = line.split()
+        words = line.split(maxsplit=2)  # the names of cases have blanks
         if len(words) == 3 and words[1] in {"call", "setup"} and words[0].endswith("s"):
             seconds[words[2].split("[")[0]] += float(words[0][:-1])
     return seconds

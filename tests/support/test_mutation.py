@@ -109,8 +109,9 @@ def test_first() -> None:
     assert twice(3) == 6
 
 
-def test_second() -> None:
-    assert twice(3) == 6
+@pytest.mark.parametrize("x", [3], ids=["three, a name with blanks"])
+def test_second(x: int) -> None:
+    assert twice(x) == 6
 
 
 @given(strategies.integers())
