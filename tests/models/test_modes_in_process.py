@@ -228,7 +228,9 @@ def test_a_restored_run_goes_on_as_the_run_did(label: str, solver: int) -> None:
     slave = started(p, solver=solver)
     slave.run([0.4], "q1")
     slave.set(b=1.0, u1=0.9)
-    slave.run([0.9, 5.0], "q1")
+    slave.run([0.9], "q1")
+    slave.set(u2=1.4)  # each tone has a phase of its own to keep
+    slave.run([5.0], "q1")
     kept = slave.state()
     whole = slave.run([5.5, 9.0], *names(p))
     again = started(p, solver=solver)

@@ -139,6 +139,15 @@ def test_two_equal_points_are_chance_and_three_a_limit(equal: int, told: bool) -
     assert (Fault.CLIPPING in faults) == told
 
 
+@pytest.mark.parametrize(("limit", "told"), [(0.9, False), (0.8, True)])
+def test_a_limit_that_two_points_reach_may_be_chance(limit: float, told: bool) -> None:
+    """Thirty points, two of them above 0.85 of the line and four above 0.7."""
+    f = detuned(30)
+    a = np.minimum(noisy(line(f, ETA_HZ, WIDTH_HZ, 1.0), 0.001, 6), limit)
+    assert int(np.sum(a == limit)) == (4 if told else 2)
+    assert (Fault.CLIPPING in [each.fault for each in sweep_faults(f, a)]) == told
+
+
 @pytest.mark.parametrize(("points", "told"), [(10, False), (11, True)])
 def test_eight_points_of_a_line_and_three_more_are_wanted(points: int, told: bool) -> None:
     f = detuned(points)
