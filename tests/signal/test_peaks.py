@@ -184,7 +184,7 @@ def test_resonance_without_noise_comes_back(
 )
 def test_a_line_is_found_up_to_the_ends_of_its_sweep(at: float, inside: bool) -> None:
     """Forty gaps of half a width; the line lies so many gaps from the first point."""
-    f = 1e6 + 5.0 * np.arange(41)
+    f: FloatArray = np.asarray(1e6 + 5.0 * np.arange(41), dtype=np.float64)
     trace = lorentz(f, 1e6 + 5.0 * at, 10.0, 1.0)
     if inside:
         assert fit_resonance(f, trace).eta_hz == pytest.approx(1e6 + 5.0 * at, abs=1e-6)
