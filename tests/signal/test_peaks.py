@@ -97,6 +97,15 @@ def test_a_crest_between_the_last_points_is_that_of_their_filter(end: slice) -> 
     assert found.peaks_v[0] == pytest.approx(5.0, rel=1e-7)
 
 
+def test_a_crest_more_than_a_point_away_is_another_line() -> None:
+    """What the tone has there is no more than the largest of its three points."""
+    step = float(GRID[1] - GRID[0])
+    tone = float(GRID[250]) - 0.3 * step
+    trace = np.exp(-0.1 * ((GRID - tone) / step - 1.5) ** 2)
+    found = read_peaks(GRID, trace, (tone,), "none").peaks_v[0]
+    assert found == pytest.approx(trace[251], rel=1e-12)
+
+
 def test_a_point_stands_for_half_a_spacing_around_it() -> None:
     """Of two lines in a bare list, too: what is further from both is not in the list."""
     f, a = np.array([10.0, 12.0]), np.array([3.0, 5.0])
