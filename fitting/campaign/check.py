@@ -10,7 +10,15 @@ from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.data import Campaign
 from fitting.fmu import FmuDescription, FmuWorkers, validation_problems
 from fitting.fmu.findings import Finding, Severity, rule_findings
-from fitting.fmu.trial import HalvedStep, Resets, Trial, halve_step, take_trial, try_resets
+from fitting.fmu.trial import (
+    HalvedStep,
+    Resets,
+    Trial,
+    halve_step,
+    pushed_run,
+    take_trial,
+    try_resets,
+)
 from fitting.text.errors import BadInput, FmuFailure
 
 
@@ -74,8 +82,9 @@ def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> 
     values = bound.setup.start_values if bound else {}
     try:
         trial = take_trial(workers, step_s, values)
-        halved = halve_step(workers, step_s, values)
-        resets = try_resets(workers, step_s, values)
+        run = pushed_run(workers, step_s, values)
+        halved = halve_step(workers, run)
+        resets = try_resets(workers, run)
     except FmuFailure as error:
         failure = error
     findings = rule_findings(validation_problems(description.path))

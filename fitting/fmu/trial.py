@@ -77,21 +77,19 @@ def take_trial(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
     )
 
 
-def try_resets(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Resets:
+def try_resets(workers: FmuWorkers, run: Run) -> Resets:
     """Run some steps again after resets, every parameter and input varied in turn.
 
     Args:
         workers: processes that run the FMU.
-        step_s: length of a step, s.
-        values: start values by name, with which a trial step went well.
+        run: some steps (`pushed_run`).
 
     Raises:
         FmuFailure: a run did not end in its time.
     """
-    run = _pushed_run(workers, step_s, values)
     refused, idle = [], []
     for variable in workers.description.variables.values():
-        other = _varied(variable, run.start_values.get(variable.name, variable.start))
+        other = _moved(variable, run.start_values.get(variable.name, variable.start), VARIED)
         if other is None:
             continue
         changed = replace(run, start_values={**run.start_values, variable.name: other})
@@ -108,26 +106,22 @@ def try_resets(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
         reuse=workers.reuse_note,
         unvaried=tuple(refused),
         idle=tuple(idle),
-        step_s=step_s,
+        step_s=run.sample_step_s,
         steps=STEPS,
     )
 
 
-def halve_step(
-    workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]
-) -> HalvedStep | None:
+def halve_step(workers: FmuWorkers, run: Run) -> HalvedStep | None:
     """How far Real outputs rest on the communication step; None where none of them is a number.
 
     Args:
         workers: processes that run the FMU.
-        step_s: length of the step, s.
-        values: start values by name, with which a trial step went well.
+        run: some steps (`pushed_run`).
 
     Raises:
         FmuFailure: the FMU failed at half the step.
     """
-    variables = workers.description.variables
-    run = _pushed_run(workers, step_s, values)
+    variables, step_s = workers.description.variables, run.sample_step_s
     real = tuple(name for name in run.outputs if variables[name].kind == "Real")
     if not real:
         return None
@@ -149,10 +143,18 @@ def _shares(difference: FloatArray, values: FloatArray) -> FloatArray:
     )
 
 
-def _pushed_run(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Run:
+def pushed_run(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Run:
     """Some steps with every input moved from its start, if the FMU bears that: what rests is blind.
 
     An input that `values` name stays as it is.
+
+    Args:
+        workers: processes that run the FMU.
+        step_s: length of a step, s.
+        values: start values by name, with which a trial step went well.
+
+    Raises:
+        FmuFailure: the run did not end in its time.
     """
     run = replace(_trial_run(workers.description, step_s, values), samples=STEPS + 1)
     pushed = {
@@ -171,11 +173,6 @@ def _pushed_run(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]
     except FmuFailure:
         return run
     return moved
-
-
-def _varied(variable: FmuVariable, value: Scalar | None) -> float | None:
-    """Another value of a Real parameter or input, inside its limits."""
-    return _moved(variable, value, VARIED)
 
 
 def _moved(variable: FmuVariable, value: Scalar | None, share: float) -> float | None:

@@ -31,8 +31,8 @@ def description_lines(description: FmuDescription) -> list[str]:
         description: of the FMU.
     """
     counts = Counter(v.causality for v in description.variables.values())
-    seen = description.seen
-    shown = [v for v in description.variables.values() if v.causality in SHOWN or v in seen]
+    seen = {v.name for v in description.seen}
+    shown = [v for v in description.variables.values() if v.causality in SHOWN or v.name in seen]
     width = max((len(v.name) for v in shown), default=0)
     return [
         f"{description.path}: {description.model_name}, FMI {description.fmi_version}, "
