@@ -140,8 +140,7 @@ def plan_band(
             )
         window = periods * period
     elif len(tones) == 1:
-        fit = longest_s / period if math.isfinite(longest_s) else PERIODS[1]
-        window = period * max(PERIODS[0], min(PERIODS[1], math.floor(fit)))
+        window = period * max(PERIODS[0], math.floor(min(PERIODS[1], longest_s / period)))
     else:
         window = period * math.ceil(BEATS / _closest(tones) / period)
     if len(tones) > 1 and window > longest_s:
