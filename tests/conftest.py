@@ -17,7 +17,7 @@ from fitting.fmu.worker import process as worker_process
 from tests.support.fmus import Instance, Unpacked, unpack
 from tests.support.processes import MOST_S, Clock
 from tests.support.shipped_runs import ShippedRun, shipped_run
-from tests.support.twins import twin_of
+from tests.support.twins import swift_model, twin_of
 
 # no claim about time: a busy machine is no fault of the code
 hypothesis.settings.register_profile(
@@ -48,14 +48,12 @@ def twin_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def swift_fmu(request: pytest.FixtureRequest) -> Path:
+def swift_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The twin, which answers in a fifth of the time; without a compiler the FMU itself.
 
     For tests of what is made of the answers: `tests/models/test_native.py` holds both together.
     """
-    name = "oscillator_fmu" if shutil.which("cc") is None else "twin_fmu"
-    path: Path = request.getfixturevalue(name)
-    return path
+    return swift_model("CoupledOscillator", tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from fmu_src.modes_equations import SINGLE, Parameters, matrices
 from fmu_src.oscillator_precise import in_precise_arithmetic
 from fmu_src.start_values import BuildError, checked_start_values
 from tests.support.linear_motion import Modes, Piece, motion
+from tests.support.modes_scenes import PUMP, THREE, TONES
 from tests.support.slaves import Slave
 
 EXACT, ENVELOPE, RK4 = 0, 1, 2
@@ -65,21 +66,6 @@ def apart(found: Any, truth: Any) -> float:
     return float(np.abs(np.asarray(found) - truth).max() / np.abs(truth).max())
 
 
-TONES = {"u1": 0.97, "u2": 1.31, "A1": 1.0, "A2": 0.6, "phase1": 0.3, "phase2": -1.0}
-THREE: Values = TONES | {
-    "f1": 1.0,
-    "f2": 1.3,
-    "f3": 1.45,
-    "d1": 0.05,
-    "d2": 0.08,
-    "d3": 0.06,
-    "lambda12": 0.4,
-    "lambda13": 0.2,
-    "lambda23": 0.3,
-    "g1": 1.0,
-    "g2": -0.5,
-    "g3": 0.7,
-}
 TWO: Values = TONES | {
     "f1": 1.0,
     "f2": 1.3,
@@ -90,15 +76,6 @@ TWO: Values = TONES | {
     "g2": -0.5,
 }
 ONE: Values = TONES | {"f1": 1.1, "d1": 0.07, "g1": -0.8}
-PUMP: Values = {
-    "pump_hz": 0.31,
-    "pump_phase": 0.8,
-    "depth_f1": 0.25,
-    "depth_f2": -0.2,
-    "depth_f3": 0.1,
-    "depth_lambda12": 0.5,
-    "depth_lambda23": -0.4,
-}
 FAST_PUMP: Values = PUMP | {"pump_hz": 3.3}
 SLOW_PUMP: Values = {"pump_hz": 0.0031, "pump_phase": -0.4, "depth_f2": 1e-3}
 UNPUMPED: dict[str, Values] = {

@@ -15,7 +15,7 @@ from fmu_src.modes_equations import Parameters, matrices
 from tests.support import modes_reference as reference
 from tests.support.fmus import DISCARD, OK, Instance
 from tests.support.modes_fmus import Models
-from tests.support.modes_scenes import Scene, eigenfrequencies, scenes
+from tests.support.modes_scenes import PUMP, THREE, Scene, eigenfrequencies, scenes
 
 RK4 = 2
 
@@ -59,34 +59,7 @@ def test_sidebands_are_those_of_a_dense_solve(models: Models, n: int, k: int) ->
         assert abs(line(fmu, f"q{i}_{{}}_u1") - x) <= 1e-13 * size
 
 
-STRONG = {
-    "f1": 1.0,
-    "f2": 1.3,
-    "f3": 1.45,
-    "d1": 0.05,
-    "d2": 0.08,
-    "d3": 0.06,
-    "lambda12": 0.4,
-    "lambda13": 0.2,
-    "lambda23": 0.3,
-    "g1": 1.0,
-    "g2": -0.5,
-    "g3": 0.7,
-    "u1": 0.97,
-    "u2": 1.31,
-    "A1": 1.0,
-    "A2": 0.6,
-    "phase1": 0.3,
-    "phase2": -1.0,
-    "pump_hz": 0.31,
-    "pump_phase": 0.8,
-    "depth_f1": 0.25,
-    "depth_f2": -0.2,
-    "depth_f3": 0.1,
-    "depth_lambda12": 0.5,
-    "depth_lambda13": 0.0,
-    "depth_lambda23": -0.4,
-}
+STRONG: dict[str, float] = THREE | PUMP | {"depth_lambda13": 0.0}
 
 
 def integrated(

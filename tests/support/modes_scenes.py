@@ -10,6 +10,31 @@ import numpy as np
 Scene = dict[str, Any]
 #: Numbers of modes, and how many scenes of each: 200 in all.
 SIZES = {2: 80, 3: 70, 5: 50}
+#: Three modes and two tones near 1 Hz, and a pump of all of them but one coupling.
+TONES: Scene = {"u1": 0.97, "u2": 1.31, "A1": 1.0, "A2": 0.6, "phase1": 0.3, "phase2": -1.0}
+THREE: Scene = TONES | {
+    "f1": 1.0,
+    "f2": 1.3,
+    "f3": 1.45,
+    "d1": 0.05,
+    "d2": 0.08,
+    "d3": 0.06,
+    "lambda12": 0.4,
+    "lambda13": 0.2,
+    "lambda23": 0.3,
+    "g1": 1.0,
+    "g2": -0.5,
+    "g3": 0.7,
+}
+PUMP: Scene = {
+    "pump_hz": 0.31,
+    "pump_phase": 0.8,
+    "depth_f1": 0.25,
+    "depth_f2": -0.2,
+    "depth_f3": 0.1,
+    "depth_lambda12": 0.5,
+    "depth_lambda23": -0.4,
+}
 
 
 def eigenfrequencies(scene: Scene) -> Any:

@@ -43,7 +43,7 @@ def mutant(path: str, line: int, before: str = "2.0", after: str = "4.0") -> Mut
     return Mutant(path=path, line=line, column=0, before=before, after=after)
 
 
-def test_a_fault_is_asked_of_the_quickest_tests_that_run_its_line() -> None:
+def test_a_fault_is_asked_of_tests_that_run_its_line_within_its_limits() -> None:
     seconds = {"tests/fit/a": 5.0, "tests/fit/b": 1.0, "tests/models/c": 2.0, "tests/models/d": 9.0}
     covered = Covered(
         {
