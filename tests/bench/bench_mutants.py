@@ -20,16 +20,16 @@ checkout; faults of lines that no test runs count as survived.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import queue
-import random
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -136,12 +136,27 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _sample(base: Path, count: int, seed: int) -> list[Mutant]:
-    """A sample in which every file has a share by its number of possible faults."""
+    """A sample in which every file has a share by its number of possible faults.
+
+    A fault is drawn or not by its own line, so that the sample stays when other lines change.
+    """
     paths = sorted(
         str(path.relative_to(base)) for room in ROOMS for path in (base / room).rglob("*.py")
     )
-    everything = [mutant for path in paths for mutant in mutants_of(base, path)]
-    return random.Random(seed).sample(everything, min(count, len(everything)))
+    lots = [lot for path in paths for lot in _lots(base, path, seed)]
+    return [mutant for _, mutant in sorted(lots, key=lambda lot: lot[0])[:count]]
+
+
+def _lots(base: Path, path: str, seed: int) -> Iterator[tuple[bytes, Mutant]]:
+    """The faults of a file, each with what it draws: from the text of its line and its place."""
+    lines = (base / path).read_text().splitlines()
+    seen: Counter[str] = Counter()
+    for mutant in mutants_of(base, path):
+        line = lines[mutant.line - 1]
+        column = mutant.column - (len(line) - len(line.lstrip()))
+        drawn = f"{seed} {path} {line.strip()} {column} {mutant.after}"
+        seen[drawn] += 1  # the same line may stand there twice
+        yield hashlib.sha256(f"{drawn} {seen[drawn]}".encode()).digest(), mutant
 
 
 def _journal(path: Path) -> dict[str, str]:
