@@ -199,7 +199,9 @@ def _explored(
     if begin is None:
         return found
     optimum, minima = _moved(evaluator, optimum, begin, minima)
-    return explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
+    known = _counted(evaluator, optimum, found.near)
+    ranges = _ranges(optimum, boxes, options)
+    return explore(evaluator, optimum, ranges, minima, options.only, known)
 
 
 def _beginnings(
@@ -279,13 +281,19 @@ def _moved(
     moved = let_out(evaluator, most_likely(evaluator, [begin.x]))
     here = optimum.expansion
     left = ProfilePoint(value=math.nan, delta=0.0, x=here.x, outputs=here.sample.outputs)
-    known = [*minima, left]
-    try:
-        samples = evaluator([Request(tuple(p.x for p in known), outputs=False)])[0]
-    except Exhausted:
-        return moved, ()
-    counted = [
-        replace(p, delta=moved.delta(float(s.rows @ s.rows)))
-        for p, s in zip(known, samples, strict=True)
-    ]
+    counted = _counted(evaluator, moved, [*minima, left])
     return moved, tuple(p for p in counted if p.delta <= ROOT_95**2)
+
+
+def _counted(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, points: Sequence[ProfilePoint]
+) -> tuple[ProfilePoint, ...]:
+    """Points, chi square counted from another optimum than before; none if that costs too much."""
+    try:
+        samples = evaluator([Request(tuple(p.x for p in points), outputs=False)])[0]
+    except Exhausted:
+        return ()
+    return tuple(
+        replace(p, delta=optimum.delta(float(s.rows @ s.rows)))
+        for p, s in zip(points, samples, strict=True)
+    )

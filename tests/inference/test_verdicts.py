@@ -278,6 +278,25 @@ def test_a_limit_that_the_model_declares_is_knowledge() -> None:
     assert (found.verdict, found.reason) == (Verdict.BOUNDED, "zero lies inside")
 
 
+def vanishing(power: float) -> Profile:
+    """p + q^-power = 1.2 +- 0.1 is measured; q has a room of ten times its most likely value."""
+    p = parameter("p", -50.0, 50.0, start=0.8)
+    q = parameter("q", 1.0, 10.0, start=2.0)
+    rows = whitened(
+        lambda x: np.full(3, (x[0] + x[1] ** -power - 1.2) / (0.1 * math.sqrt(3.0))), p, q
+    )
+    return learnt(rows, (0.95, 2.0)).parameters["p"]
+
+
+def test_a_limit_beyond_which_nothing_changes_leaves_the_end_to_the_data() -> None:
+    """p <= 1.2 + 1.96 sigma, however far q goes; q as a power of 1/4 lets p go on and on."""
+    found = vanishing(1.5)
+    assert found.ends[1] == "crossed"
+    assert found.interval95[1] == pytest.approx(1.2 + 0.1 * Z95, rel=0.02)
+    assert found.interval95[1] >= 1.2 + 0.1 * Z95
+    assert vanishing(0.25).ends[1] == "held"
+
+
 # --- several values
 
 

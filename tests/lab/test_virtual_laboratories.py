@@ -14,7 +14,7 @@ import fitting as ff
 from tests.support import reference
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.findings import findings
-from tests.support.virtual.judge import Judged, Likelihood, Statement
+from tests.support.virtual.judge import Judged, Likelihood, Statement, by_closed_form
 from tests.support.virtual.kinds import KINDS
 from tests.support.virtual.modes import derived, phasors, response
 
@@ -74,6 +74,17 @@ def test_closed_form_answers_as_the_fmu_does(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             closed.residuals(closed.start), by_fmu.residuals(closed.start), rtol=0.0, atol=2e-5
         )
+
+
+@pytest.mark.parametrize("seed", [2000, 2001])
+def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_path: Path) -> None:
+    """The other mode may be damped without end: the data end the width below, and below alone."""
+    laboratory = KINDS["pairs"](seed)
+    for times in (1.0, 10.0):
+        solve = by_closed_form(ff.Fmu("CoupledOscillator"), ("width_plus", "width_minus"))
+        width = solve(laboratory.widened(times), tmp_path / f"{times}").values["width_plus"]
+        assert width.verdict == "bounded below"
+        assert width.interval(0.95)[0] <= laboratory.truth()["width_plus"]
 
 
 def test_equal_fits_of_a_reflection_have_the_same_amplitudes() -> None:

@@ -150,6 +150,27 @@ class Likelihood:
             periods=periods,
         )
 
+    def farther(self, held: Sequence[int], times: float) -> Likelihood:
+        """The same; some parameters may go beyond their limits, as far as the model goes.
+
+        Args:
+            held: indices of the parameters.
+            times: how many times as far: a factor on a value that cannot be negative.
+        """
+        chosen = [self.parameters[i] for i in held]
+        index = list(held)
+        low = to_model(chosen, self.lower[index])
+        high = to_model(chosen, self.upper[index])
+        positive = np.array([p.lower >= 0.0 for p in chosen])
+        more = (times - 1.0) * (high - low)
+        low = np.where(positive, low / times, low - more)
+        high = np.where(positive, high * times, high + more)
+        low = np.maximum(low, [p.least for p in chosen])
+        high = np.minimum(high, [p.most for p in chosen])
+        lower, upper = self.lower.copy(), self.upper.copy()
+        lower[index], upper[index] = to_search(chosen, low), to_search(chosen, high)
+        return replace(self, lower=lower, upper=upper)
+
 
 def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
     """How far a profile may take a parameter from a value: through a box that is no prior."""

@@ -21,7 +21,9 @@ from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
 from fitting.inference.likelihood.inverses import Branches, RangeEnds, inverses, told_twice
+from fitting.inference.likelihood.limits import released
 from fitting.inference.likelihood.profiles import (
+    EXCLUDED,
     STEPS,
     ProfileBranch,
     ProfilePoint,
@@ -55,8 +57,9 @@ class Exploration:
     """What was found around one optimum.
 
     `branches` (downward, upward) and `range_ends` (points at the low and high end that fit, None
-    where none does) by quantity; `minima` are those from other starts that fit. `around` are the
-    branches of the optimum's own valley: `branches` go on from every point beyond that fits.
+    where none does) by quantity; `minima` are those from other starts that fit, `known` what was
+    come by before. `around` are the branches of the optimum's own valley: `branches` go on from
+    every point beyond that fits.
     """
 
     optimum: Optimum
@@ -65,6 +68,7 @@ class Exploration:
     range_ends: Mapping[str, tuple[ProfilePoint | None, ProfilePoint | None]]
     minima: tuple[ProfilePoint, ...]
     ranges: Mapping[str, OutputRange]
+    known: tuple[ProfilePoint, ...] = ()
     around: Mapping[str, Branches] = field(default_factory=dict)
 
     @property
@@ -78,11 +82,19 @@ class Exploration:
     @property
     def fitting(self) -> list[ProfilePoint]:
         """Every point in hand inside the 95 % threshold at which no output is missing."""
+        return self._up_to(ROOT_95**2)
+
+    @property
+    def near(self) -> list[ProfilePoint]:
+        """The same of all points that the data do not exclude for good."""
+        return self._up_to(EXCLUDED)
+
+    def _up_to(self, delta: float) -> list[ProfilePoint]:
         exists = np.isfinite(self.optimum.expansion.sample.outputs)
         return [
             p
-            for p in (*self.points, *self.minima)
-            if p.delta <= ROOT_95**2
+            for p in (*self.points, *self.minima, *self.known)
+            if p.delta <= delta
             and p.outputs.size == exists.size
             and np.all(np.isfinite(p.outputs[exists]))
         ]
@@ -94,11 +106,13 @@ def explore(
     ranges: Mapping[str, OutputRange],
     minima: Sequence[ProfilePoint],
     only: Sequence[str] = (),
+    known: Sequence[ProfilePoint] = (),
 ) -> Exploration:
     """Profiles, those first that the data see: each step is one set of batches.
 
     Values that a linearisation calls open are then tried at the ends of their ranges, and walked
-    where these do not both fit: what lies between two ends that fit decides nothing. In the end
+    where these do not both fit: what lies between two ends that fit decides nothing. The ends of
+    values that are not asked for are tried, too: what fits there may extend others. In the end
     every point in hand that fits and lies beyond an interval is gone on from. Outputs that are
     inverse to each other are walked once.
 
@@ -108,11 +122,14 @@ def explore(
         ranges: of the outputs without data, by name.
         minima: from other starts that fit.
         only: names of the values that are profiled; all if empty.
+        known: points not excluded which another exploration came by.
 
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
-    wanted = tuple(q for q in quantities(optimum, ranges) if not only or q.name in only)
+    every = quantities(optimum, ranges)
+    wanted = tuple(q for q in every if not only or q.name in only)
+    besides = tuple(q for q in every if not q.round and q not in wanted)
     twice = inverses(evaluator, optimum, wanted)
     chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
     wide = [
@@ -125,13 +142,14 @@ def explore(
         optimum=optimum,
         quantities=chosen,
         branches=branches,
-        range_ends={q.name: (None, None) for q in chosen},
+        range_ends={q.name: (None, None) for q in (*chosen, *besides)},
         minima=tuple(minima),
+        known=tuple(known),
         ranges=ranges,
     )
     explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
     explored = _with_outputs(evaluator, explored)
-    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
+    explored = _with_ends(evaluator, explored, _both_ends([*wide, *besides]), _nearest_to_end)
     range_ends = explored.range_ends
     shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
     branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
@@ -143,6 +161,7 @@ def explore(
         if not more:
             break
     explored = _with_ends(evaluator, explored, _lost_ends(explored), _nearest_to_end)
+    explored = replace(explored, branches=released(evaluator, optimum, chosen, explored.branches))
     ends = explored.range_ends
     return replace(
         explored,
@@ -193,7 +212,7 @@ def _with_ends(
 
 
 def _nearest_to_end(explored: Exploration, quantity: Quantity, side: int) -> list[Beginning]:
-    """Points in hand that fit, moved to the end of a range, and the axes that are to stay there.
+    """Points in hand, moved to the end of a range, and the axes that are to stay there.
 
     An output is brought there by what it depends on, the rest being as some such point has it.
     """
@@ -204,7 +223,7 @@ def _nearest_to_end(explored: Exploration, quantity: Quantity, side: int) -> lis
     frozen = _frozen(quantity, moved)
     period = np.where(np.isfinite(likelihood.periods), likelihood.periods, 0.0)
     ways = []
-    for point in explored.fitting:
+    for point in explored.near:
         gap = there - point.x
         gap = gap - period * np.round(gap / likelihood.periods)  # no turns where there is none
         far = float(np.max(np.abs(gap / likelihood.widths)[moved], initial=0.0))
@@ -213,7 +232,7 @@ def _nearest_to_end(explored: Exploration, quantity: Quantity, side: int) -> lis
     begins = [(begin, frozen) for _, begin in ways[:NEAREST]]
     if quantity.index < 0 and ways:  # or all follow the output from where it is nearest to its end
         end = (quantity.low, quantity.high)[side]
-        nearest = min(explored.fitting, key=lambda p: abs(quantity.of(p, likelihood.periods) - end))
+        nearest = min(explored.near, key=lambda p: abs(quantity.of(p, likelihood.periods) - end))
         begins.append((nearest.x, ()))
     return begins
 

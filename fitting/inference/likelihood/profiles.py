@@ -36,6 +36,8 @@ from fitting.text.arrays import FloatArray
 
 #: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
 STEPS, POINTS, REFINEMENTS = 10, 40, 20
+#: Points between two others at which no minimum is reached, after which no more are tried.
+MISSES = 3
 #: A step of sqrt(Dchi^2) across the threshold that is no crossing, once the points are close.
 JUMP = 0.5
 #: A crossing is found where sqrt(Dchi^2) is this close to its threshold.
@@ -301,9 +303,9 @@ class _BranchTracer:
         continuous = yield from self._refine()
         if not continuous and (yield from self._regained()):
             return ""
-        inside, outside = self._bracket()
         if not continuous:
             return "lost"
+        inside, outside = self._bracket()
         besides = [self.quantity.index] if self.quantity.index >= 0 else []
         step = abs(outside.value - (self.quantity.best if inside is None else inside.value))
         self.held = held_at(
@@ -339,13 +341,14 @@ class _BranchTracer:
         Where chi square still jumps across the threshold between points that are close, one side
         has left the least chi square for another valley: the crossing is then none.
         """
+        missed = 0
         for attempt in range(REFINEMENTS):
             inside, outside = self._bracket()
             at, root = (self.quantity.best, 0.0) if inside is None else (inside.value, inside.root)
             if min(ROOT_95 - root, outside.root - ROOT_95) < CLOSE:
                 return True
             share = float(np.clip((ROOT_95 - root) / (outside.root - root), 0.1, 0.9))
-            share = 0.5 if attempt > 1 else share
+            share = 0.5 ** max(missed, 1) if attempt > 1 or missed else share
             gap = abs(outside.value - at)
             target = at + share * (outside.value - at)
             inner = self.optimum.expansion if inside is None else self.places[id(inside)]
@@ -354,9 +357,12 @@ class _BranchTracer:
             if found is None or self._delta(found) > expected:
                 other = yield from self._profiled(target, gap, self.places[id(outside)])
                 found = _lower(found, other)
-            if found is None:
+            if found is not None:
+                self._keep(found)
+            elif missed == MISSES:
                 break
-            self._keep(found)
+            else:  # no minimum is reached there: perhaps one is elsewhere between the two
+                missed += 1
         inside, outside = self._bracket()
         return outside.root - (0.0 if inside is None else inside.root) < JUMP
 
