@@ -52,6 +52,15 @@ def test_one_start_is_no_search() -> None:
     assert outcome.search is None
 
 
+def test_what_noise_does_not_explain_is_searched_for_twelve_times_what_algorithm_2_took() -> None:
+    """Both wells are left with sigmas that nothing lowers."""
+    outcome = run_alternative(course(9.0, 5.0, -3.0))
+    assert outcome.search is not None
+    assert not outcome.search.explained
+    own = sum(step.evaluations for step in outcome.chains[0].steps)
+    assert outcome.search.evaluations >= 12 * own
+
+
 @pytest.mark.parametrize(("right", "lowered"), [(9.0, True), (12.0, False)])
 def test_a_minimum_of_twice_the_least_is_not_lowered(right: float, lowered: bool) -> None:
     """Twice 5 and a tenth of the noise of two rows: 10.2 sigmas."""

@@ -11,6 +11,7 @@ import pytest
 from fitting.campaign.parameters import Parameter, to_model, to_search
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import make_objective
+from fitting.fit.search import evolution
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import Minimum, Search, screened, search_box, worth
 from fitting.fit.search.twins import find_twins
@@ -61,6 +62,14 @@ def test_distances_go_the_short_way_round_and_leave_priors_out() -> None:
     assert apart(decades=100.0) == pytest.approx(1.0 / 3.0)
     narrow = Box((parameter("part", 0.0, 2.0, period=3.0),))  # less than a turn has two ends
     assert narrow.apart(np.array([-0.9]), np.array([0.9])) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize("lower", [0.0, -0.1, -7.3, 1e3])
+def test_a_box_of_one_turn_has_no_ends(lower: float) -> None:
+    """Whatever rounding leaves of the turn between its bounds."""
+    own = (parameter("turn", lower, lower + np.pi, period=np.pi),)
+    first, last = (to_search(own, np.array([lower + share * np.pi])) for share in (0.05, 0.95))
+    assert Box(own).apart(first, last) == pytest.approx(0.1)
 
 
 def test_a_box_without_unknowns_has_no_points() -> None:
@@ -123,6 +132,16 @@ def test_boxes_of_more_parameters_are_screened_by_more_points() -> None:
         assert search.explained
         assert search.screened == points
         assert len(search.minima) == 1
+
+
+def test_two_evolutions_are_two_rounds_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row of ten that nothing lowers, four parameters, one generation after the first."""
+    monkeypatch.setattr(evolution, "GENERATIONS", 1)
+    own = [parameter(f"x{i}", -6.0, 6.0) for i in range(4)]
+    search = search_box(evaluator_of(lambda p: np.append(3.0 * p, [0.0, 10.0]), *own), [], 1, 1)
+    assert not search.explained
+    assert search.screens == 1 + 2
+    assert search.descents == 8 * search.screens
 
 
 def test_without_unknowns_only_the_starts_are_let_down() -> None:

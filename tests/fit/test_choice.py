@@ -24,7 +24,7 @@ from fitting.fit.solver.continuation import (
 )
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.measurement import Evaluation
+from fitting.measurements.measurement import Evaluation, Prediction
 from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray
 from tests.support.datasets import answer, dataset, peaks_measurement, sweep_measurement
@@ -238,6 +238,43 @@ def test_what_is_promised_bounds_every_row_by_its_share() -> None:
     bounded = noise_of(objective, point).bounded
     assert np.abs(bounded.own) == pytest.approx(1e-3 * (1.0 + rows))
     assert bounded.common.shape == (3, 0)
+
+
+def test_what_is_promised_of_a_scale_bounds_the_rows_of_its_series_alone() -> None:
+    """Two series, each scaled by its own maximum, the one by 2 and the other by 4.
+
+    An error e of a maximum moves a row of its series by e (1 + r), and none of the other.
+    """
+    names = ("one", "other")
+    peaks = [peaks_measurement(np.ones(2), np.full(2, 0.1), series=name) for name in names]
+    sweeps = [sweep_measurement(np.array([1.0, 4.0, 1.0]), series=name) for name in names]
+    tops = [Maximum(value=v, frequency_hz=2.0, bias=0.0, bracketed=True) for v in (2.0, 1.0)]
+    answered = Evaluation(
+        (
+            Prediction(np.array([0.25, 0.75])),
+            Prediction(np.array([0.5, 0.125])),
+            *(Prediction(np.empty(0), top) for top in tops),
+        ),
+        promised=(1e-3,) * 4,
+    )
+
+    class Both(RowsResponse):
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
+            return [answered for _ in ps]
+
+    objective = Objective(
+        response=Both(lambda p: np.zeros(4)),
+        parameters=(parameter("p", -1.0, 1.0),),
+        data=Dataset((*peaks, *sweeps)),
+        steps=np.full(1, 1e-4),
+    )
+    [point] = evaluate_many(objective, [np.zeros(1)])
+    scaled = np.array([0.5, 1.5, 2.0, 0.5])
+    assert point.residuals == pytest.approx(scaled - 1.0)
+    wanted = 1e-3 * np.array([[0.5, 0.0], [1.5, 0.0], [0.0, 2.0], [0.0, 0.5]])
+    assert np.abs(noise_of(objective, point).bounded.common) == pytest.approx(wanted)
 
 
 # --- weights, and a misfit that nobody can tell from none

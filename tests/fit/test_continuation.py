@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, linprog
 
+from fitting.campaign import ContinuationSettings
 from fitting.campaign.parameters import Parameter, search_bounds, to_search
 from fitting.fit.alternative import Outcome
 from fitting.fit.alternative import run_alternative as run_course
 from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.options import Options, options_of
 from fitting.fit.solver import interior_point
 from fitting.fit.solver.continuation import (
     Chain,
@@ -310,6 +312,10 @@ def test_the_schedule_and_both_stopping_rules(noisy: Dataset) -> None:
     assert short.best is not None
     assert len(short.best.steps) == 2
     assert "tolerance" in short.best.ended
+
+
+def test_a_campaign_that_says_nothing_is_solved_as_if_there_were_none() -> None:
+    assert options_of(ContinuationSettings()) == Options()
 
 
 def test_the_campaigns_own_start_comes_first() -> None:

@@ -193,6 +193,23 @@ def test_an_output_is_held_by_its_weight(weight: float) -> None:
     assert Constraint(12.0, index=0).residual(end.end.sample) == 0.0
 
 
+def test_a_step_that_gains_next_to_nothing_of_much_that_it_promised_ends_nothing() -> None:
+    """A row of slope -1, four times as steep beyond a kink: 0.03 is promised, 0.001 is gained.
+
+    From there the next step, along the steeper slope, leads to zero.
+    """
+    first, then = 0.03**0.5, 0.029**0.5
+    kink = first - then / 3.0
+
+    def row(x: float) -> float:
+        return float(first - x - 3.0 * max(0.0, x - kink))
+
+    assert row(first) == pytest.approx(-then)
+    end = let_down(box(lambda p: np.array([row(float(p[0])), 0.0]), 1), 0.0)
+    assert end.reached
+    assert end.chi_square < 2e-3
+
+
 def test_chi_square_that_is_low_enough_ends_a_descent() -> None:
     evaluator = box(wider_valley, 2)
     whole = let_down(evaluator, -1.2, 1.0)
@@ -318,6 +335,18 @@ def test_a_limit_holds_what_would_gain_a_tenth_while_the_others_follow(
     """At x = t the least over y is (wanted - 1 - t)^2/2: all of it would be gained."""
     assert held(wanted, x) == limits
     assert held(wanted, x, besides=(0,)) == ()
+
+
+@pytest.mark.parametrize("half", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_at_a_limit_is_within_a_millionth_of_the_box_whatever_its_unit(
+    half: float, side: float
+) -> None:
+    """Ten widths of the noise beyond either end of a box from -half to half."""
+    evaluator = box(lambda p: np.array([10.0 * (p[0] / half - 2.0 * side), 0.0]), 1, half)
+    for share, limits in ((0.5e-6, (0,)), (2e-6, ())):
+        here = begun(evaluator, np.array([side * (1.0 - 2.0 * share) * half]))
+        assert held_at(evaluator.likelihood, here, ()) == limits
 
 
 def test_a_held_output_counts_among_the_rows() -> None:
