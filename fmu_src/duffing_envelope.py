@@ -174,7 +174,7 @@ class EnvelopeSolver:
 
     def _slow(self, t: float) -> Pair:
         """Return w at a time within the last step."""
-        if self._step is None or t == self._reached[0]:
+        if self._step is None:
             return self._reached[1]
         return self._step.between(self.model.rates, t)
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from fmu_src.duffing_envelope import EnvelopeSolver, Settings
 from fmu_src.duffing_equations import Cubic, find_root, shift, solve, steady_squares
 from fmu_src.duffing_exponential import phi, take_step, weights
+from fmu_src.duffing_orbit import averaged_orbit
 from fmu_src.duffing_rk4 import DuffingRungeKutta
 from fmu_src.duffing_slow import SlowModel
 from fmu_src.oscillator_equations import Parameters
@@ -177,10 +178,12 @@ def test_the_envelope_goes_on_from_any_state_as_the_full_equations(
     assert errors.max() < 0.2 * eps * (3.0 * eps + spread)
 
 
-def test_an_envelope_that_is_restored_goes_on_to_the_last_bit() -> None:
+@pytest.mark.parametrize("run_s", [0.0, 0.01])
+def test_an_envelope_that_is_restored_goes_on_to_the_last_bit(run_s: float) -> None:
+    """Stored before its first step, too."""
     solver = EnvelopeSolver(small(), SMALL, Settings(1e-6, False))
     solver.start(0.0, (0j, 0j, 0j, 0j), 0.0)
-    solver.advance(0.01)
+    solver.advance(run_s)
     stored = solver.snapshot()
     again = EnvelopeSolver(small(), SMALL, Settings(1e-6, False))
     again.restore(stored)
@@ -241,6 +244,63 @@ def test_the_shift_is_that_of_the_exact_period(unit: float, alpha: float) -> Non
     other = shift(Cubic(0.0, cubic, 0.0), (0.0, unit**2), 1000.0)
     both = shift(Cubic(0.75 * cubic, 0.0, 0.25 * cubic), (unit**2, unit**2), 1000.0)
     assert (alone, other, both) == pytest.approx((wanted, wanted, wanted), rel=2e-3)
+
+
+@pytest.mark.parametrize("growing", [0, 1])
+def test_a_linear_mode_grows_as_its_exponential_beside_one_that_decays(growing: int) -> None:
+    """x'' + 2 pi d x' + (2 pi eta)^2 x = 0 from x' = 0, up to 1e90 of it: nothing is refused while
+    its cube is a number."""
+    eta, rate = (1000.0, 1050.0)[growing], math.pi * 20.0
+    d = {"d1": -20.0, "d2": 40.0} if growing == 0 else {"d1": 40.0, "d2": -20.0}
+    p = small(theta=0.0, A1=0.0, A2=0.0, **d)
+    solver = EnvelopeSolver(p, Cubic(0.0, 0.0, 0.0), Settings(1e-6, False))
+    begin = [0j, 0j]
+    begin[growing] = 1.0 + 0j
+    solver.start(0.0, (begin[0], begin[1], 0j, 0j), 0.0)
+    turning = math.sqrt((2.0 * math.pi * eta) ** 2 - rate**2)
+    for t in (0.3, 2.0, 2.0001, 3.3):
+        solver.advance(t)
+        phase = turning * t
+        wanted = math.exp(rate * t) * (math.cos(phase) - rate / turning * math.sin(phase))
+        found = solver.displacement(t)
+        assert found[growing] == pytest.approx(wanted, abs=1e-9 * math.exp(rate * t))
+        assert abs(found[1 - growing]) <= 1e-9 * math.exp(rate * t)
+
+
+@pytest.mark.parametrize("upper", [False, True])
+@pytest.mark.parametrize("reflection", [False, True])
+def test_the_averaged_orbit_balances_forces_at_the_drive(reflection: bool, upper: bool) -> None:
+    """(C~ - w^2 + i w D~) Q + N = g A exp(i phase), N = 3/4 alpha_n |Q_n|^2 Q_n + kappa/4
+    (2 |Q_m|^2 Q_n + conj(Q_n) Q_m^2), with much damping between the modes."""
+    p = small(theta=0.6, reflection=reflection, d1=60.0, d2=5.0, A2=0.0)
+    model = SlowModel(p, SMALL, (0.0, 0.0))
+    q = np.array(averaged_orbit(model, model.linear(0.0), upper))
+    c, s, w = math.cos(p.theta), math.sin(p.theta), 2.0 * math.pi * p.u1
+    t = np.array([[-c, s], [s, c]] if reflection else [[c, -s], [s, c]])
+    damping = 2.0 * math.pi * t @ np.diag([p.d1, p.d2]) @ t.T
+    stiffness = (2.0 * math.pi) ** 2 * np.diag([p.eta_plus**2 - p.u1**2, p.eta_minus**2 - p.u1**2])
+    other = q[::-1]
+    cubic = 0.75 * np.array([SMALL.alpha1, SMALL.alpha2]) * np.abs(q) ** 2 * q
+    cubic += 0.25 * SMALL.kappa * (2.0 * np.abs(other) ** 2 * q + q.conjugate() * other**2)
+    drive = p.A1 * cmath.exp(1j * p.phase1) * np.array([p.g1, p.g2])
+    left = (stiffness + 1j * w * damping) @ q + cubic - drive
+    assert np.abs(left).max() < 1e-9 * np.abs(drive).max()
+    assert np.abs(cubic).max() > 1e-3 * np.abs(drive).max()
+
+
+def test_rk4_moves_from_any_state_as_the_full_equations() -> None:
+    """By scipy's DOP853; a thousand substeps in a period of either mode, 10 periods."""
+    p = small()
+    full = SimpleNamespace(**p._asdict(), **SMALL._asdict())
+    q1, q2, v1, v2 = PULLED
+    times = [0.0013, 0.01]
+    start = (q1, q2, 2.0 * math.pi * v1, 2.0 * math.pi * v2)
+    truth = duffing_reference.motion(full, times, start, rtol=1e-11).q
+    solver = DuffingRungeKutta(p, SMALL, Settings(1e-6, False), 1e-6)
+    solver.start(0.0, (complex(q1), complex(q2), complex(v1), complex(v2)), 0.0)
+    for t, row in zip(times, truth, strict=True):
+        solver.advance(t)
+        assert solver.displacement(t) == pytest.approx(row.tolist(), abs=1e-9 * NM)
 
 
 def test_the_orbit_of_rk4_closes_after_a_period() -> None:
