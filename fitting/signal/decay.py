@@ -83,7 +83,7 @@ def _after_loud(y: FloatArray) -> list[int]:
 
 def _modes(y: FloatArray, states: int) -> ComplexArray:
     """Factors z (states,) by which the modes of a decay change from sample to sample."""
-    columns = max(2 * states + 2, y.size // 3)
+    columns = y.size // 3
     rows = y.size - columns + 1
     size = next_fast_len(y.size + columns)
     spectrum = np.fft.rfft(y, size)

@@ -50,3 +50,21 @@ def test_what_does_not_decay_has_no_beginning() -> None:
     rng, t = np.random.default_rng(1), np.arange(1000)
     assert decay_start(rng.standard_normal(1000), 2) is None
     assert decay_start(np.cos(0.3 * t), 2) is None
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_where_a_decay_begins_does_not_depend_on_the_unit(unit: float) -> None:
+    y = record("noise", 700, 1e-3, np.random.default_rng(5))
+    assert decay_start(unit * y, 4) == decay_start(y, 4)
+
+
+@pytest.mark.parametrize("begin", [40, 700])
+def test_a_decay_about_zero_without_noise_begins_at_its_first_sample(begin: int) -> None:
+    """Two modes that add up to nothing, so that their mean takes nothing off: all is explained."""
+    t = np.arange(COUNT, dtype=float) - begin
+    one, other = (
+        np.where(t < 0, 0.0, np.exp(-rate * np.maximum(t, 0)) * np.cos(2 * np.pi * f * t + phase))
+        for f, rate, _, phase in MODES
+    )
+    y = one - other * np.sum(one) / np.sum(other)
+    assert decay_start(y, 4) == begin
