@@ -52,7 +52,9 @@ def test_nothing_moves_along_what_the_rows_do_not_see() -> None:
 def test_directions_below_the_least_are_left_out() -> None:
     matrix, rows = np.diag([3.0, 0.5]), np.array([-3.0, -1.0])
     assert damped_step(matrix, rows, 0.0) == pytest.approx([1.0, 2.0])
-    assert damped_step(matrix, rows, 0.0, least=1.0) == pytest.approx([1.0, 0.0])
+    wide = np.full(2, -9.0), np.full(2, 9.0)
+    for room in (None, wide):  # bounds that are not met change nothing
+        assert damped_step(matrix, rows, 0.0, room, least=1.0) == pytest.approx([1.0, 0.0])
 
 
 def test_a_bound_that_is_met_moves_the_rest() -> None:

@@ -221,6 +221,24 @@ def test_stated_uncertainties_are_the_scatter() -> None:
     np.testing.assert_allclose(np.mean(pulls, axis=0), 0.0, atol=0.25)
 
 
+@pytest.mark.parametrize("q", [0.8, 2.0, 30.0])
+def test_the_error_of_q_is_that_of_a_fit_of_q(q: float) -> None:
+    """With eta and Q for unknowns Q has a variance of its own, whatever eta and width are."""
+    f = np.linspace(300.0, 1900.0, 161)
+
+    def curve(x: FloatArray) -> FloatArray:
+        return lorentz(f, x[0], x[0] / x[1], x[2])
+
+    x = np.array([1000.0, q, 5.0])
+    steps = 1e-5 * np.diag(x)
+    slopes = [(curve(x + h) - curve(x - h)) / (2.0 * np.sum(h)) for h in steps]
+    covariance = 0.01**2 * np.linalg.inv(np.inner(slopes, slopes))
+    fit = fit_resonance(f, curve(x), sigma_v=0.01)
+    assert fit.q == pytest.approx(q, rel=1e-9)
+    assert fit.q_std == pytest.approx(covariance[1, 1] ** 0.5, rel=1e-5)
+    assert fit.eta_std_hz == pytest.approx(covariance[0, 0] ** 0.5, rel=1e-5)
+
+
 def test_complex_background_is_separated() -> None:
     f = 3e4 + np.linspace(-40, 40, 200)
     a = (3e4 + 1.5 - f) * (3e4 + 1.5 + f) + 1j * f * 25.0

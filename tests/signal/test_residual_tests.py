@@ -108,6 +108,19 @@ def test_a_pattern_of_four_points_is_seen_though_neighbours_do_not_correlate() -
     assert residual_structure(e, np.ones((120, 1))).widening < 1.2
 
 
+@pytest.mark.parametrize(("points", "lags"), [(49, 9), (50, 10), (200, 10)])
+def test_a_pattern_is_looked_for_over_a_fifth_of_the_points_and_ten_at_most(
+    points: int, lags: int
+) -> None:
+    """Waves of four points or so in noise, of which all lags together tell more than the first."""
+    wave = np.cos(np.pi / 2.1 * np.arange(points))
+    e = wave + np.random.default_rng(6).standard_normal(points)
+    r = np.array([e[k:] @ e[:-k] for k in range(1, lags + 1)]) / (e @ e)
+    q = points * (points + 2) * np.sum(r**2 / (points - np.arange(1, lags + 1)))
+    assert chi2.sf(q, lags) < chi2.sf(points * (points + 2) * r[0] ** 2 / (points - 1), 1)
+    assert white_noise_p(e) == pytest.approx(2.0 * chi2.sf(q, lags), rel=1e-9, abs=0.0)
+
+
 def test_ten_points_are_judged_and_nine_are_not() -> None:
     """Ljung and Box of two lags: Q_h = m (m + 2) sum r_k^2/(m - k), here (-1)^k (10 - k)/10."""
     e = np.tile([1.0, -1.0], 5)
