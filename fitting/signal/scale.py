@@ -270,9 +270,8 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
         return plain
     t = (f[top] - f[k]) / max(float(np.ptp(f[top])), TINY)
     relative = a[top] / a[k]
-    polynomial = np.polynomial.Polynomial.fit(t, relative**-2.0, 2, w=relative**3)
-    curve = np.asarray(polynomial(t))
-    c0, c1, c2 = (float(c) for c in (*polynomial.convert().coef, 0.0, 0.0)[:3])  # zeros are trimmed
+    c2, c1, c0 = (float(c) for c in np.polyfit(t, relative**-2.0, 2, w=relative**3))
+    curve = c0 + t * (c1 + t * c2)
     lowest = c0 - c1 * c1 / (4 * c2) if c2 > FLAT else 0.0
     if lowest <= 0.0:
         return plain
