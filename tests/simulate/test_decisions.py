@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -183,6 +184,13 @@ def test_a_linear_response_needs_no_more_than_its_tones() -> None:
     assert only(found, Kind.SAMPLES).numbers["finer"] == 5
 
 
+def test_what_folds_onto_the_tone_whatever_is_tried_may_be_all_of_it_and_is_not_more() -> None:
+    """Pulses: forty harmonics as strong as the tone. Each that is folded adds all of it again."""
+    found = plan(together(*(line(k * F_HZ, 1.0) for k in range(1, 42))), 1e-3)
+    assert found.amplitudes[0][0, 0] > 1.5
+    assert only(found, Kind.SAMPLES).bound == 1.0
+
+
 def test_rounding_is_that_of_the_weakest_tone_of_all_drives() -> None:
     strong = replace(DRIVE, tones_hz=(100.0, 130.0))
     output = together(line(100.0, 1.0), line(130.0, 1e-3))
@@ -292,6 +300,80 @@ def test_the_full_model_is_what_is_planned_unless_the_user_has_set_it() -> None:
     assert found.settings == {"approximate": False}
     own = PlanOptions(fixed=frozenset({"approximate"}))
     assert plan(reducible(0.5), 1e-3, own, full={"approximate": False}).settings == {}
+
+
+STATED = Reduction("approximation", {"approximate": True}, bound="{output}_error")
+#: A full model is off by the fourth power of its substep over this: 2.4e-4 at a fortieth of 10 ms.
+FULL_S = 2e-3
+
+
+def stated(off: float, full_s: float = FULL_S) -> LineWorkers:
+    """A full model off by its substep; an approximation off by a part, that states a hundredth."""
+
+    def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
+        part = off if values.get("approximate", False) else 0.0
+        return np.asarray((1.0 + (float(values.get("h", 1e-5)) / full_s) ** 4 + part) * tone(t))
+
+    return LineWorkers({"x": output, "x_error": line(0.0, 0.01)})
+
+
+def stated_plan(
+    workers: LineWorkers,
+    drives: tuple[Drive, ...] = (DRIVE,),
+    options: PlanOptions | None = None,
+) -> DrivePlan:
+    variables: Any = {"x_error": SimpleNamespace(min=None, max=None)}
+    known = Knowledge(AccuracyAnnotation(substep="h", reductions=(STATED,)), variables)
+    return plan_drives(drives, 1e-3, workers, known, options)
+
+
+def test_a_reduction_is_measured_against_a_full_model_whose_own_error_is_told() -> None:
+    """By Richardson's rule the change of a halving of h^4 is fifteen times what is left."""
+    found = stated_plan(stated(2.8e-4))
+    decision = only(found, Kind.MODEL)
+    assert decision.basis is Basis.REFINED
+    own = (float(decision.numbers["step"]) / FULL_S) ** 4
+    assert decision.numbers["own"] == pytest.approx(own, rel=0.01)
+    assert decision.numbers["difference"] == pytest.approx(2.8e-4 - own, rel=0.01)
+    assert 2.0 * 2.8e-4 <= decision.bound <= 0.6e-3
+
+
+@pytest.mark.parametrize(("full_s", "fits"), [(2e-3, False), (2.6e-3, False), (2.9e-3, True)])
+def test_what_a_measured_reduction_takes_is_left_out_elsewhere(full_s: float, fits: bool) -> None:
+    """It takes 0.56 of the accuracy, so the 0.34 beside the maximum's are for 0.6 of shares.
+
+    The substep's quarter is then 1.4e-4, of which a fortieth of a period takes 15/8 (h/T)^4.
+    """
+    first_s = 1.0 / (40.0 * F_HZ)
+    assert (15.0 / 8.0 * (first_s / full_s) ** 4 <= 1e-3 * 0.25 * 0.34 / 0.6) is fits
+    found = stated_plan(stated(2.8e-4, full_s))
+    model = only(found, Kind.MODEL)
+    assert model.taken
+    assert model.bound == pytest.approx(5.6e-4, rel=0.01)
+    assert (float(found.settings["h"]) == first_s) is fits
+    assert found.promised <= 1e-3
+
+
+def test_a_substep_of_the_users_own_is_not_refined_to_measure_a_reduction() -> None:
+    drive = replace(DRIVE, start_values={"h": 1e-4})
+    found = stated_plan(stated(1e-4), (drive,), PlanOptions(fixed=frozenset({"h"})))
+    decision = only(found, Kind.MODEL)
+    assert (decision.basis, decision.taken) == (Basis.STATED, False)
+    assert decision.bound == pytest.approx(0.01)
+
+
+def test_a_stated_bound_holds_for_the_weakest_tone_of_all_drives() -> None:
+    """It is relative to the strongest: of the pair the other one is a tenth."""
+    pair = replace(DRIVE, tones_hz=(100.0, 130.0), start_values={"second": 0.1})
+
+    def output(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
+        return tone(t) + float(values.get("second", 0.0)) * line(130.0, 1.0)(t, values)
+
+    workers = LineWorkers({"x": output, "x_error": line(0.0, 1e-5)})
+    for drives in ((DRIVE, pair), (pair, DRIVE)):
+        decision = only(stated_plan(workers, drives), Kind.MODEL)
+        assert decision.basis is Basis.STATED
+        assert decision.bound == pytest.approx(1e-4)
 
 
 # --- what cannot be planned

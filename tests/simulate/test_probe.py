@@ -128,6 +128,17 @@ def test_a_common_length_is_whole_windows_of_every_drive(
     assert found == (None if common is None else pytest.approx(common, rel=1e-9))
 
 
+def test_what_is_no_whole_period_has_no_common_length() -> None:
+    """A tone whose period is just the window of a pair that has none in common."""
+    pair = drive_of(100.0, 100.0 + 2.0**0.5)
+    length_s = probe_of(pair, x=line(1.0, 1.0)).length_s(pair)
+    single = drive_of(1.0 / length_s)
+    for drives in ((pair, single), (single, pair)):
+        probe = probe_of(*drives, x=line(1.0, 1.0))
+        assert probe.length_s(single) == pytest.approx(length_s, rel=1e-10)
+        assert probe.common_length_s() is None
+
+
 def test_windows_shorten_where_time_costs() -> None:
     """100 and 101.01 Hz: beats of 0.99 s, six of them 5.94 s, a common period of 100 s."""
     drive, single = drive_of(100.0, 101.01), drive_of(77.0)

@@ -160,6 +160,16 @@ def test_the_coarsest_value_within_a_share_is_found_from_anywhere(
     assert bound == pytest.approx(2.0 * value**4 * (1.0 - 1.0 / 16.0), rel=0.01)
 
 
+def test_a_value_that_uses_a_good_part_of_its_share_is_kept_without_another_look() -> None:
+    """Twice 0.1^4 less its sixteenth is 19 % of 1e-3: it and its half are all that is run."""
+    found = parameter(of_order(4.0, 1.0))
+    bound, value = found.coarsest({}, 0.0, 0.1, 1e-3)
+    assert value == 0.1
+    assert bound == pytest.approx(2.0 * 1e-4 * (15.0 / 16.0), rel=0.01)
+    steps = [run.start_values["h"] for run in found.probe.workers.asked]  # type: ignore[attr-defined]
+    assert steps == [0.1, 0.05]
+
+
 def test_bounds_of_the_fmu_are_kept() -> None:
     coarse = parameter(of_order(4.0, 1e-6), high=0.2).coarsest({}, 0.0, 0.5, 1e-3)
     assert coarse[1] == 0.2

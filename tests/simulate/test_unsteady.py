@@ -139,3 +139,10 @@ def test_a_distance_from_a_tone_is_that_of_one_parameter(
     beside = BesideLine(at_hz=at_hz, share=0.1, bin_hz=1.0)
     known = {"u": variable("u", 1000.0), **{each.name: each for each in variables}}
     assert sideband_of(beside, {"u": 1000.0}, {"told": 40.0}, known) == found
+
+
+@pytest.mark.parametrize(("distance_hz", "sign"), [(0.4, "+"), (-0.4, "−")])
+def test_a_pump_of_less_than_a_hertz_has_its_side(distance_hz: float, sign: str) -> None:
+    beside = BesideLine(at_hz=1000.0 + distance_hz, share=0.1, bin_hz=0.01)
+    known = {"u": variable("u", 1000.0), "pump": variable("pump", 0.4)}
+    assert sideband_of(beside, {"u": 1000.0}, {}, known) == Sideband("u", sign, "pump")
