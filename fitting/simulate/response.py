@@ -206,7 +206,6 @@ def simulate(
             does not have.
         FmuFailure: the FMU failed.
     """
-    shown = shown or Shown()
     plan = plan_drive(
         workers, drive, accuracy, settle_s=settle_s, annotation=annotation, shown=shown
     )
