@@ -92,6 +92,62 @@ def test_a_value_that_goes_round_has_no_limits() -> None:
     assert (low, high) == (-math.inf, math.inf)
 
 
+# --- beyond the room
+
+
+def farther(own: Parameter, times: float) -> tuple[float, float]:
+    """Limits of a parameter that may go so many times as far as its box, in its unit."""
+    others = parameter("before", -1.0, 3.0), parameter("after", 1.0, 8.0)
+    both = others[0], own, others[1]
+    inside = evaluator_of(whitened(lambda p: np.zeros(3), *both)).likelihood
+    out = inside.farther([1], times)
+    for now, then in ((out.lower, inside.lower), (out.upper, inside.upper)):
+        assert now[[0, 2]].tolist() == then[[0, 2]].tolist()  # those are not meant
+    low, high = (float(to_model(both, x)[1]) for x in (out.lower, out.upper))
+    return low, high
+
+
+@pytest.mark.parametrize("times", [2.0, 64.0])
+def test_a_positive_value_goes_farther_by_a_factor_each_way(times: float) -> None:
+    assert farther(parameter("p", 1.0, 8.0, scale=0.2), times) == pytest.approx(
+        (1.0 / times, 8.0 * times)
+    )
+    from_zero = parameter("p", 0.0, 0.5, scale=0.2)
+    assert farther(from_zero, times) == pytest.approx((0.0, 0.5 * times))
+
+
+@pytest.mark.parametrize("times", [2.0, 64.0])
+def test_another_value_goes_farther_by_widths_of_its_room_each_way(times: float) -> None:
+    """One width more each way for twice, 63 for 64 times."""
+    own = parameter("p", -1.0, 3.0, scale=0.2)
+    assert farther(own, times) == pytest.approx((3.0 - 4.0 * times, 4.0 * times - 1.0))
+
+
+def test_nothing_goes_farther_than_the_model_declares() -> None:
+    for told, wanted in (
+        ({"least": 0.5, "most": 12.0}, (0.5, 12.0)),
+        ({"least": 0.5}, (0.5, 32.0)),
+        ({"most": 12.0}, (0.25, 12.0)),
+    ):
+        own = parameter("p", 1.0, 8.0, scale=0.2, **told)
+        assert farther(own, 4.0) == pytest.approx(wanted)
+    for told, wanted in (
+        ({"least": -2.0, "most": 4.0}, (-2.0, 4.0)),
+        ({"least": -2.0}, (-2.0, 15.0)),
+        ({"most": 4.0}, (-13.0, 4.0)),
+    ):
+        own = parameter("p", -1.0, 3.0, **told)
+        assert farther(own, 4.0) == pytest.approx(wanted)
+
+
+def test_values_go_farther_each_in_its_own_way() -> None:
+    own = parameter("p", 1.0, 8.0, scale=0.2), parameter("q", -1.0, 3.0)
+    inside = evaluator_of(whitened(lambda p: np.zeros(3), *own)).likelihood
+    out = inside.farther([1, 0], 4.0)
+    assert to_model(own, out.lower) == pytest.approx([0.25, -13.0])
+    assert to_model(own, out.upper) == pytest.approx([32.0, 15.0])
+
+
 # --- the most likely point
 
 
