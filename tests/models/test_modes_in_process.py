@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from fmu_src import coupled_modes, modes_steady
-from fmu_src.modes_equations import SINGLE, Parameters, matrices
+from fmu_src.modes_equations import SINGLE, Parameters, matrices, pairs
+from fmu_src.modes_linear import ModesSolver, at_rest
+from fmu_src.modes_rk4 import ModesRungeKutta
 from fmu_src.oscillator_precise import in_precise_arithmetic
 from fmu_src.start_values import BuildError, checked_start_values
 from tests.support.linear_motion import Modes, Piece, motion
@@ -19,6 +21,7 @@ from tests.support.slaves import Slave
 
 EXACT, ENVELOPE, RK4 = 0, 1, 2
 TWO_PI = 2.0 * math.pi
+ROWS = ("f", "d", "g", "depth_f")
 Values = dict[str, Any]
 
 
@@ -61,6 +64,21 @@ def modes(p: Values) -> Modes:
     )
 
 
+def parameters(p: Values) -> Parameters:
+    """The parameters without an FMU around them."""
+    n = count(p)
+    marks = [f"lambda{i + 1}{j + 1}" for i, j in pairs(n)]
+    rows: dict[str, Any] = {
+        name: tuple(p.get(f"{name}{i + 1}", 0.0) for i in range(n)) for name in ROWS
+    }
+    return Parameters(
+        **rows,
+        coupling=tuple(p[mark] for mark in marks),
+        depth_coupling=tuple(p.get(f"depth_{mark}", 0.0) for mark in marks),
+        **{name: p.get(name, 0.0) for name in SINGLE},
+    )
+
+
 def apart(found: Any, truth: Any) -> float:
     """The largest error over the largest displacement."""
     return float(np.abs(np.asarray(found) - truth).max() / np.abs(truth).max())
@@ -88,6 +106,7 @@ UNPUMPED: dict[str, Values] = {
     "overdamped": TWO | {"d1": 5.0},
     "growing": TWO | {"d1": -0.05, "d2": 0.01},
     "one tone": TWO | {"A1": 0.0},
+    "one mode left alone": TWO | {"lambda12": 0.0, "g2": 0.0},
 }
 PUMPED: dict[str, Values] = {
     "pumped": THREE | PUMP,
@@ -126,6 +145,21 @@ def test_a_start_on_the_orbit_stays_there(solver: int, label: str) -> None:
     found = started(p, solver=solver, periodic_start=True).run(TIMES[:4], *names(p))
     truth = motion([Piece(modes(p), TIMES[:4])], periodic=True, envelope=solver == ENVELOPE)
     assert apart(found, truth) <= worst(solver)
+
+
+@pytest.mark.parametrize("solver", [EXACT, RK4])
+def test_a_start_from_rest_is_at_rest(solver: int) -> None:
+    """One displacement and one velocity of each mode, whoever tells them."""
+    p = parameters(THREE)
+    made = ModesSolver(p, False) if solver == EXACT else ModesRungeKutta(p, 0.0)
+    rest = at_rest(3)
+    made.start(0.4, rest, 0.0)
+    if isinstance(made, ModesSolver):
+        found = [float(x) for x in made.full_state(0.4)]
+    else:
+        found = made.snapshot()["q"] + made.snapshot()["v"]
+    assert found == pytest.approx([0.0] * 6, abs=1e-15)
+    assert len(rest) == len(found)
 
 
 CHANGES: tuple[Values, ...] = (
@@ -344,36 +378,41 @@ def test_sidebands_that_one_side_alone_needs_too_many_of_are_refused() -> None:
     assert "needs more than 1500 sidebands of a drive at 1.3 Hz" in slave.message
 
 
+#: Drive and pump in Hz, sidebands kept below and above, depth and damping in Hz.
 NEAR_RESONANCE = (
-    (0.2, 0.4, 6, 1),
-    (0.2, 0.4, 6, 0),
-    (0.6, 0.4, 6, 0),
-    (1.4, 0.4, 0, 6),
-    (1.8, 0.4, 1, 6),
-    (2.8, 1.8, 0, 6),
-    (0.2, 0.6, 1, 6),
-    (0.2, 0.4, 1, 1),
-    (0.6, 0.8, 1, 6),
-    (0.05, 0.35, 2, 6),
+    (0.2, 0.4, (6, 1), (0.1, 0.05)),
+    (0.2, 0.4, (6, 0), (0.1, 0.05)),
+    (0.6, 0.4, (6, 0), (0.1, 0.05)),
+    (1.4, 0.4, (0, 6), (0.1, 0.05)),
+    (1.8, 0.4, (1, 6), (0.1, 0.05)),
+    (2.8, 1.8, (0, 6), (0.1, 0.05)),
+    (0.2, 0.6, (1, 6), (0.1, 0.05)),
+    (0.2, 0.4, (1, 1), (0.1, 0.05)),
+    (0.6, 0.8, (1, 6), (0.1, 0.05)),
+    (0.05, 0.35, (2, 6), (0.1, 0.05)),
+    (1.8, 3.0, (0, 6), (0.93, 1e-3)),
+    (3.9, 2.6, (1, 6), (0.74, 1e-3)),
+    (1.5, 2.7, (0, 6), (0.99, 0.1)),
 )
 
 
-@pytest.mark.parametrize(("u", "pump_hz", "below", "above"), NEAR_RESONANCE)
+def pumped_mode(depth: float, width: float, pump_hz: float, u: float) -> Values:
+    """One mode at 1 Hz under one tone."""
+    p = ONE | {"f1": 1.0, "d1": width, "g1": 1.0, "pump_hz": pump_hz, "pump_phase": 0.0}
+    return p | {"depth_f1": depth, "u1": u, "A2": 0.0}
+
+
+@pytest.mark.parametrize(("u", "pump_hz", "cut", "mode"), NEAR_RESONANCE)
 def test_the_bound_of_a_cut_is_near_what_it_costs_where_one_mode_resounds_beyond(
-    u: float, pump_hz: float, below: int, above: int, monkeypatch: pytest.MonkeyPatch
+    u: float,
+    pump_hz: float,
+    cut: tuple[int, int],
+    mode: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Only one mode: no norm is larger than its number. Kept sidebands alone, then all."""
-    p = ONE | {"f1": 1.0, "d1": 0.05, "g1": 1.0, "pump_hz": pump_hz, "pump_phase": 0.0}
-    p |= {"depth_f1": 0.1, "u1": u, "A2": 0.0}
-    one = Parameters(
-        f=(1.0,),
-        d=(0.05,),
-        coupling=(),
-        g=(1.0,),
-        depth_f=(0.1,),
-        depth_coupling=(),
-        **{name: p[name] for name in SINGLE},
-    )
+    (below, above), p = cut, pumped_mode(*mode, pump_hz, u)
+    one = parameters(p)
     frame = modes_steady.Frame(matrices(one), None, pump_hz)
     tails = modes_steady._Tail(frame, u, 1), modes_steady._Tail(frame, u, -1)
     with in_precise_arithmetic():
@@ -387,6 +426,56 @@ def test_the_bound_of_a_cut_is_near_what_it_costs_where_one_mode_resounds_beyond
     assert error + beyond <= chain.bound(tails, sizes)
     monkeypatch.setattr(modes_steady._Tail, "after", lambda _tail, _k: 0.0)
     assert error <= chain.bound(tails, sizes) <= 1.3 * error
+
+
+@pytest.mark.parametrize("u", [0.97, 1.31, 4.0])
+def test_sidebands_do_not_depend_on_where_the_chain_is_cut_first(
+    u: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It grows on both sides until its bound holds; by a dense solve."""
+    p = THREE | PUMP | {"u1": u}
+    monkeypatch.setattr(modes_steady._Tail, "first_guess", lambda tail: max(tail.least, 1))
+    made = parameters(p)
+    frame = modes_steady.Frame(matrices(made), None, p["pump_hz"])
+    found = modes_steady.steady_state(frame, made.g, u)
+    truth = modes(p).sidebands(u)
+    size = max(float(np.abs(x).max()) for x in truth.values())
+    for k, x in truth.items():
+        turn = TWO_PI**-2 * np.exp(1j * k * p["pump_phase"])
+        assert np.abs(turn * np.array(found.sideband(k)) - x).max() <= 1e-12 * size
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_what_is_beyond_a_cut_is_bounded_by_its_continued_fraction(sign: int) -> None:
+    """S_k = A(v_k) - (p/2)^2/S_(k+1) of one mode, from far out where it is A(v_k) alone."""
+    u, pump_hz, depth, width = 1.0, 0.02, 0.2, 1e-3
+    made = parameters(pumped_mode(depth, width, pump_hz, u))
+    frame = modes_steady.Frame(matrices(made), None, pump_hz)
+    tail = modes_steady._Tail(frame, u, sign)
+    schur = complex(math.inf)
+    ratios = {}
+    for k in range(2000, tail.least, -1):
+        v = u + sign * k * pump_hz
+        schur = 1.0 - v * v + 1j * v * width - 0.25 * depth * depth / schur
+        ratios[k] = tail.at(k) * abs(schur)
+    assert min(ratios.values()) >= 1.0 - 1e-12
+    last = tail.least + len(tail._bounds)
+    assert ratios[last] <= 1.05
+
+
+@pytest.mark.parametrize("damped", [0, 1])
+def test_the_distance_of_a_block_from_singular_is_not_overstated(damped: int) -> None:
+    """The least singular value of C - v^2 + i v D by numpy, one mode a thousand times as wide."""
+    p = TWO | {"f2": 1.02, "lambda12": 0.42, "d1": 1e-3, "d2": 1e-3, f"d{damped + 1}": 0.9}
+    frame = modes_steady.Frame(matrices(parameters(p)), None, 0.1)
+    c = modes(p).stiffness / TWO_PI**2
+    d = modes(p).damping / TWO_PI
+    shares = []
+    for v in np.linspace(0.0, 2.0, 201).tolist():
+        least = np.linalg.svd(c - v * v * np.eye(2) + 1j * v * d, compute_uv=False).min()
+        shares.append(frame.distance(v) / least)
+    assert max(shares) <= 1.0 + 1e-9
+    assert max(shares) > 0.9
 
 
 # --- stability
