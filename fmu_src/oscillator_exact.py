@@ -74,7 +74,10 @@ class ToneKernel(NamedTuple):
 
 
 class Roots(NamedTuple):
-    """The eigenvalues above the real axis: x1, x2, their difference, and 2 pi times decay rates."""
+    """The eigenvalues above the real axis: x1, x2, their difference, and 2 pi times growth rates.
+
+    x1 is the one that decays no faster than the other.
+    """
 
     x1: complex
     x2: complex
@@ -154,7 +157,10 @@ def rotating_pencil(p: Parameters, centre: float) -> Pencil:
 
 
 def _roots_of(e1: Precise, e2: Precise) -> tuple[Precise, Precise]:
-    """Return the roots of x^2 - e1 x + e2 as mean plus and minus half their gap."""
+    """Return the roots of x^2 - e1 x + e2 as mean plus and minus half their gap.
+
+    A principal root has no negative real part, so the first root has the larger one.
+    """
     mean = e1 * Precise(0.5)
     half_gap = (mean * mean - e2).sqrt()
     return mean + half_gap, mean - half_gap

@@ -89,7 +89,7 @@ class LinearSolver:
     @property
     def grows(self) -> bool:
         """Whether a transient can leave the range of a double."""
-        return self.state is not None and max(self._roots.growth1, self._roots.growth2) > 0.0
+        return self.state is not None and self._roots.growth1 > 0.0
 
     def advance(self, t: float) -> None:
         """Do nothing: the motion at ``t`` s is evaluated from the anchor when it is asked for."""
@@ -103,8 +103,7 @@ class LinearSolver:
             z1, z2, _, _ = self._early(t, dt, dt_low)
             return self._static[0] + z1.real, self._static[1] + z2.real
         q1, q2 = self._orbit(t)
-        growth = self._roots.growth1, self._roots.growth2
-        if growth[0] * dt < DECAYED and growth[1] * dt < DECAYED:
+        if self._roots.growth1 * dt < DECAYED:
             return q1, q2
         e12, e2 = self._exponentials(dt, dt_low)
         (a1, a2), (c1, c2) = self._sum_first, self._sum_second

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fmu_src.coupled_oscillator import CoupledOscillator
+from fmu_src.oscillator_equations import Parameters
 from fmu_src.oscillator_phase import Frequency, difference, kept_phases
 from fmu_src.oscillator_precise import (
     Precise,
@@ -21,6 +22,8 @@ from fmu_src.oscillator_precise import (
     rational_differences,
     upper_factor,
 )
+from fmu_src.oscillator_single import error
+from tests.support import reference
 from tests.support.linear_motion import Modes, Piece, motion
 from tests.support.oscillator_runs import GRID, communication_points, relative_errors
 from tests.support.scenes import Scene
@@ -94,6 +97,8 @@ SCENES: dict[str, Values] = {
     "growing": {"d1": -20.0, "d2": 4.0},
     "the higher mode first": {"eta_plus": 1300.0, "eta_minus": 900.0},
     "gone": {"d1": 300.0, "d2": 400.0},
+    "the first gone": {"theta": 0.1, "d1": 600.0, "d2": 5.0},
+    "the second gone": {"theta": 0.1, "d1": 5.0, "d2": 600.0},
     "no frequency": {"u1": 0.0},
 }
 TIMES = (1e-5, 4e-4, 2.9e-3, 4.1e-3, 0.0204, 0.0711)
@@ -298,6 +303,28 @@ def test_a_mode_that_grows_out_of_range_ends_the_run(growing: str, settings: Val
     assert "the growing oscillation left the range of numbers before 13.0 s" in slave.message
 
 
+@pytest.mark.parametrize("solver", [EXACT, ENVELOPE])
+def test_slow_growth_out_of_range_ends_a_run_as_well(solver: int) -> None:
+    """exp(pi 0.2 t) passes the largest double at 1130 s."""
+    own = {"d1": -0.2, "d2": 40.0, "u1": 990.0, "u2": 991.0, "theta": 0.0}
+    slave = Slave(CoupledOscillator, solver=solver, **(BASE | own))
+    assert slave.step(1000.0)
+    assert all(map(math.isfinite, slave.get(*BOTH)))
+    assert not slave.step(1200.0)
+    assert "the growing oscillation left the range of numbers before 1200.0 s" in slave.message
+
+
+def test_a_model_that_is_given_nothing_is_the_published_string() -> None:
+    """The phasors of both tones on the pair of arXiv:2412.07301, T a rotation, by mpmath."""
+    slave = Slave(CoupledOscillator)
+    assert slave.step(1e-6)
+    string = Scene("published", eta_plus=6.94026e6, eta_minus=7.02760e6)
+    for tone, u in enumerate((string.u1, string.u2), start=1):
+        for mode, x in enumerate(reference.phasors(string, u), start=1):
+            found = complex(*slave.get(*(f"q{mode}_hybrid_{part}_u{tone}" for part in "XY")))
+            assert abs(found - complex(x)) <= 1e-13 * abs(complex(x))
+
+
 @pytest.mark.parametrize("theta", [1.9, 2.9, -0.4, 0.4])
 @pytest.mark.parametrize("reflection", [False, True])
 def test_what_the_parameters_say_is_multiplied_out(theta: float, reflection: bool) -> None:
@@ -396,6 +423,15 @@ def test_what_is_left_out_is_told(settings: Values) -> None:
             errors.append(abs(complex(*slave.get(*names)) - x) / abs(x))
         told = slave.get(f"q{mode + 1}_hybrid_error")[0]
         assert told == pytest.approx(max(errors), rel=1e-7)
+
+
+def test_an_amplitude_where_there_is_none_is_wrong_by_its_whole_size() -> None:
+    """And so is none where there is one: the error is 1. An undriven, uncoupled mode rests."""
+    p = Parameters(**(BASE | {"theta": 0.0, "g2": 0.0}))
+    x = complex(modes(BASE | {"theta": 0.0, "g2": 0.0}).response(p.u1)[0])
+    assert error(p, (x, 0j), p.u1) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert error(p, (0j, 0j), p.u1) == (1.0, 0.0)
+    assert error(p, (x, 1e-9j), p.u1) == pytest.approx((0.0, 1.0), abs=1e-12)
 
 
 # --- phases and precise numbers
@@ -500,3 +536,15 @@ def test_the_upper_factor_holds_the_roots_above_the_axis(roots: tuple[complex, c
         e1, e2 = upper_factor(quartic, (near[0] + near[1], near[0] * near[1]))
         assert close(e1, mp.mpc(roots[0]) + mp.mpc(roots[1]), 42)
         assert close(e2, mp.mpc(roots[0]) * mp.mpc(roots[1]), 42)
+
+
+def test_a_factor_is_settled_when_both_of_its_coefficients_are() -> None:
+    """Roots i and 5i, from x^2 - i sqrt(32) x - 7: Newton's first step keeps the linear term.
+
+    With U = x^2 - i E x - F it does where (26 - E^2 + 2 F)^2 = 2 (25 + F (26 - E^2 + F)).
+    """
+    with in_precise_arithmetic(), mp.workdps(60):
+        quartic = [Precise(c) for c in (25, 0, 26, 0, 1)]
+        e1, e2 = upper_factor(quartic, (Precise(-32).sqrt(), Precise(-7)))
+        assert close(e1, mp.mpc(0, 6), 42)
+        assert close(e2, mp.mpc(-5), 42)
