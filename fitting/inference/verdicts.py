@@ -349,6 +349,8 @@ def _exchange(
 
 def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, str]:
     """The word and why."""
+    if not basis.redundant:  # where a walk then ends is a matter of the box
+        return Verdict.UNKNOWN, "there are no more data than unknowns: nothing tests the model"
     if found.ends == ("round", "round"):
         return Verdict.OPEN, "every value around its period fits"
     said = [_end_words(end, found.held) for end in found.ends]
@@ -361,8 +363,6 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
     share = _share_of_prior(subject, found)
     if share > PRIOR_ALONE:
         return Verdict.OPEN, "its interval is that of its prior"
-    if not basis.redundant:
-        return Verdict.UNKNOWN, "there are no more data than unknowns: nothing tests the model"
     elsewhere = found.exchange or _others_words(subject, found.others)
     if elsewhere:  # it has no bound, either, that another minimum does not keep
         return Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN, elsewhere

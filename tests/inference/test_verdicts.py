@@ -378,7 +378,7 @@ def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     known = learnt(whitened(_opening, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
     assert known.parameters["a"].verdict is Verdict.DETERMINED
     [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
-    assert re.match(r"Beyond the box d = \d+ \(box: 1 to 100\) fits as well, with a = ", said)
+    assert re.match(r"Beyond the box d = [\d.]+ \(box: 1 to 100\) fits as well, with a = ", said)
     assert said.endswith("what is said of a rests on the box.")
     d, a = (float(v) for v in re.findall(r"[ad] = ([\d.]+)", said))
     assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit

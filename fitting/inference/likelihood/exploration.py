@@ -48,6 +48,9 @@ BEYOND, EXTENSIONS = 0.02, 2
 NEAREST = 2
 #: Strides towards an end of a range that is known to fit: they only show what is between.
 OPEN_STEPS = 4
+#: Strides of a parameter to the end of its room, each from where the last one ended: valleys are
+#: curved.
+STRIDES = 4
 #: A branch that nobody walked, to an end that is known to fit.
 BOTH_FIT = ProfileBranch(points=(), end="bound", at_68=math.nan, at_95=math.nan)
 
@@ -59,7 +62,8 @@ class Exploration:
     `branches` (downward, upward) and `range_ends` (points at the low and high end that fit, None
     where none does) by quantity; `minima` are those from other starts that fit, `known` what was
     come by before. `around` are the branches of the optimum's own valley: `branches` go on from
-    every point beyond that fits.
+    every point beyond that fits. `parameters` are all that do not go round, also those that nobody
+    asked for.
     """
 
     optimum: Optimum
@@ -69,6 +73,7 @@ class Exploration:
     minima: tuple[ProfilePoint, ...]
     ranges: Mapping[str, OutputRange]
     known: tuple[ProfilePoint, ...] = ()
+    parameters: tuple[Quantity, ...] = ()
     around: Mapping[str, Branches] = field(default_factory=dict)
 
     @property
@@ -111,9 +116,9 @@ def explore(
     """Profiles, those first that the data see: each step is one set of batches.
 
     Values that a linearisation calls open are then tried at the ends of their ranges, and walked
-    where these do not both fit: what lies between two ends that fit decides nothing. The ends of
-    values that are not asked for are tried, too: what fits there may extend others. In the end
-    every point in hand that fits and lies beyond an interval is gone on from. Outputs that are
+    where these do not both fit: what lies between two ends that fit decides nothing. All parameters
+    are taken to the ends of their room, asked for or not: what fits there may extend others. In the
+    end every point in hand that fits and lies beyond an interval is gone on from. Outputs that are
     inverse to each other are walked once.
 
     Args:
@@ -129,7 +134,6 @@ def explore(
     """
     every = quantities(optimum, ranges)
     wanted = tuple(q for q in every if not only or q.name in only)
-    besides = tuple(q for q in every if not q.round and q not in wanted)
     twice = inverses(evaluator, optimum, wanted)
     chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
     wide = [
@@ -142,20 +146,22 @@ def explore(
         optimum=optimum,
         quantities=chosen,
         branches=branches,
-        range_ends={q.name: (None, None) for q in (*chosen, *besides)},
+        range_ends={q.name: (None, None) for q in chosen},
         minima=tuple(minima),
         known=tuple(known),
+        parameters=tuple(q for q in every if q.index >= 0 and not q.round),
         ranges=ranges,
     )
     explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
     explored = _with_outputs(evaluator, explored)
-    explored = _with_ends(evaluator, explored, _both_ends([*wide, *besides]), _nearest_to_end)
+    explored = _with_ends(evaluator, explored, _both_ends(wide), _nearest_to_end)
     range_ends = explored.range_ends
     shown = [q for q in wide if all(point is not None for point in range_ends[q.name])]
     branches |= _walked(evaluator, optimum, [q for q in wide if q not in shown], range_ends)
     branches |= {q.name: (BOTH_FIT, BOTH_FIT) for q in shown}
     explored = _with_outputs(evaluator, replace(explored, branches=branches))
     explored = replace(explored, around=explored.branches)
+    explored = _with_ways(evaluator, explored)
     for _ in range(EXTENSIONS):
         explored, more = _extended(evaluator, explored)
         if not more:
@@ -252,6 +258,84 @@ def _walked(
     none = ProfileBranch(points=(), end="cost", at_68=math.nan, at_95=math.nan)
     found = [branch or none for branch in run_in_lockstep(traces, evaluator)]
     return {q.name: (found[2 * k], found[2 * k + 1]) for k, q in enumerate(chosen)}
+
+
+def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
+    """The same with what fits on the ways of the parameters to the ends of their room."""
+    walks = run_in_lockstep(to_the_ends(explored, explored.optimum), evaluator)
+    points = possible(evaluator, explored.optimum, [p for walk in walks for p in walk or ()])
+    return replace(explored, known=(*explored.known, *(p for p in points if p is not None)))
+
+
+def to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[list[ProfilePoint]]]:
+    """Every parameter brought to the ends of its room, from the nearest point in hand.
+
+    Args:
+        explored: with the points in hand.
+        wide: the optimum with the room.
+    """
+    likelihood = wide.likelihood
+    here = ProfilePoint(
+        value=math.nan, delta=0.0, x=wide.expansion.x, outputs=wide.expansion.sample.outputs
+    )
+    known = [here, *explored.fitting]
+    tasks = []
+    for quantity in explored.parameters:
+        i = quantity.index
+        for end in (float(likelihood.lower[i]), float(likelihood.upper[i])):
+            nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
+            tasks.append(_walk(wide, quantity, nearest.x, end))
+    return tasks
+
+
+def _walk(
+    wide: Optimum, quantity: Quantity, begin: FloatArray, end: float
+) -> Task[list[ProfilePoint]]:
+    """Points on the way of a parameter to an end, the last of them there, as far as it comes."""
+    parameter = wide.likelihood.parameters[quantity.index]
+    first, last = (
+        parameter.reference + parameter.scale * x for x in (float(begin[quantity.index]), end)
+    )
+    spaced = np.geomspace if first > 0.0 and last > 0.0 else np.linspace
+    way = np.asarray(spaced(first, last, STRIDES + 1))
+    found: list[ProfilePoint] = []
+    for target in (way[1:] - parameter.reference) / parameter.scale:
+        point = yield from value_at(wide, quantity, float(target), begin)
+        if point is not None:
+            found.append(point)
+            begin = point.x
+    return found
+
+
+def cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
+    """Quantities with a value half as far again from the best as where the data cut them.
+
+    Args:
+        explored: profiles around the most likely point.
+    """
+    sides = []
+    for quantity in explored.quantities:
+        for branch in explored.branches[quantity.name]:
+            if branch.end == "crossed" and math.isfinite(branch.at_95):
+                sides.append((quantity, branch.at_95 + 0.5 * (branch.at_95 - quantity.best)))
+    return sides
+
+
+def value_at(
+    optimum: Optimum, quantity: Quantity, target: float, begin: FloatArray
+) -> Task[ProfilePoint | None]:
+    """The least chi square with a quantity at a value, None if that is excluded for good.
+
+    Args:
+        optimum: what chi square is counted from.
+        quantity: what is held.
+        target: where, in x or in the output's unit.
+        begin: search vector where the search begins, shape (n,).
+    """
+    at = begin.copy()
+    if quantity.index >= 0:
+        at[quantity.index] = target
+    return fit_at_end(optimum, quantity, at, target)
 
 
 def _extended(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Exploration, bool]:

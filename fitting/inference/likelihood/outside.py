@@ -13,21 +13,25 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
-from fitting.fit.likelihood.descent import Optimum
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
+from fitting.fit.likelihood.lockstep import Exhausted, run_in_lockstep
 from fitting.fit.search.box import DECADE
-from fitting.inference.likelihood.exploration import Exploration, possible
+from fitting.inference.likelihood.exploration import (
+    Exploration,
+    cut_sides,
+    possible,
+    to_the_ends,
+    value_at,
+)
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, fit_at_end
+from fitting.inference.likelihood.profiles import ProfilePoint
 from fitting.signal.student import ROOT_95
-from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
 #: How many times as wide as the box the surroundings are that are looked at.
 TIMES = 10.0
-#: Points beyond the box, the best ones, from which values are brought beyond their intervals.
-BEGINNINGS = 4
+#: Ends of walks beyond the box, the best, from which values are brought beyond their intervals.
+BEGINNINGS = 6
 #: Share of an interval by which a value lies beyond it.
 BEYOND = 0.02
 
@@ -78,15 +82,16 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Profi
     optimum = explored.optimum
     likelihood = optimum.likelihood
     wide = replace(optimum, likelihood=_with_room(likelihood))
-    sides = _cut_sides(explored)
+    sides = cut_sides(explored)
     if not sides:
         return ()
     evaluator.likelihood = wide.likelihood
     try:
-        tasks = _to_the_ends(explored, wide)
-        reached = [p for p in run_in_lockstep(tasks, evaluator) if p is not None]
-        reached = sorted((p for p in reached if _fits(p)), key=lambda p: p.delta)[:BEGINNINGS]
-        tasks = [_to_value(wide, q, target, p.x) for q, target in sides for p in reached]
+        walks = run_in_lockstep(to_the_ends(explored, wide), evaluator)
+        fitting = [[p for p in walk or () if _fits(p)] for walk in walks]
+        reached = [p for walk in fitting for p in walk]
+        ends = sorted((walk[-1] for walk in fitting if walk), key=lambda p: p.delta)[:BEGINNINGS]
+        tasks = [value_at(wide, q, target, p.x) for q, target in sides for p in ends]
         found = [*reached, *(p for p in run_in_lockstep(tasks, evaluator) if p is not None)]
         return tuple(p for p in possible(evaluator, wide, found) if p is not None and _fits(p))
     except Exhausted:
@@ -109,45 +114,6 @@ def _with_room(likelihood: Likelihood) -> Likelihood:
         lower=np.minimum(likelihood.lower, low),
         upper=np.maximum(likelihood.upper, high),
     )
-
-
-def _cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
-    """Quantities with a value half as far again from the best as where the data cut them."""
-    sides = []
-    for quantity in explored.quantities:
-        for branch in explored.branches[quantity.name]:
-            if branch.end == "crossed" and math.isfinite(branch.at_95):
-                sides.append((quantity, branch.at_95 + 0.5 * (branch.at_95 - quantity.best)))
-    return sides
-
-
-def _to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[ProfilePoint | None]]:
-    """Every parameter brought to the ends of its wider box, from the nearest point in hand."""
-    likelihood = wide.likelihood
-    here = ProfilePoint(
-        value=math.nan, delta=0.0, x=wide.expansion.x, outputs=wide.expansion.sample.outputs
-    )
-    known = [here, *explored.fitting]
-    tasks = []
-    for quantity in explored.quantities:
-        i = quantity.index
-        if i < 0 or math.isfinite(likelihood.periods[i]):
-            continue
-        for end in (float(likelihood.lower[i]), float(likelihood.upper[i])):
-            nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
-            begin = nearest.x.copy()
-            begin[i] = end
-            tasks.append(fit_at_end(wide, quantity, begin, end))
-    return tasks
-
-
-def _to_value(
-    wide: Optimum, quantity: Quantity, target: float, begin: FloatArray
-) -> Task[ProfilePoint | None]:
-    at = begin.copy()
-    if quantity.index >= 0:
-        at[quantity.index] = target
-    return fit_at_end(wide, quantity, at, target)
 
 
 def beyond_sentences(
