@@ -252,6 +252,18 @@ def test_complex_background_is_separated() -> None:
     assert abs(full.background) == pytest.approx(abs(0.1 - 0.05j), rel=1e-5)
 
 
+@pytest.mark.parametrize("depth", [0.05, 0.5, 1.0, 1.6])
+@pytest.mark.parametrize("widths", [1.5, 20.0])
+def test_a_line_that_takes_away_from_a_background_comes_back(depth: float, widths: float) -> None:
+    """Almost opposite to the background at its top; beyond a depth of 1 it is the larger one."""
+    f = 3e4 + 25.0 * np.linspace(-widths, widths, 121)
+    eta = 3e4 + 5.0
+    line = depth * 25.0 * eta / ((eta - f) * (eta + f) + 1j * f * 25.0)
+    fit = fit_resonance(f, 7.0 * np.abs(line + np.exp(1.67j)), background="complex", dip=True)
+    assert fit.eta_hz == pytest.approx(eta, abs=1e-5)
+    assert fit.width_hz == pytest.approx(25.0, rel=1e-6)
+
+
 def test_measured_cantilever_gives_what_another_program_found() -> None:
     raw = read_trace(AFM, "afm")
     fit = fit_resonance(raw.frequency, raw.amplitude)
