@@ -27,6 +27,15 @@ def problem(
     return linearise(rows, matrix, np.diag(sigma**2), prior)
 
 
+def test_noise_twice_as_large_has_twice_the_errors() -> None:
+    generator = np.random.default_rng(6)
+    matrix, sigma = generator.standard_normal((12, 2)), generator.uniform(0.01, 0.02, 12)
+    narrow = problem(matrix, sigma, np.full(2, 1e9), 0.5 * sigma).widened(2.0)
+    wide = problem(matrix, 2.0 * sigma, np.full(2, 1e9), 0.5 * sigma)
+    assert narrow.covariance == pytest.approx(wide.covariance, rel=1e-9)
+    assert narrow.rows == pytest.approx(wide.rows, rel=1e-12)
+
+
 def test_well_determined_values_have_the_textbook_covariance() -> None:
     generator = np.random.default_rng(5)
     matrix, sigma = generator.standard_normal((40, 3)), generator.uniform(0.01, 0.02, 40)

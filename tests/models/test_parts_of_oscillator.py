@@ -409,6 +409,14 @@ def test_one_mode_moves_by_its_own_equation(label: str, other: int, periodic: bo
         assert found_far == pytest.approx(np.array(wanted), abs=1e-10 * np.abs(wanted).max())
 
 
+def test_a_mode_of_a_tenth_of_a_hertz_alone_is_not_overdamped() -> None:
+    p = BASE | {"u1": 0.105, "u2": 0.11, "eta_plus": 0.1, "eta_minus": 0.12, "d1": 0.01, "d2": 0.02}
+    times = 0.5, 3.0, 9.0
+    slave = Slave(CoupledOscillator, **p, b=4.0, other_mode=LEFT_OUT)
+    found = np.array(slave.run(times, *BOTH))[:, [0]]
+    assert apart(found, motion([Piece(alone(p, 0), times, 4.0)], periodic=False)) <= 1e-10
+
+
 @pytest.mark.parametrize("settings", [{"other_mode": 1}, {"other_mode": 2}, {"solver": 1}], ids=str)
 def test_what_is_left_out_is_told(settings: Values) -> None:
     """The worse tone of each mode, against the full equations."""
