@@ -232,7 +232,7 @@ class _Sweep:
         eta, width = plain.eta_hz, plain.width_hz
 
         def second(x: FloatArray) -> ComplexArray:
-            wide = width * LIKE ** math.tanh(float(x[4]))
+            wide = width * math.exp(math.log(LIKE) * math.tanh(float(x[4])))
             return mode_response(self.f, float(eta + width * x[3]), wide)
 
         def residuals(x: FloatArray) -> FloatArray:
