@@ -62,8 +62,8 @@ class Exploration:
     `branches` (downward, upward) and `range_ends` (points at the low and high end that fit, None
     where none does) by quantity; `minima` are those from other starts that fit, `known` what was
     come by before. `around` are the branches of the optimum's own valley: `branches` go on from
-    every point beyond that fits. `parameters` are all that do not go round, also those that nobody
-    asked for.
+    every point beyond that fits. `parameters` are all that do not go round and have no prior of
+    their own (that excludes the ends of their room), also those that nobody asked for.
     """
 
     optimum: Optimum
@@ -117,9 +117,9 @@ def explore(
 
     Values that a linearisation calls open are then tried at the ends of their ranges, and walked
     where these do not both fit: what lies between two ends that fit decides nothing. All parameters
-    are taken to the ends of their room, asked for or not: what fits there may extend others. In the
-    end every point in hand that fits and lies beyond an interval is gone on from. Outputs that are
-    inverse to each other are walked once.
+    without a prior are taken to the ends of their room, asked for or not: what fits there may
+    extend others. In the end every point in hand that fits and lies beyond an interval is gone on
+    from. Outputs that are inverse to each other are walked once.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -133,6 +133,7 @@ def explore(
         FmuFailure: the model failed at more points than can be left out.
     """
     every = quantities(optimum, ranges)
+    free = ~(optimum.likelihood.inverse_prior_sigma > 0.0)
     wanted = tuple(q for q in every if not only or q.name in only)
     twice = inverses(evaluator, optimum, wanted)
     chosen = tuple(q for q in wanted if all(q is not inverse.quantity for inverse in twice))
@@ -149,7 +150,7 @@ def explore(
         range_ends={q.name: (None, None) for q in chosen},
         minima=tuple(minima),
         known=tuple(known),
-        parameters=tuple(q for q in every if q.index >= 0 and not q.round),
+        parameters=tuple(q for q in every if q.index >= 0 and not q.round and free[q.index]),
         ranges=ranges,
     )
     explored = _with_ends(evaluator, explored, _both_ends(chosen), _optimum_at_end)
@@ -270,6 +271,8 @@ def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Explora
 def to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[list[ProfilePoint]]]:
     """Every parameter brought to the ends of its room, from the nearest point in hand.
 
+    Where that is at an end already there is no way to go.
+
     Args:
         explored: with the points in hand.
         wide: the optimum with the room.
@@ -284,7 +287,8 @@ def to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[list[ProfileP
         i = quantity.index
         for end in (float(likelihood.lower[i]), float(likelihood.upper[i])):
             nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
-            tasks.append(_walk(wide, quantity, nearest.x, end))
+            if abs(float(nearest.x[i]) - end) > AT_LIMIT * likelihood.widths[i]:
+                tasks.append(_walk(wide, quantity, nearest.x, end))
     return tasks
 
 
