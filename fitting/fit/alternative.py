@@ -39,6 +39,8 @@ BUDGET_SHARE = 12.0
 #: J of a minimum, in units of the least, from which lowering it at the last nu is in vain; and the
 #: share of the noise that a descent may leave.
 HOPELESS, LEFT = 2.0, 0.1
+#: Minima that are lowered, at most, for each further start: some end in a minimum that is known.
+TRIED = 2
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,8 @@ def run_alternative(course: Course, solved: Sequence[Solved] = ()) -> Outcome:
             outcome = _searched(course, outcome, solved)
             for x, begun in _promising(course, outcome):
                 outcome = _with_start(course, outcome, x, begun)
+                if sum(chain.joined is None for chain in outcome.chains) == schedule.starts:
+                    break
     except KeyboardInterrupt:
         return replace(outcome, interrupted=True)
     return outcome
@@ -193,14 +197,17 @@ def _mirrored(course: Course, search: Search, mirror: Twin) -> Search:
 def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, FloatArray]]:
     """Minima that may have a lower J than Algorithm 2, and where they were come to from.
 
-    None where it stands itself, and one of those that are twins of each other.
+    None where it stands itself, and one of those that are twins of each other. What is as likely as
+    the lowest is tried whatever its J is: an error of the scale that all peaks share costs chi
+    square next to nothing, and each of them a part of J, until that is lowered. There are more than
+    are wanted: some may end in what is known.
     """
     objective, own = course.objective, np.array(outcome.chains[0].steps[-1].x)
     box, search = Box(objective.parameters), outcome.search
     kept: list[Minimum] = []
     places = [own]
     for minimum in () if search is None else search.minima:
-        if len(kept) == course.schedule.starts - 1:
+        if len(kept) == TRIED * (course.schedule.starts - 1):
             break
         images = [minimum.x, *_images(objective, outcome, minimum.x)]
         if any(box.apart(x, place) <= SAME for x in images for place in places):
@@ -212,10 +219,11 @@ def _promising(course: Course, outcome: Outcome) -> list[tuple[FloatArray, Float
     points = evaluate_many(objective, [minimum.x for minimum in kept])
     least = min([outcome.chains[0].steps[-1].j_fit, *(point.j_fit for point in points)])
     enough = HOPELESS * least + LEFT * float(np.sum(objective.data.sigma))
+    as_low, _ = search.apart_by_height() if search is not None else ([], [])
     return [
         (minimum.x, minimum.begun)
         for minimum, point in zip(kept, points, strict=True)
-        if point.j_fit <= enough
+        if point.j_fit <= enough or any(minimum is low for low in as_low)
     ]
 
 

@@ -19,9 +19,9 @@ Range = tuple[float, float]
 #: Jacobians of Algorithm 2 beyond one for each level.
 LEVELS: Range = (3.0, 90.0)
 #: Jacobians of a search of the box (none where an alternative mirrors another one), and of every
-#: further start that is lowered (none where the search finds no other minimum).
+#: further start (none where the search finds no other minimum; two minima may be lowered for it).
 SEARCH: Range = (1.0, 60.0)
-FURTHER: Range = (0.0, 45.0)
+FURTHER: Range = (0.0, 90.0)
 #: Jacobians of a profile, both ways, with its share of the search for other minima.
 PROFILE: Range = (8.0, 120.0)
 #: Jacobians of a refit of the bootstrap.

@@ -87,6 +87,21 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         assert width.interval(0.95)[0] <= laboratory.truth()["width_plus"]
 
 
+def test_a_flat_valley_is_searched_for_the_least_j(tmp_path: Path) -> None:
+    """Peaks see one width alone: chi square is flat along a valley, J has many minima there.
+
+    Scipy's differential evolution found J = 0.02323 at this place, Algorithm 2 and the valley's
+    likeliest point lead to 0.0293.
+    """
+    record = ff.Problem.of(KINDS["readings"](4).write(tmp_path), ff.Fmu("CoupledOscillator")).record
+    problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
+    evolved = np.array([0.31683268, 27.1424522, 1146.67803])
+    found = ff.fit(problem)
+    at, best = (float(np.sum(np.abs(problem.residuals(p)))) for p in (evolved, found.x))
+    assert at == pytest.approx(0.02323, abs=1e-6)
+    assert best < at + 1e-6
+
+
 def test_equal_fits_of_a_reflection_have_the_same_amplitudes() -> None:
     laboratory = KINDS["joint"](1)
     turned = laboratory.truth(reflection=True)

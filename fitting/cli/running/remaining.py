@@ -37,7 +37,7 @@ class Remaining:
             self._seconds_each = state.seconds_each
         words = [
             f"alternative {state.alternative + 1}/{state.alternatives}",
-            f"start {state.start + 1}/{state.starts}",
+            f"start {state.start + 1}/{max(state.start + 1, state.starts)}",
             f"ν = {state.nu:.0e}",
         ]
         j = state.j_fit + state.j_reg

@@ -106,7 +106,8 @@ class FigureFile:
     live: str = ""
 
 
-#: What a figure for print has otherwise: embedded outlines of letters, all of one small size.
+#: What a figure for print has otherwise: fonts as publishers want them, which takes half a second
+#: a figure, and letters all of one small size.
 _PAPER: Any = {
     "font.size": 8.0,
     "axes.titlesize": 8.0,
@@ -208,8 +209,8 @@ def save(drawing: Drawing, folder: Path, *, for_page: bool = False) -> FigureFil
     words = {"Title": drawing.title, "Description": drawing.alt}
     image = io.BytesIO()
     drawing.figure.savefig(image, format="png", dpi=PNG_DPI, metadata={**words, "Software": None})
-    # the layout is found; finding it again takes as long as drawing
-    drawing.figure.set_layout_engine("none")
+    # the layout is found; finding it again takes as long as drawing, and asking for it does, too
+    drawing.figure.set_layout_engine(None)
     vector = io.BytesIO()
     drawing.figure.savefig(vector, format="svg", metadata={**words, "Date": None, "Creator": None})
     write_whole(png, image.getvalue())
@@ -238,8 +239,7 @@ def _for_page(saved: FigureFile, drawing: Drawing) -> FigureFile:
     )
     words = {"Title": drawing.title, "Subject": drawing.alt, "CreationDate": None}
     image = io.BytesIO()
-    with mpl.rc_context({"pdf.fonttype": 42}):
-        drawing.figure.savefig(image, format="pdf", metadata=words)
+    drawing.figure.savefig(image, format="pdf", metadata=words)
     write_whole(table, figure_csv(drawing.figure))
     write_whole(print_, image.getvalue())
     live = as_text(interactive(drawing.figure))
