@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
+from scipy.linalg import expm
 
 from fitting.text.arrays import ComplexArray, FloatArray
 
@@ -19,6 +21,9 @@ TWO_PI = 2.0 * math.pi
 #: The sidebands grow until another pair changes no response by more than this part.
 SIDEBAND_ACCURACY = 1e-12
 MOST_SIDEBANDS = 400
+#: Steps in a period of the fastest oscillation, and in one of the pump at most: slower ones are not
+#: followed.
+STEPS, MOST_STEPS = 40, 200_000
 
 Pairs = Mapping[tuple[int, int], float]
 
@@ -128,6 +133,37 @@ class CoupledModes:
                 return found
             before = found
         raise ValueError(f"more than {MOST_SIDEBANDS} sidebands of the pump would be needed")
+
+    def growth(self) -> float:
+        """By how much a free motion grows in a period of the pump, at most; below 1: all decay.
+
+        The largest Floquet multiplier, |eigenvalues| of the product over one period of
+
+            exp(h G/2) (1 + h K cos(2 pi t/period)) exp(h G/2)
+
+        with G of the modes without pump and K of the pump alone, t in the middle of each step h.
+
+        Raises:
+            ValueError: there is no pump, or one so slow that nobody follows its period.
+        """
+        if self.pump is None:
+            raise ValueError("without a pump nothing can grow")
+        n, fastest = len(self.f_hz), float(self.eigenfrequencies_hz()[-1])
+        count = math.ceil(STEPS * max(fastest / self.pump.frequency_hz, 1.0))
+        if count > MOST_STEPS:
+            raise ValueError(
+                f"a pump at {self.pump.frequency_hz} Hz is too slow to tell whether the motion "
+                f"grows: wanted above {STEPS * fastest / MOST_STEPS:.6g} Hz"
+            )
+        nothing, unit = np.zeros((n, n)), fastest * np.eye(n)
+        still = np.block([[nothing, unit], [-self._stiffness() / fastest, -np.diag(self.d_hz)]])
+        kick = np.block([[nothing, nothing], [-self._modulation() / fastest, nothing]])
+        step = TWO_PI / (self.pump.frequency_hz * count)
+        half = expm(0.5 * step * still)
+        turns = np.cos(TWO_PI * (np.arange(count) + 0.5) / count)
+        moved = half @ (np.eye(2 * n) + step * turns[:, np.newaxis, np.newaxis] * kick) @ half
+        period = reduce(lambda before, then: then @ before, moved)
+        return float(np.abs(np.linalg.eigvals(period)).max())
 
     def _truncated(self, u: FloatArray, reach: int, sideband: int) -> ComplexArray:
         """The response with the sidebands -reach to reach."""

@@ -148,7 +148,19 @@ def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
     Args:
         bench: the truth and how it is swept.
         seed: of the noise.
+
+    Raises:
+        ValueError: a pump makes the motion grow, which has no steady state.
     """
+    for k, (depth, detuning) in enumerate(bench.settings):
+        growth = bench.pumped(k).growth() if depth else 0.0
+        if growth >= 1.0:
+            raise ValueError(
+                f"settings[{k}]: a pump of depth {depth:g} at {bench.apart_hz + detuning:g} Hz "
+                f"makes the motion grow, by {growth:.6g} in each of its periods: there is no "
+                "steady state; wanted less depth, or a pump farther from twice an eigenfrequency "
+                "or a sum of two"
+            )
     rng = np.random.default_rng(seed)
     waves = np.array([bench.response(k) for k in range(len(bench.settings))])
     unpumped = replace(bench, settings=((0.0, 0.0),) * 2)

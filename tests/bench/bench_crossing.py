@@ -8,7 +8,8 @@ own: 41 voltages in random order, 401 points each, drift of all frequencies, a w
 on both quadratures of which the magnitude is measured. Whole spectra are fitted by ``ff.fit`` and
 profiled by ``ff.profile``. The closed form stands in place of the FMU, with --fmu so many
 laboratories go through the FMU itself, one after the other, and tell the processor time of caller
-and worker together. --rising laboratories at each --noise tell verdicts and what of them is false.
+and worker together; --fmu-file names another file of it, as a native one. --rising laboratories at
+each --noise tell verdicts and what of them is false.
 Of three modes both neighbouring couplings are told. With --record finished laboratories are kept
 and not done again. Prints Markdown tables.
 """
@@ -37,6 +38,10 @@ METHOD = ff.Tikhonov(nu=1e-6, beta=0.01, levels=2, misfit="squares")
 Wanted = tuple[int, int, float | None, bool]
 #: Noise of the second table, as a share of the largest amplitude of each spectrum.
 RISING = (0.03, 0.1, 0.3, 1.0, 3.0)
+
+
+#: FMU files by their number of modes, in place of the models of this project.
+FMU_FILES: dict[int, Path] = {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +112,7 @@ def by_fmu(wanted: Wanted) -> Told:
     """One laboratory through the FMU, whose worker ends with it and is counted."""
     seed, modes, noise, _ = wanted
     lab, begun = laboratory(seed, modes=modes, noise=noise), spent_s()
-    with ff.Fmu(f"CoupledModes{modes}", workers=1) as fmu:
+    with ff.Fmu(FMU_FILES.get(modes, f"CoupledModes{modes}"), workers=1) as fmu:
         couplings = told(lab, lab.through(fmu))
     return Told(couplings=couplings, seconds=spent_s() - begun)
 
@@ -215,9 +220,14 @@ def main() -> None:
         "--noise", type=float, nargs="+", default=RISING, help="over the largest amplitude"
     )
     parser.add_argument("--fmu", type=int, default=2, help="laboratories through the FMU")
+    parser.add_argument(
+        "--fmu-file", type=Path, help="FMU of the first of --modes, as a native one"
+    )
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--record", type=Path, help="JSON lines, to resume from")
     args = parser.parse_args()
+    if args.fmu_file:
+        FMU_FILES[args.modes[0]] = args.fmu_file
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     records = Records(args.record)
     print(_head(HEAD), flush=True)

@@ -134,11 +134,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--laboratories", type=int, default=200)
     parser.add_argument("--by-fmu", type=int, default=4)
+    parser.add_argument("--fmu-file", type=Path, help="another CoupledModes2.fmu, as a native one")
     parser.add_argument("--seed", type=int, default=1000)
     parser.add_argument("--record", type=Path, help="JSON lines, to resume from")
     options = parser.parse_args()
     records = Records(options.record)
-    with ff.Fmu("CoupledModes2", 1) as fmu:
+    with ff.Fmu(options.fmu_file or "CoupledModes2", 1) as fmu:
         for what, count, by_fmu in (
             ("closed form", options.laboratories, False),
             ("FMU (this process alone, not the FMU's)", options.by_fmu, True),

@@ -229,6 +229,27 @@ def test_a_descent_that_thirty_steps_do_not_finish_has_not_arrived() -> None:
     assert none is None
 
 
+@pytest.mark.parametrize(("wanted", "arrives"), [(9.0, False), (1e4 + 9.0, True)])
+def test_a_descent_that_will_not_come_to_where_it_is_wanted_is_left(
+    wanted: float, arrives: bool
+) -> None:
+    # the valley's floor is a hundred sigma high at (1, 1): no step leads below
+    evaluator = box(lambda p: np.append(wider_valley(p), 100.0), 2)
+    end = let_down(evaluator, -3.0, 9.0, wanted=wanted)
+    assert end.reached is arrives
+    if arrives:
+        assert end.end.x == pytest.approx([1.0, 1.0], abs=0.05)
+        assert end.end.chi_square == pytest.approx(1e4, abs=2e-3)
+    else:  # three steps tell the pace: with its slopes a point takes three evaluations
+        assert evaluator.evaluations <= 3 * (1 + 4)
+
+
+def test_a_descent_at_a_pace_that_leads_there_is_not_left() -> None:
+    far = let_down(box(wider_valley, 2), -3.0, 9.0, wanted=1e-3)
+    assert far.reached
+    assert far.end.x == pytest.approx([1.0, 1.0], abs=0.05)
+
+
 def test_a_start_without_an_answer_is_none() -> None:
     evaluator = box(lambda p: np.array([p[0], 0.0]), 1)
     here = begun(evaluator, np.ones(1))

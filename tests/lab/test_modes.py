@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from fitting.lab.modes import CoupledModes, Pump
 from fitting.lab.string import TwoModes, steady_state
+from fitting.text.arrays import FloatArray
 from tests.support import modes_reference as reference
 
 THREE = CoupledModes(
@@ -107,3 +109,40 @@ def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:
 def test_a_pump_needs_a_frequency() -> None:
     with pytest.raises(ValueError, match=r"pump frequency 0\.0 Hz"):
         Pump(frequency_hz=0.0)
+
+
+@pytest.mark.parametrize(("share", "grows"), [(0.0, False), (0.998, False), (1.002, True)])
+def test_a_pump_at_twice_the_frequency_lets_motion_grow_from_its_threshold(
+    share: float, grows: bool
+) -> None:
+    """A degenerate parametric amplifier oscillates from the depth 2/Q on (A. Nayfeh, D. Mook)."""
+    quality = 1e4
+    pump = Pump(frequency_hz=2e6, depth_f=(share * 2.0 / quality,))
+    growth = CoupledModes(f_hz=(1e6,), d_hz=(1e6 / quality,), pump=pump).growth()
+    assert (growth > 1.0) is grows
+    # below it the slower quadrature decays as exp(-pi d (1 - share) t)
+    assert np.log(growth) == pytest.approx(-np.pi * 100.0 * (1.0 - share) / 2e6, abs=5e-9)
+
+
+@pytest.mark.parametrize("pump_hz", [300.0, 997.0, 2090.0])
+def test_the_growth_in_a_pump_period_is_that_of_the_integrated_equations(pump_hz: float) -> None:
+    f, d, coupling, depth = np.array([1000.0, 1100.0]), np.array([9.0, 4.0]), 300.0, (0.1, -0.05)
+    modes = CoupledModes(
+        f_hz=(1000.0, 1100.0),
+        d_hz=(9.0, 4.0),
+        coupling_hz={(0, 1): coupling},
+        pump=Pump(frequency_hz=pump_hz, phase_rad=0.4, depth_f=depth, depth_coupling={(0, 1): 0.2}),
+    )
+
+    def moved(t: float, flat: FloatArray) -> FloatArray:
+        x, v = flat.reshape(2, 2, 4)
+        wave = np.cos(2.0 * np.pi * pump_hz * t + 0.4)
+        stiff = np.diag(f**2 * (1.0 + np.array(depth) * wave))
+        stiff[0, 1] = stiff[1, 0] = -(coupling**2) * (1.0 + 0.2 * wave)
+        pull = stiff @ x + d[:, np.newaxis] * v  # v = x'/(2 pi)
+        return np.asarray(2.0 * np.pi * np.stack([v, -pull]).ravel())
+
+    begun = np.stack(np.split(np.eye(4), 2)).ravel()
+    end = solve_ivp(moved, (0.0, 1.0 / pump_hz), begun, method="DOP853", rtol=1e-11, atol=1e-9)
+    wanted = np.abs(np.linalg.eigvals(end.y[:, -1].reshape(4, 4))).max()
+    assert modes.growth() == pytest.approx(wanted, rel=2e-3)

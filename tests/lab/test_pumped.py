@@ -81,6 +81,10 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
         ({"alpha1": 1.0}, "alpha1: has no meaning for the bench 'pumped'"),
         ({"theta_rad": 1.0}, "has no lambda"),
         ({"points": 3}, "wanted 8 points or more"),
+        (
+            {"apart_hz": 2.0 * 6.94026e6},
+            r"settings\[3\]: a pump .* makes the motion grow, by 1\.00",
+        ),
         ({"plan": Path("x.toml")}, "plan: the bench 'pumped' measures its own sweeps"),
         ({"instrument": PhaseDetectors()}, "instrument: the bench 'pumped' .* its amplitudes"),
     ],

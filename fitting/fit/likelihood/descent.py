@@ -29,6 +29,9 @@ from fitting.text.errors import BadInput
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
 ITERATIONS = 30
+#: Steps whose pace tells whether a descent comes to where it is wanted, and how often that pace it
+#: may still take up.
+PACED, SPEEDUP = 3, 2.0
 #: Chi square that a step across the whole box costs at first, and from which nothing moves.
 LEAST_DAMPING, MOST_DAMPING = 0.1, 1e8
 #: Free promises below which a descent that got stuck has arrived all the same.
@@ -145,11 +148,12 @@ def descend(
     constraint: Constraint = UNCONSTRAINED,
     promise: float = PROMISE,
     enough: float = -np.inf,
+    wanted: float = np.inf,
 ) -> Task[Expansion | None]:
     """The nearest minimum of chi square under `constraint`; None where none was reached.
 
     It ends where a linearised step promises less than `promise`, or where chi square, with the row
-    of the constraint, is as low as `enough`.
+    of the constraint, is as low as `enough`; without a minimum where it will not come to `wanted`.
 
     Args:
         likelihood: whose chi square is lowered.
@@ -157,8 +161,9 @@ def descend(
         constraint: that the minimum keeps to.
         promise: decrease of chi square that is no longer worth a step.
         enough: chi square that is low enough.
+        wanted: chi square above which a minimum is of no interest.
     """
-    found = yield from lower(likelihood, here, constraint, promise, enough)
+    found = yield from lower(likelihood, here, constraint, promise, enough, wanted)
     return found.end if found.reached else None
 
 
@@ -168,6 +173,7 @@ def lower(
     constraint: Constraint = UNCONSTRAINED,
     promise: float = PROMISE,
     enough: float = -np.inf,
+    wanted: float = np.inf,
 ) -> Task[Descent]:
     """The same as `descend`, with the lowest point that was come by where no minimum was reached.
 
@@ -177,10 +183,11 @@ def lower(
         constraint: that the minimum keeps to.
         promise: decrease of chi square that is no longer worth a step.
         enough: chi square that is low enough.
+        wanted: chi square above which a minimum is of no interest.
     """
     if not np.isfinite(here.chi_square):
         return Descent(here, reached=False)
-    damping, hope = LEAST_DAMPING, np.inf
+    damping, hope, pace = LEAST_DAMPING, np.inf, _Pace(wanted)
     moved = constraint.index < 0  # a held parameter must first be brought to its value
     for _ in range(ITERATIONS):
         step, promised, left = _proposed(likelihood, here, constraint, damping)
@@ -189,6 +196,8 @@ def lower(
             # a step that is damped promises little anywhere: what did any promise least? The free
             # step here would be stricter, but ends walks of profiles that do go on (q2, seed 70005)
             return Descent(here, hope < STALLED or _merit(here, constraint) <= enough)
+        if moved and pace.is_hopeless(_merit(here, constraint)):
+            return Descent(here, reached=False)
         trial = yield from expansion_at(likelihood, here.x + step, constraint.output >= 0)
         merit = _merit(trial, constraint)
         gain = _merit(here, constraint) - merit
@@ -208,6 +217,30 @@ def lower(
             if damping > MOST_DAMPING:
                 return Descent(here, hope < STALLED)
     return Descent(here, reached=False)
+
+
+class _Pace:
+    """Whether a descent comes to `wanted` in the steps that are left, at the pace of its last ones.
+
+    Ends of boxes that thousands of sigma exclude would else take every one of its steps.
+    """
+
+    def __init__(self, wanted: float) -> None:
+        self.wanted = wanted
+        self.merits: list[float] = []
+
+    def is_hopeless(self, merit: float) -> bool:
+        """Whether it does not, not even at `SPEEDUP` times that pace.
+
+        Args:
+            merit: before its next step.
+        """
+        self.merits.append(merit)
+        if not np.isfinite(self.wanted) or len(self.merits) <= PACED:
+            return False
+        pace = (self.merits[-1 - PACED] - merit) / PACED
+        left = ITERATIONS - len(self.merits) + 1
+        return merit - SPEEDUP * pace * left > self.wanted
 
 
 def _merit(expansion: Expansion, constraint: Constraint) -> float:

@@ -32,7 +32,7 @@ from fitting.inference.likelihood.profiles import (
     trace_branch,
 )
 from fitting.inference.likelihood.ranges import OutputRange
-from fitting.signal.student import ROOT_95
+from fitting.signal.student import ROOT_95, reach
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: Where a search for a fit at the end of a range begins, and the axes that are to stay there.
@@ -295,7 +295,10 @@ def to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[list[ProfileP
 def _walk(
     wide: Optimum, quantity: Quantity, begin: FloatArray, end: float
 ) -> Task[list[ProfilePoint]]:
-    """Points on the way of a parameter to an end, the last of them there, as far as it comes."""
+    """Points on the way of a parameter to an end, the last of them there, as far as it comes.
+
+    Where a stride leads nowhere the end itself is tried from the last point that fits.
+    """
     parameter = wide.likelihood.parameters[quantity.index]
     first, last = (
         parameter.reference + parameter.scale * x for x in (float(begin[quantity.index]), end)
@@ -303,12 +306,15 @@ def _walk(
     spaced = np.geomspace if first > 0.0 and last > 0.0 else np.linspace
     way = np.asarray(spaced(first, last, STRIDES + 1))
     found: list[ProfilePoint] = []
-    for target in (way[1:] - parameter.reference) / parameter.scale:
-        point = yield from value_at(wide, quantity, float(target), begin)
-        if point is not None:
-            found.append(point)
-            begin = point.x
-    return found
+    *targets, last = map(float, (way[1:] - parameter.reference) / parameter.scale)
+    for target in targets:
+        point = yield from value_at(wide, quantity, target, begin)
+        if point is None:
+            break
+        found.append(point)
+        begin = point.x
+    point = yield from value_at(wide, quantity, last, begin)
+    return found if point is None else [*found, point]
 
 
 def cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
@@ -613,13 +619,14 @@ def other_minima(
     # what has a prior of its own is looked for near the best
     has_prior = likelihood.inverse_prior_sigma > 0.0
     starts = [np.where(has_prior, optimum.expansion.x, begin) for begin in begins]
+    threshold = reach(ROOT_95, optimum.noise_freedom) ** 2
 
     def search(x: FloatArray) -> Task[Expansion | None]:
         try:
             here = yield from expansion_at(likelihood, x, False)
             if not math.isfinite(here.chi_square):
                 return None
-            ended = yield from descend(likelihood, here)
+            ended = yield from descend(likelihood, here, wanted=optimum.least + threshold)
             return None if ended is None else (yield from expansion_at(likelihood, ended.x))
         except Exhausted:
             return None

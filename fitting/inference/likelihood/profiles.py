@@ -414,7 +414,13 @@ def fit_at_end(
         here = yield from expansion_at(likelihood, begin)
         if not math.isfinite(quantity.at(here)):
             return None
-        found = yield from descend(likelihood, here, constraint, enough=optimum.least + ENOUGH)
+        found = yield from descend(
+            likelihood,
+            here,
+            constraint,
+            enough=optimum.least + ENOUGH,
+            wanted=optimum.least + reach(math.sqrt(EXCLUDED), quantity.freedom) ** 2,
+        )
     except Exhausted:
         return None
     if found is None:
