@@ -37,6 +37,17 @@ INTERFACE = ("fmi2", "slave")
 #: The file in ``resources`` that says what a native FMU was made from.
 RECORD = "resources/built_from.json"
 
+#: The header of a model of a family: the number in its name.
+SIZE = """\
+/* Written by build_fmu.py from the model's name. */
+#ifndef SIZE_H
+#define SIZE_H
+
+enum {{ SIZE = {number} }};
+
+#endif
+"""
+
 #: No contraction to fused products: sums of two doubles would lose their second, and results would
 #: differ from one compiler to the next.
 COMPILE = ("-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-g0", "-I.")
@@ -217,10 +228,13 @@ def written(
     model_class: type[ModelSlave], module: str, overrides: Mapping[str, StartValue]
 ) -> dict[str, str]:
     """Return the sources that are made for one FMU: file name -> text."""
-    return {
+    made = {
         "model.h": _table_header(model_class, module),
         "table.c": _table_source(model_class, overrides),
     }
+    if number := re.search(r"[0-9]+$", model_class.__name__):
+        made["size.h"] = SIZE.format(number=number[0])
+    return made
 
 
 def _constant(value: StartValue) -> str:

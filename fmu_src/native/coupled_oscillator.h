@@ -9,6 +9,11 @@
 enum solver { EXACT, ENVELOPE, RK4 };
 enum method { LINEAR, SINGLE, RUNGE_KUTTA };
 
+/* All that there is, is stored. */
+struct scratch {
+    bool made;
+};
+
 struct motion {
     int32_t method;
     union {

@@ -282,10 +282,10 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
     slave_settle(&instance->slave, &report);
     tell_all(instance, &report);
     if (*state == NULL)
-        *state = malloc(sizeof instance->slave);
+        *state = malloc(STATE_SIZE);
     if (*state == NULL)
         return fmi2Error;
-    memcpy(*state, &instance->slave, sizeof instance->slave);
+    memcpy(*state, &instance->slave, STATE_SIZE);
     return fmi2OK;
 }
 
@@ -294,7 +294,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     struct instance *instance = component;
     if (state == NULL)
         return fmi2Error;
-    memcpy(&instance->slave, state, sizeof instance->slave);
+    memcpy(&instance->slave, state, STATE_SIZE);
     return fmi2OK;
 }
 
@@ -321,7 +321,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate stat
 {
     (void)component;
     (void)state;
-    *size = sizeof(struct seal) + sizeof(struct slave);
+    *size = sizeof(struct seal) + STATE_SIZE;
     return fmi2OK;
 }
 
@@ -330,14 +330,14 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
 {
     struct seal seal;
     (void)component;
-    if (state == NULL || size < sizeof seal + sizeof(struct slave))
+    if (state == NULL || size < sizeof seal + STATE_SIZE)
         return fmi2Error;
     memset(&seal, 0, sizeof seal);
     strncpy(seal.guid, model_guid, MARK_LENGTH - 1);
-    seal.size = sizeof(struct slave);
-    seal.digest = digest_of((const unsigned char *)state, sizeof(struct slave));
+    seal.size = STATE_SIZE;
+    seal.digest = digest_of((const unsigned char *)state, STATE_SIZE);
     memcpy(bytes, &seal, sizeof seal);
-    memcpy(bytes + sizeof seal, state, sizeof(struct slave));
+    memcpy(bytes + sizeof seal, state, STATE_SIZE);
     return fmi2OK;
 }
 
@@ -348,18 +348,18 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     struct seal seal;
     if (size >= sizeof seal)
         memcpy(&seal, bytes, sizeof seal);
-    if (size != sizeof seal + sizeof(struct slave) ||
-        strncmp(seal.guid, model_guid, MARK_LENGTH) != 0 || seal.size != sizeof(struct slave) ||
+    if (size != sizeof seal + STATE_SIZE ||
+        strncmp(seal.guid, model_guid, MARK_LENGTH) != 0 || seal.size != STATE_SIZE ||
         seal.digest != digest_of((const unsigned char *)bytes + sizeof seal, seal.size)) {
         tell(instance, fmi2Error, "logStatusError",
              "deSerializeFMUstate: these bytes are no state of this FMU, or were changed");
         return fmi2Error;
     }
     if (*state == NULL)
-        *state = malloc(sizeof(struct slave));
+        *state = malloc(STATE_SIZE);
     if (*state == NULL)
         return fmi2Error;
-    memcpy(*state, bytes + sizeof seal, sizeof(struct slave));
+    memcpy(*state, bytes + sizeof seal, STATE_SIZE);
     return fmi2OK;
 }
 

@@ -9,6 +9,11 @@ struct precise precise_of(double re, double im)
     return z;
 }
 
+struct precise precise_of_complex(struct complex z)
+{
+    return precise_of(z.re, z.im);
+}
+
 struct complex precise_complex(struct precise z)
 {
     return complex_of(real_double(z.re), real_double(z.im));

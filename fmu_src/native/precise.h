@@ -25,6 +25,7 @@ struct differences {
 };
 
 struct precise precise_of(double re, double im);
+struct precise precise_of_complex(struct complex z);
 struct complex precise_complex(struct precise z);
 struct precise precise_add(struct precise a, struct precise b);
 struct precise precise_subtract(struct precise a, struct precise b);

@@ -1,5 +1,6 @@
 /* The life of one slave between an FMI and a model: values, phases, failure. It knows neither
- * memory nor the host, so that its state is the record itself, copied.
+ * memory nor the host, so that its state is the record itself, copied, but for the scratch at its
+ * end: what a model makes again from the rest where it is missing or that of another state.
  *
  * "model.h" is written by build_fmu.py: the model's own header, and its variable table in numbers.
  */
@@ -34,7 +35,10 @@ struct slave {
     double values[VARIABLE_COUNT]; /* whole numbers and truth values too */
     struct sentence message;       /* the one String, status_message */
     struct motion motion;          /* the model's own */
+    struct scratch scratch;        /* the model's own, not stored */
 };
+
+#define STATE_SIZE offsetof(struct slave, scratch)
 
 /* What a model provides; each may refuse. */
 bool model_begin(struct slave *slave, double t, struct report *report);
