@@ -179,7 +179,7 @@ def fmu_bytes(
     variant = variant or Variant()
     if variant.name and (not variant.name.isascii() or not variant.name.isidentifier()):
         raise BuildError(f"name {variant.name!r}: wanted letters, digits and _, no digit first")
-    module_name = _module_of(model, source)
+    module_name = module_of(model, source)
     with _loaded(source, module_name) as module:
         model_class = getattr(module, model)
         overrides = checked_start_values(model_class, start_values or {})
@@ -257,8 +257,11 @@ def model_modules(source: Path = SOURCE) -> dict[str, str]:
         return dict(package.MODELS)
 
 
-def _module_of(model: str, source: Path) -> str:
-    """Return the module of a model, which may be of a family with a number in the name."""
+def module_of(model: str, source: Path = SOURCE) -> str:
+    """Return the module of a model, which may be of a family with a number in the name.
+
+    Raises ``BuildError`` for an unknown model.
+    """
     with _loaded(source, None) as package:
         models, families = dict(package.MODELS), dict(package.FAMILIES)
     if model in models:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 import subprocess
 import sys
@@ -55,6 +56,7 @@ def pair(oscillator: Unpacked, twin: Unpacked) -> Iterator[tuple[Instance, Insta
 
 # --- the same numbers ----------------------------------------------------------------------------
 
+DISPLACEMENT = r"q\d(_hybrid)?|readout(_at_u\d)?"
 Run = tuple[list[int], list[dict[str, float]], list[tuple[int, str]]]
 
 
@@ -76,8 +78,10 @@ def run(fmu: Instance, scene: Scene, times: list[float], settings: Mapping[str, 
 def scales(rows: list[dict[str, float]]) -> dict[str, float]:
     """The size of each output: of all displacements together, of a pair of quadratures, its own."""
 
+    displacements = {name for name in rows[0] if re.fullmatch(DISPLACEMENT, name)}
+
     def size(name: str) -> float:
-        alike = {"q1_hybrid", "q2_hybrid", "q1", "q2"}
+        alike = displacements
         if name not in alike:
             alike = {name.replace("_Y_", "_X_"), name.replace("_X_", "_Y_")}
         found = [abs(row[other]) for row in rows for other in alike]

@@ -52,7 +52,7 @@ def swift_model(model: str, factory: pytest.TempPathFactory) -> Path:
 def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:
     """Compile an FMU's binary anew, with all warnings as errors and further options; its path."""
     made = build_fmu.built_from(fmu)
-    module = build_fmu.model_modules()[made.model]
+    module = build_fmu.module_of(made.model)
     model_class = getattr(importlib.import_module(f"fmu_src.{module}"), made.model)
     [tool] = native_binary.toolchains(())
     tool = replace(
