@@ -222,9 +222,10 @@ def _compiled(
     def entries(identity: _Identity) -> list[_Entry]:
         licence = (ROOT / "LICENSE").read_bytes()
         model = (model_class, job.name, job.overrides, identity.guid)
+        told = native_binary.description(*model, derivatives=native_binary.differentiable(sources))
         page = _page(job, model_class, identity).encode()
         made = [
-            _Entry("modelDescription.xml", native_binary.description(*model)),
+            _Entry("modelDescription.xml", told),
             _Entry(
                 native_binary.RECORD,
                 native_binary.record(job.model, job.overrides, platforms),

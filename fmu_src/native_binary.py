@@ -331,8 +331,18 @@ def _universal(parts: Sequence[bytes]) -> bytes:
 # --- the rest of the FMU ------------------------------------------------------------------------
 
 
+def differentiable(sources: Sequence[Path]) -> bool:
+    """Return whether a model of these sources knows derivatives in closed form."""
+    return any(path.name == "tangent.c" for path in sources)
+
+
 def description(
-    model_class: type[ModelSlave], name: str, overrides: Mapping[str, StartValue], guid: str
+    model_class: type[ModelSlave],
+    name: str,
+    overrides: Mapping[str, StartValue],
+    guid: str,
+    *,
+    derivatives: bool,
 ) -> bytes:
     """Return the Python FMU's modelDescription.xml, with what differs in a binary of its own."""
     twin = type(name, (model_class,), {"start_overrides": dict(overrides), "guid_text": guid})
@@ -343,6 +353,8 @@ def description(
         raise BuildError("pythonfmu wrote no CoSimulation")
     co_simulation.set("needsExecutionTool", "false")
     co_simulation.set("canSerializeFMUstate", "true")
+    if derivatives:
+        co_simulation.set("providesDirectionalDerivative", "true")
     text: bytes = parseString(tostring(root, "UTF-8")).toprettyxml(encoding="UTF-8")  # noqa: S318
     return text
 

@@ -4,6 +4,10 @@
 #include <string.h>
 
 #include "slave.h"
+#include "tangent.h"
+
+/* Eigenvalues closer than this part of the largest are one for derivatives. */
+#define COINCIDE 1e-10
 
 /* Variables stand in this order, see fmu_src/coupled_modes.py; there may be no pairs. */
 enum {
@@ -128,6 +132,7 @@ bool model_change(struct slave *slave, double t, struct report *report)
     run->offsets[2] =
         kept_phase(run->offsets[2], run->p.modes.pump_hz, p.modes.pump_hz, t);
     run->p = p;
+    run->since = t;
     return ready(slave, report) && start(slave, t, &state, run->b, report);
 }
 
@@ -338,5 +343,340 @@ bool model_steady(struct slave *slave, double *outputs, struct report *report)
         for (int k = 0; k < MODES; ++k)
             *next += slave->motion.run.p.modes.d[k] * m->shapes[k][i] * m->shapes[k][i];
     }
+    return true;
+}
+
+/* --- directional derivatives -------------------------------------------------------------------- */
+
+static struct real product(double a, double b)
+{
+    return real_multiply(real_of(a), real_of(b));
+}
+
+/* C or C_p, or (seed) their change: twice a frequency times its own change, times its depth, and its
+ * square times the change of the depth. */
+static void write_matrix(const struct slave *slave, const double *seed, bool of_pump,
+                         struct real *rows)
+{
+    const double *v = slave->values;
+    int place = 0;
+    for (int i = 0; i < MODES; ++i)
+        for (int j = i; j < MODES; ++j) {
+            const int at = j == i ? V_f1 + i : V_coupling + place;
+            const int depth = j == i ? V_depth_f1 + i : V_depth_coupling + place;
+            const double size = j == i ? v[at] : -v[at];
+            const double factor = of_pump ? v[depth] : 1.0;
+            struct real x = product(size, v[at]);
+            if (seed != NULL && of_pump)
+                x = real_multiply(x, real_of(seed[depth]));
+            if (seed != NULL)
+                x = real_add(real_multiply(product(2.0 * size, seed[at]), real_of(factor)),
+                             of_pump ? x : real_of(0.0));
+            else
+                x = real_multiply(x, real_of(factor));
+            rows[MODES * i + j] = rows[MODES * j + i] = x;
+            place += j != i;
+        }
+}
+
+/* The equations without their pump, or (seed) what a change of the variables makes of them. */
+static struct linear_system system_of(const struct slave *slave, const double *seed)
+{
+    const double *v = seed ? seed : slave->values;
+    struct linear_system system;
+    int active = 0;
+    memset(&system, 0, sizeof system);
+    system.modes = MODES;
+    system.rotating = slave->motion.solver == ENVELOPE;
+    system.b = v[V_b];
+    write_matrix(slave, seed, false, system.stiffness);
+    for (int i = 0; i < MODES; ++i) {
+        system.damping[(MODES + 1) * i] = real_of(v[V_d1 + i]);
+        system.g[i] = real_of(v[V_g1 + i]);
+    }
+    for (int i = 0; i < 2; ++i) {
+        system.u[i] = v[V_u1 + i];
+        system.size[i] = v[V_A1 + i];
+        system.phase[i] = v[V_phase1 + i];
+        if (slave->values[V_A1 + i] != 0.0) {
+            system.centre += system.u[i];
+            ++active;
+        }
+    }
+    for (int i = 0; i < MODES && active == 0; ++i)
+        system.centre += v[V_f1 + i];
+    system.centre /= active ? active : MODES;
+    return system;
+}
+
+static double cycles_at(const struct slave *slave, int tone, double t)
+{
+    const struct run *run = &slave->motion.run;
+    const struct frequency u = frequency_of(run->p.u[tone], 0.0);
+    return frequency_cycles(&u, t, 0.0) + run->offsets[tone];
+}
+
+/* Of the displacements without a pump, where the solver is an exponential of the equations. */
+static bool write_displacements(struct slave *slave, const struct linear_system *system,
+                                const struct linear_system *change, double *dq)
+{
+    const struct run *run = &slave->motion.run;
+    const double now[] = {cycles_at(slave, 0, slave->time), cycles_at(slave, 1, slave->time)};
+    struct stretch stretch;
+    if (slave->motion.solver == RK4 || pumped(&run->p.modes))
+        return false;
+    memset(&stretch, 0, sizeof stretch);
+    stretch.in_motion = run->in_motion;
+    stretch.since = run->since;
+    if (run->in_motion) {
+        stretch.begin = run->exact.begun_at;
+        memcpy(stretch.state, run->exact.begun.y, sizeof run->exact.begun.y);
+        for (int i = 0; i < 2; ++i)
+            stretch.cycles[i] = cycles_at(slave, i, stretch.begin);
+    }
+    return displacement_tangent(system, change, &stretch, slave->time, now,
+                                &slave->scratch.room, dq);
+}
+
+/* A number as read out, changed by the numbers and by the weights. */
+static struct complex read_change(const struct slave *slave, const double *seed,
+                                  const struct complex *x, const struct complex *dx)
+{
+    struct complex sum = {0.0, 0.0};
+    for (int i = 0; i < MODES; ++i) {
+        sum = c_add(sum, c_scale(slave->values[V_readout1 + i], dx[i]));
+        sum = c_add(sum, c_scale(seed[V_readout1 + i], x[i]));
+    }
+    return sum;
+}
+
+/* A exp(i phase) X/(2 pi)^2 of a tone. */
+static bool phasor_of(struct slave *slave, int tone, struct complex z[MODES],
+                      struct report *report)
+{
+    const struct parameters *p = &slave->motion.run.p;
+    const struct steady *found;
+    struct vector x;
+    memset(z, 0, MODES * sizeof *z);
+    if (p->size[tone] == 0.0)
+        return true;
+    found = response_of(&slave->scratch, tone, report);
+    if (found == NULL)
+        return false;
+    x = steady_sideband(found, 0);
+    for (int i = 0; i < MODES; ++i)
+        z[i] = c_scale(1.0 / FOUR_PI_SQUARED,
+                       c_multiply(c_rect(p->size[tone], p->phase[tone]), x.x[i]));
+    return true;
+}
+
+static bool write_moving(struct slave *slave, const double *seed,
+                         const struct linear_system *system, const struct linear_system *change,
+                         double *outputs)
+{
+    double q[MODES], dq[MODES];
+    struct complex x[MODES], dx[MODES];
+    struct report none = {.warnings = 0};
+    if (!write_displacements(slave, system, change, dq) ||
+        !displacement(slave, slave->time, q, &none))
+        return false;
+    for (int i = 0; i < MODES; ++i) {
+        x[i] = complex_of(q[i], 0.0);
+        dx[i] = complex_of(dq[i], 0.0);
+        outputs[1 + i] = dq[i];
+    }
+    outputs[0] = read_change(slave, seed, x, dx).re;
+    return true;
+}
+
+/* Of a tone's quadratures, and of the read-out's part at it. */
+static bool write_tone(struct slave *slave, const double *seed, int tone,
+                       const struct complex dz[MODES], double *moving, double *steady)
+{
+    const struct complex turn = c_rect(1.0, TWO_PI * cycles_at(slave, tone, slave->time));
+    const double turned =
+        TWO_PI * seed[V_u1 + tone] * (slave->time - slave->motion.run.since);
+    struct complex z[MODES], seen;
+    struct report none = {.warnings = 0};
+    if (!phasor_of(slave, tone, z, &none))
+        return false;
+    for (int i = -1; i < MODES; ++i) {
+        const struct complex part = i < 0 ? read_change(slave, seed, z, dz) : dz[i];
+        steady[4 * (i + 1) + 2 * tone] = part.re;
+        steady[4 * (i + 1) + 2 * tone + 1] = part.im;
+    }
+    seen = c_scale(0.0, z[0]);
+    for (int i = 0; i < MODES; ++i)
+        seen = c_add(seen, c_scale(slave->values[V_readout1 + i], z[i]));
+    seen = c_add(read_change(slave, seed, z, dz), c_multiply(complex_of(0.0, turned), seen));
+    moving[1 + MODES + tone] = c_multiply(seen, turn).re;
+    return true;
+}
+
+/* v_i^T dC v_j of the unpumped modes' shapes. */
+static double between(const struct matrices *m, const struct linear_system *change, int i, int j)
+{
+    double sum = 0.0;
+    for (int k = 0; k < MODES; ++k)
+        for (int l = 0; l < MODES; ++l)
+            sum += m->shapes[k][i] * real_double(change->stiffness[MODES * k + l]) *
+                   m->shapes[l][j];
+    return sum;
+}
+
+/* Of eigenfrequencies and widths; widths of modes that coincide turn with any change. */
+static void write_unpumped(const struct matrices *m, const struct parameters *p,
+                           const struct linear_system *change, double *outputs)
+{
+    for (int i = 0; i < MODES; ++i) {
+        double width = 0.0;
+        outputs[i] = between(m, change, i, i) / (2.0 * m->eta[i]);
+        for (int k = 0; k < MODES; ++k)
+            width += real_double(change->damping[(MODES + 1) * k]) * m->shapes[k][i] *
+                     m->shapes[k][i];
+        for (int j = 0; j < MODES; ++j) {
+            const double gap = (m->eta[i] - m->eta[j]) * (m->eta[i] + m->eta[j]);
+            const double mixed = j == i ? 0.0 : between(m, change, j, i);
+            if (mixed == 0.0)
+                continue;
+            if (fabs(gap) < COINCIDE * m->highest) {
+                width = NAN;
+                outputs[i] = NAN;
+            }
+            for (int k = 0; k < MODES; ++k)
+                width += 2.0 * p->modes.d[k] * m->shapes[k][i] * m->shapes[k][j] * mixed / gap;
+        }
+        outputs[MODES + i] = width;
+    }
+}
+
+/* A exp(i phase)/(2 pi)^2 of a tone, and its change. */
+static void amplitude_of(const struct slave *slave, const double *seed, int tone,
+                         struct complex *a, struct complex *da)
+{
+    const struct parameters *p = &slave->motion.run.p;
+    const struct complex turn = c_scale(1.0 / FOUR_PI_SQUARED, c_rect(1.0, p->phase[tone]));
+    *a = c_scale(p->size[tone], turn);
+    *da = c_multiply(complex_of(seed[V_A1 + tone], p->size[tone] * seed[V_phase1 + tone]), turn);
+}
+
+static void write_steady_change(const struct slave *slave, const double *seed,
+                                const struct linear_system *change, int tone,
+                                struct steady_change *steady)
+{
+    memcpy(steady->stiffness, change->stiffness, sizeof steady->stiffness);
+    write_matrix(slave, seed, true, steady->pump);
+    for (int i = 0; i < MODES; ++i)
+        steady->damping[i] = change->damping[(MODES + 1) * i];
+    memcpy(steady->g, change->g, sizeof steady->g);
+    steady->centre = change->centre;
+    steady->u = change->u[tone];
+    steady->pump_hz = seed[V_pump_hz];
+}
+
+/* Of a tone's quadratures under the pump, and of the read-out's first sidebands. */
+static bool write_pumped_tone(struct slave *slave, const double *seed,
+                              const struct linear_system *change, int tone, double *moving,
+                              double *steady)
+{
+    struct scratch *scratch = &slave->scratch;
+    struct report none = {.warnings = 0};
+    const struct steady *found = response_of(scratch, tone, &none);
+    struct complex a, da, dz[MODES];
+    struct steady_change by;
+    struct vector dx[3], x;
+    write_steady_change(slave, seed, change, tone, &by);
+    amplitude_of(slave, seed, tone, &a, &da);
+    if (found == NULL ||
+        !steady_tangent(&scratch->matrices, &scratch->frame, &by, found, &scratch->chain, dx))
+        return false;
+    for (int place = 0; place < 2; ++place) {
+        const int side = place ? -1 : 1;
+        const struct complex turn = c_rect(1.0, side * slave->motion.run.p.pump_phase);
+        const struct complex turned = complex_of(0.0, side * seed[V_pump_phase]);
+        const struct vector seen = steady_sideband(found, side);
+        const struct complex read = read_out(slave, &seen);
+        struct complex part = c_multiply(a, read_change(slave, seed, seen.x, dx[1 + side].x));
+        part = c_add(part, c_multiply(c_add(da, c_multiply(turned, a)), read));
+        part = c_multiply(part, turn);
+        steady[4 * SEEN + 4 * tone + 2 * place] = part.re;
+        steady[4 * SEEN + 4 * tone + 2 * place + 1] = part.im;
+    }
+    x = steady_sideband(found, 0);
+    for (int i = 0; i < MODES; ++i)
+        dz[i] = c_add(c_multiply(a, dx[1].x[i]), c_multiply(da, x.x[i]));
+    return write_tone(slave, seed, tone, dz, moving, steady);
+}
+
+static bool deepens(const double *seed)
+{
+    bool any = false;
+    for (int i = 0; i < MODES; ++i)
+        any = any || seed[V_depth_f1 + i] != 0.0;
+    for (int i = 0; i < PAIRS; ++i)
+        any = any || seed[V_depth_coupling + i] != 0.0;
+    return any;
+}
+
+/* The first sidebands of the read-out that a pump which is off begins to make: A(v) dX = -dC_p/2 X. */
+static void write_first_sidebands(struct slave *slave, const double *seed, int tone,
+                                  double *sides)
+{
+    const struct scratch *scratch = &slave->scratch;
+    struct complex z[MODES];
+    struct real pump[MODES * MODES];
+    struct report none = {.warnings = 0};
+    if (!phasor_of(slave, tone, z, &none))
+        return;
+    write_matrix(slave, seed, true, pump);
+    for (int place = 0; place < 2; ++place) {
+        const int side = place ? -1 : 1;
+        const struct complex turn = c_rect(1.0, side * slave->motion.run.p.pump_phase);
+        struct precise_matrix block =
+            block_at(&scratch->matrices, &scratch->frame, slave->motion.run.p.u[tone], side);
+        struct precise right[MODES];
+        struct vector x;
+        for (int i = 0; i < MODES; ++i) {
+            struct complex sum = {0.0, 0.0};
+            for (int j = 0; j < MODES; ++j)
+                sum = c_subtract(sum, c_scale(0.5 * real_double(pump[MODES * i + j]), z[j]));
+            right[i] = precise_of_complex(c_multiply(sum, turn));
+        }
+        if (!precise_solve(&block.x[0][0], right, MODES))
+            return;
+        for (int i = 0; i < MODES; ++i)
+            x.x[i] = precise_complex(right[i]);
+        sides[2 * place] = read_out(slave, &x).re;
+        sides[2 * place + 1] = read_out(slave, &x).im;
+    }
+}
+
+bool model_derivative(struct slave *slave, const double *seed, double *moving, double *steady,
+                      struct report *report)
+{
+    const struct parameters *p = &slave->motion.run.p;
+    const bool by_pump = pumped(&p->modes);
+    const struct linear_system system = system_of(slave, NULL), change = system_of(slave, seed);
+    double *errors = steady + 4 * SEEN + 8;
+    if (!ready(slave, report))
+        return false;
+    for (int i = 0; i < MOVING_COUNT; ++i)
+        moving[i] = NAN;
+    for (int i = 0; i < STEADY_COUNT; ++i)
+        steady[i] = NAN;
+    if (!deepens(seed)) /* of the displacements under a pump there is no closed form */
+        write_moving(slave, seed, &system, &change, moving);
+    for (int tone = 0; tone < 2; ++tone) {
+        struct complex dz[MODES];
+        if (by_pump)
+            write_pumped_tone(slave, seed, &change, tone, moving, steady);
+        else if (phasor_tangent(&system, &change, tone, dz))
+            write_tone(slave, seed, tone, dz, moving, steady);
+        if (!by_pump)
+            write_first_sidebands(slave, seed, tone, steady + 4 * SEEN + 4 * tone);
+    }
+    for (int i = 0; i <= SEEN && !by_pump && !system.rotating && !deepens(seed); ++i)
+        errors[i] = 0.0; /* nothing is left out */
+    write_unpumped(&slave->scratch.matrices, p, &change, errors + SEEN + 1);
     return true;
 }

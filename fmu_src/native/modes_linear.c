@@ -330,6 +330,8 @@ static bool exact_begin(struct run *run, struct scratch *scratch, struct state s
                         struct report *report)
 {
     struct real orbit[STATES];
+    run->exact.begun_at = run->t;
+    run->exact.begun = state;
     set_turns(run);
     if (!exact_orbit(run, scratch, orbit, report))
         return false;
@@ -380,8 +382,11 @@ static bool exact_change_input(struct run *run, struct scratch *scratch, double 
 {
     const struct real less = real_subtract(real_of(run->b), real_of(b));
     struct real still[STATES];
-    if (!still_of(scratch, still, report))
+    struct state state;
+    if (!still_of(scratch, still, report) || !exact_total(run, scratch, &state, report))
         return false;
+    run->exact.begun_at = run->t;
+    run->exact.begun = state;
     for (int i = 0; i < STATES; ++i)
         run->exact.free[i] = real_add(run->exact.free[i], real_multiply(less, still[i]));
     run->exact.first = largest_real(run->exact.free);
@@ -597,6 +602,7 @@ bool run_with_input(struct run *run, struct scratch *scratch, double b, double t
             set_turns(run);
         }
     }
+    run->since = t;
     if (!(by_pump ? pumped_change_input(run, scratch, b, report)
                   : exact_change_input(run, scratch, b, report)))
         return false;

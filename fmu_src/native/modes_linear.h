@@ -16,10 +16,13 @@ struct state {
     struct real y[STATES];
 };
 
-/* The transient of unpumped modes, as the generator has it, and the turning of the drive. */
+/* The transient of unpumped modes, as the generator has it, and the turning of the drive; when it
+ * began, and the whole state then, which derivatives go out from. */
 struct exact_motion {
     struct real free[STATES], first;
     struct precise turn[2];
+    double begun_at;
+    struct state begun;
 };
 
 /* The transient of pumped modes: now, and where a pump period began. */
@@ -34,6 +37,7 @@ struct run {
     bool envelope, in_motion; /* in_motion: not on the periodic orbit */
     double offsets[3];        /* cycles added to the tones and the pump by retuning */
     double b, t;              /* t: of the transient */
+    double since;             /* where changed frequencies begin to turn the phase: see tangent.h */
     union {
         struct exact_motion exact;
         struct pumped_motion pumped;
@@ -65,6 +69,7 @@ struct scratch {
     struct steady response[RESPONSES + 1]; /* of both tones, of a held input; of the full equations */
     struct lines lines[2], held;
     struct precise_vector driven[2]; /* responses times amplitudes */
+    struct propagator room;          /* in which derivatives are calculated */
 };
 
 /* Make the scratch for these parameters, if it is that of others. */

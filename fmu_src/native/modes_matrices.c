@@ -115,56 +115,6 @@ struct vector precise_vector_rounded(const struct precise_vector *x)
     return y;
 }
 
-static struct real size_of(struct precise z)
-{
-    return real_add(real_abs(z.re), real_abs(z.im));
-}
-
-/* Bring the row with the largest entry of a column to the diagonal; false where all are 0. */
-static bool pivoted(struct precise_matrix *a, struct precise_vector *right, int i)
-{
-    int best = i;
-    struct precise kept;
-    for (int k = i + 1; k < MODES; ++k)
-        if (!real_at_most(size_of(a->x[k][i]), size_of(a->x[best][i])))
-            best = k;
-    for (int j = 0; j < MODES && best != i; ++j) {
-        kept = a->x[i][j];
-        a->x[i][j] = a->x[best][j];
-        a->x[best][j] = kept;
-    }
-    kept = right->x[i];
-    right->x[i] = right->x[best];
-    right->x[best] = kept;
-    return !precise_is_zero(a->x[i][i]);
-}
-
-bool solve_precise(struct precise_matrix *a, struct precise_vector *right)
-{
-    for (int i = 0; i < MODES; ++i) {
-        if (!pivoted(a, right, i))
-            return false;
-        for (int k = i + 1; k < MODES; ++k) {
-            struct precise factor;
-            if (precise_is_zero(a->x[k][i]))
-                continue;
-            factor = precise_divide(a->x[k][i], a->x[i][i]);
-            for (int j = i + 1; j < MODES; ++j)
-                a->x[k][j] =
-                    precise_subtract(a->x[k][j], precise_multiply(factor, a->x[i][j]));
-            right->x[k] =
-                precise_subtract(right->x[k], precise_multiply(factor, right->x[i]));
-        }
-    }
-    for (int i = MODES - 1; i >= 0; --i) {
-        for (int j = i + 1; j < MODES; ++j)
-            right->x[i] =
-                precise_subtract(right->x[i], precise_multiply(a->x[i][j], right->x[j]));
-        right->x[i] = precise_divide(right->x[i], a->x[i][i]);
-    }
-    return true;
-}
-
 /* --- eigenvalues ------------------------------------------------------------------------------ */
 
 /* Whether an entry beside the diagonal is more than rounding. */

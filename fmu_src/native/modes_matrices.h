@@ -36,8 +36,6 @@ double vector_largest(const struct vector *x);
 /* The root of the sum of squares of some numbers, none of which leaves the range of a double. */
 double norm_of(const double *x, int count);
 struct vector precise_vector_rounded(const struct precise_vector *x);
-/* Solve by elimination with row pivots, the matrix is used up; false where it is singular. */
-bool solve_precise(struct precise_matrix *a, struct precise_vector *right);
 /* Eigenvalues, rising, of a symmetric matrix and its vectors as columns, by Jacobi's rotations. */
 void eigensystem(double matrix[MODES][MODES], double values[MODES],
                  double vectors[MODES][MODES]);

@@ -139,6 +139,13 @@ static double after(const struct tail *tail, int k)
 
 /* --- the chain -------------------------------------------------------------------------------- */
 
+static void halve_pump(const struct matrices *m, struct chain *chain)
+{
+    for (int i = 0; i < MODES; ++i)
+        for (int j = 0; j < MODES; ++j)
+            chain->half_pump.x[i][j] = complex_of(0.5 * m->pump_values[i][j], 0.0);
+}
+
 /* A(v_k) + C_p/2 R_j summed over the neighbours j further out, inverted. */
 static bool eliminate(const struct matrices *m, const struct frame *frame,
                       const struct steady *steady, int k, struct chain *chain)
@@ -191,13 +198,13 @@ static struct vector plus(struct vector a, const struct vector *b)
 
 /* What the equations leave of a right side, to each block's rest. */
 static void write_rest(const struct matrices *m, const struct frame *frame,
-                       const struct steady *steady, const double *g, struct chain *chain)
+                       const struct steady *steady, struct chain *chain)
 {
     for (int k = -steady->below; k <= steady->above; ++k) {
         const struct precise_matrix a = block_at(m, frame, steady->u, k);
         const struct precise *own = block_of(chain, k)->found.x;
         for (int i = 0; i < MODES; ++i) {
-            struct precise rest = precise_of(k == 0 ? g[i] : 0.0, 0.0);
+            struct precise rest = block_of(chain, k)->right.x[i];
             for (int j = 0; j < MODES; ++j) {
                 const struct real weight = real_half(m->pump[i][j]);
                 rest = precise_subtract(rest, precise_multiply(a.x[i][j], own[j]));
@@ -238,8 +245,8 @@ static void solve_in_doubles(const struct steady *steady, struct chain *chain)
         }
 }
 
-/* Solve for X_k, corrected until doubles can hold no more. */
-static bool solved(const struct matrices *m, const struct frame *frame, const double *g,
+/* Solve for the blocks' right sides, corrected until doubles can hold no more. */
+static bool solved(const struct matrices *m, const struct frame *frame,
                    const struct steady *steady, struct chain *chain)
 {
     double before = INFINITY;
@@ -247,7 +254,7 @@ static bool solved(const struct matrices *m, const struct frame *frame, const do
         memset(&block_of(chain, k)->found, 0, sizeof(struct precise_vector));
     for (;;) {
         double size = 0.0, largest = 0.0;
-        write_rest(m, frame, steady, g, chain);
+        write_rest(m, frame, steady, chain);
         solve_in_doubles(steady, chain);
         for (int k = -steady->below; k <= steady->above; ++k) {
             struct block *block = block_of(chain, k);
@@ -316,6 +323,14 @@ static double bound_of(const struct matrices *m, const struct steady *steady, st
             (after(&chain->tail[0], steady->above) + after(&chain->tail[1], steady->below)));
 }
 
+/* A unit tone on the gains as the right side. */
+static void push(const double *g, const struct steady *steady, struct chain *chain)
+{
+    for (int k = -steady->below; k <= steady->above; ++k)
+        for (int i = 0; i < MODES; ++i)
+            block_of(chain, k)->right.x[i] = precise_of(k == 0 ? g[i] : 0.0, 0.0);
+}
+
 /* Take over the solution; the norm of the largest sideband. */
 static double keep(struct chain *chain, struct steady *steady)
 {
@@ -333,9 +348,7 @@ static double keep(struct chain *chain, struct steady *steady)
 static bool pumped_steady(const struct matrices *m, const struct frame *frame, const double *g,
                           struct chain *chain, struct steady *steady, struct report *report)
 {
-    for (int i = 0; i < MODES; ++i)
-        for (int j = 0; j < MODES; ++j)
-            chain->half_pump.x[i][j] = complex_of(0.5 * m->pump_values[i][j], 0.0);
+    halve_pump(m, chain);
     if (!tail_of(m, frame, steady->u, 1, &chain->tail[0], report) ||
         !tail_of(m, frame, steady->u, -1, &chain->tail[1], report))
         return false;
@@ -348,7 +361,8 @@ static bool pumped_steady(const struct matrices *m, const struct frame *frame, c
                           "the pump at pump_hz = %r Hz needs more than %d sidebands of a drive at "
                           "%r Hz: a faster or a weaker pump is wanted",
                           frame->pump_hz, MOST_SIDEBANDS, steady->u);
-        if (!eliminated(m, frame, steady, chain) || !solved(m, frame, g, steady, chain))
+        push(g, steady, chain);
+        if (!eliminated(m, frame, steady, chain) || !solved(m, frame, steady, chain))
             return refuse(report,
                           "the sidebands of the pump at pump_hz = %r Hz cannot be solved for: the "
                           "modes are too close to undamped, or to instability",
@@ -374,10 +388,72 @@ bool steady_of(const struct matrices *m, const struct frame *frame, const double
     block = block_at(m, frame, u, 0);
     for (int i = 0; i < MODES; ++i)
         steady->carrier.x[i] = precise_of(g[i], 0.0);
-    if (!solve_precise(&block, &steady->carrier))
+    if (!precise_solve(&block.x[0][0], steady->carrier.x, MODES))
         return refuse(report,
                       "a drive at %r Hz has no steady state: it lies on an undamped eigenfrequency",
                       u);
     steady->sideband[MOST_SIDEBANDS] = precise_vector_rounded(&steady->carrier);
+    return true;
+}
+
+/* --- what a change does -------------------------------------------------------------------------- */
+
+/* Take from a block's right side what a matrix makes of a sideband. */
+static void take(const struct real *rows, bool halved, const struct vector *x,
+                 struct precise_vector *right)
+{
+    for (int i = 0; i < MODES; ++i)
+        for (int j = 0; j < MODES; ++j) {
+            const struct real factor =
+                halved ? real_half(rows[MODES * i + j]) : rows[MODES * i + j];
+            const struct precise z = precise_of_complex(x->x[j]);
+            right->x[i].re = real_subtract(right->x[i].re, real_multiply(factor, z.re));
+            right->x[i].im = real_subtract(right->x[i].im, real_multiply(factor, z.im));
+        }
+}
+
+/* What the change leaves of a block's equations: dg - dA X_k - dC_p/2 (X_(k-1) + X_(k+1)). */
+static void change_block(const struct matrices *m, const struct frame *frame,
+                         const struct steady_change *change, const struct steady *steady, int k,
+                         struct precise_vector *right)
+{
+    const double c = frame->centre, dc = change->centre;
+    const double v = steady->u + k * frame->pump_hz, dv = change->u + k * change->pump_hz;
+    const double square =
+        frame->rotating ? dc * (2.0 * v - c) + c * (2.0 * dv - dc) : 2.0 * v * dv;
+    const double carrier = frame->rotating ? c : v, moved = frame->rotating ? dc : dv;
+    const struct vector own = steady_sideband(steady, k);
+    memset(right, 0, sizeof *right);
+    take(change->stiffness, false, &own, right);
+    for (int side = -1; side <= 1; side += 2) {
+        const struct vector other = steady_sideband(steady, k + side);
+        take(change->pump, true, &other, right);
+    }
+    for (int i = 0; i < MODES; ++i) {
+        const struct precise factor = {
+            real_of(square),
+            real_negate(real_add(real_multiply(real_of(moved), m->damping[i]),
+                                 real_multiply(real_of(carrier), change->damping[i]))),
+        };
+        right->x[i] = precise_add(right->x[i],
+                                  precise_multiply(factor, precise_of_complex(own.x[i])));
+        if (k == 0)
+            right->x[i].re = real_add(right->x[i].re, change->g[i]);
+    }
+}
+
+bool steady_tangent(const struct matrices *m, const struct frame *frame,
+                    const struct steady_change *change, const struct steady *steady,
+                    struct chain *chain, struct vector dx[3])
+{
+    halve_pump(m, chain);
+    for (int k = -steady->below; k <= steady->above; ++k)
+        change_block(m, frame, change, steady, k, &block_of(chain, k)->right);
+    if (!eliminated(m, frame, steady, chain) || !solved(m, frame, steady, chain))
+        return false;
+    memset(dx, 0, 3 * sizeof *dx);
+    for (int k = -1; k <= 1; ++k)
+        if (-steady->below <= k && k <= steady->above)
+            dx[1 + k] = precise_vector_rounded(&block_of(chain, k)->found);
     return true;
 }

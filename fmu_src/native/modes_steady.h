@@ -31,7 +31,7 @@ struct steady {
 /* What the elimination leaves of one block: S_k^-1, and R_k of X_k = R_k X_(k-1). */
 struct block {
     struct matrix inverse, ratio;
-    struct precise_vector found;
+    struct precise_vector right, found;
     struct vector rest;
 };
 
@@ -48,10 +48,20 @@ struct chain {
     struct block block[CHAIN_LENGTH];
 };
 
+/* A change of what a response depends on, matrices row by row. */
+struct steady_change {
+    struct real stiffness[MODES * MODES], pump[MODES * MODES], damping[MODES], g[MODES];
+    double centre, u, pump_hz;
+};
+
 struct vector steady_sideband(const struct steady *steady, int k);
 /* A(v) for v = u + k pump_hz. */
 struct precise_matrix block_at(const struct matrices *m, const struct frame *frame, double u, int k);
 bool steady_of(const struct matrices *m, const struct frame *frame, const double *g, double u,
                struct chain *chain, struct steady *steady, struct report *report);
+/* What it does to X_-1, X_0 and X_1 of a pumped response; the chain is used again. */
+bool steady_tangent(const struct matrices *m, const struct frame *frame,
+                    const struct steady_change *change, const struct steady *steady,
+                    struct chain *chain, struct vector dx[3]);
 
 #endif

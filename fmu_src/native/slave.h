@@ -47,6 +47,12 @@ bool model_step(struct slave *slave, double t, double end, struct report *report
 bool model_moving(struct slave *slave, double *outputs, struct report *report);
 bool model_steady(struct slave *slave, double *outputs, struct report *report);
 
+/* What the outputs change by if the variables do by seed (as many as there are variables): since the
+ * present stretch of the run began, with a change of parameters or input, or the start. NAN where no
+ * closed form is known. */
+bool model_derivative(struct slave *slave, const double *seed, double *moving, double *steady,
+                      struct report *report);
+
 /* Calls of FMI, which are recorded as failed by the slave itself. */
 void slave_start(struct slave *slave);
 void slave_enter_initialisation(struct slave *slave);
@@ -57,6 +63,10 @@ void slave_get(struct slave *slave, enum kind kind, const unsigned *references, 
                double *values, struct report *report);
 void slave_set(struct slave *slave, enum kind kind, const unsigned *references, size_t count,
                const double *values, struct report *report);
+/* Refuses without failing. */
+bool slave_derivative(struct slave *slave, const unsigned *unknowns, size_t unknown_count,
+                      const unsigned *knowns, size_t known_count, const double *seed,
+                      double *derivatives, struct report *report);
 void slave_fail(struct slave *slave, struct report *report);
 
 #endif
