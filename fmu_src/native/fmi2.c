@@ -6,22 +6,14 @@
 
 #include "identity.h"
 #include "slave.h"
+#include "stored.h"
 
-enum { NAME_LENGTH = 256, MARK_LENGTH = 40 };
-
-/* Values are looked at a few at a time, so that lists of any length need no memory of their own. */
-enum { CHUNK = 64 };
+enum { NAME_LENGTH = 256 };
 
 struct instance {
     fmi2CallbackFunctions callbacks;
     char name[NAME_LENGTH];
     struct slave slave;
-};
-
-/* What a serialised state begins with: only this FMU takes it back, and only unharmed. */
-struct seal {
-    char guid[MARK_LENGTH];
-    uint64_t size, digest;
 };
 
 static void tell(const struct instance *instance, fmi2Status status, const char *category,
@@ -308,36 +300,21 @@ fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
     return fmi2OK;
 }
 
-/* FNV-1a: enough against a file cut short or changed. */
-static uint64_t digest_of(const unsigned char *bytes, size_t size)
-{
-    uint64_t digest = 14695981039346656037u;
-    for (size_t i = 0; i < size; ++i)
-        digest = (digest ^ bytes[i]) * 1099511628211u;
-    return digest;
-}
-
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size)
 {
     (void)component;
     (void)state;
-    *size = sizeof(struct seal) + STATE_SIZE;
+    *size = stored_size();
     return fmi2OK;
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[],
                                  size_t size)
 {
-    struct seal seal;
     (void)component;
-    if (state == NULL || size < sizeof seal + STATE_SIZE)
+    if (state == NULL || size < stored_size())
         return fmi2Error;
-    memset(&seal, 0, sizeof seal);
-    strncpy(seal.guid, model_guid, MARK_LENGTH - 1);
-    seal.size = STATE_SIZE;
-    seal.digest = digest_of((const unsigned char *)state, STATE_SIZE);
-    memcpy(bytes, &seal, sizeof seal);
-    memcpy(bytes + sizeof seal, state, STATE_SIZE);
+    store(state, bytes);
     return fmi2OK;
 }
 
@@ -345,12 +322,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
                                    fmi2FMUstate *state)
 {
     const struct instance *instance = component;
-    struct seal seal;
-    if (size >= sizeof seal)
-        memcpy(&seal, bytes, sizeof seal);
-    if (size != sizeof seal + STATE_SIZE ||
-        strncmp(seal.guid, model_guid, MARK_LENGTH) != 0 || seal.size != STATE_SIZE ||
-        seal.digest != digest_of((const unsigned char *)bytes + sizeof seal, seal.size)) {
+    if (!is_stored(bytes, size)) {
         tell(instance, fmi2Error, "logStatusError",
              "deSerializeFMUstate: these bytes are no state of this FMU, or were changed");
         return fmi2Error;
@@ -359,7 +331,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
         *state = malloc(STATE_SIZE);
     if (*state == NULL)
         return fmi2Error;
-    memcpy(*state, bytes + sizeof seal, STATE_SIZE);
+    memcpy(*state, stored_state(bytes), STATE_SIZE);
     return fmi2OK;
 }
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -171,16 +170,6 @@ def test_the_description_is_that_of_the_python_fmu(
     ]
     assert known[0] == known[1]
     assert not ours.coSimulation.needsExecutionTool
-
-
-def test_the_same_sources_give_the_same_bytes(
-    twins: Callable[[int], Unpacked], tmp_path: Path
-) -> None:
-    fmu = twins(1).path
-    assert build_fmu.main(["--like", str(fmu), "--out", str(tmp_path)]) == 0
-    assert (tmp_path / fmu.name).read_bytes() == fmu.read_bytes()
-    with zipfile.ZipFile(fmu) as archive:
-        assert "binaries/linux64/CoupledModes1.so" in archive.namelist()
 
 
 @pytest.mark.parametrize("values", [{}, PUMP], ids=["unpumped", "pumped"])

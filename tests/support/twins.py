@@ -33,13 +33,14 @@ def shared_folder(factory: pytest.TempPathFactory, name: str) -> Path:
     return folder
 
 
-def twin_of(model: str, factory: pytest.TempPathFactory) -> Path:
+def twin_of(model: str, factory: pytest.TempPathFactory, fmi: int = 2) -> Path:
     """The native FMU of a model as ``build_fmu.py --native`` makes it."""
     need_compiler()
-    folder = shared_folder(factory, "twins")
+    folder = shared_folder(factory, "twins" if fmi == 2 else f"twins_fmi{fmi}")
+    variant = build_fmu.Variant(fmi=fmi)
     with filelock.FileLock(folder / f"{model}.lock", timeout=MOST_S):
         path = folder / f"{model}.fmu"
-        return path if path.exists() else build_fmu.build(model, folder, native=())
+        return path if path.exists() else build_fmu.build(model, folder, variant=variant, native=())
 
 
 def swift_model(model: str, factory: pytest.TempPathFactory) -> Path:
