@@ -253,7 +253,7 @@ def test_what_has_no_derivative_is_told_and_the_run_goes_on(
     oscillator_twin: Instance, case: str
 ) -> None:
     values, output, variable, words = REFUSED[case]
-    fmu = started(oscillator_twin, **dict(LIVELY) | values)
+    fmu = started(oscillator_twin, **{**LIVELY, **values})
     with pytest.raises(FMICallException) as raised:
         derivatives(fmu, [output], {variable: 1.0})
     assert raised.value.status == DISCARD

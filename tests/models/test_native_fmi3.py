@@ -21,6 +21,7 @@ from fitting.fmu.annotation import read_accuracy_annotation
 from fitting.fmu.description import read_description
 from fmu_src import native_binary
 from fmu_src.coupled_oscillator import CoupledOscillator
+from fmu_src.start_values import BuildError
 from tests.support.fmus import DISCARD, ERROR, LIVELY, OK, REFUSALS, Instance, unpack
 from tests.support.processes import MOST_S
 from tests.support.twins import STRICT, twin_of
@@ -125,9 +126,9 @@ def test_runs_are_those_of_fmi_2_bit_for_bit(new: Instance3, old: Instance) -> N
     names = outputs(new)
     assert names == list(old.outputs())
     for values in RUNS:
-        assert set(new.start(**LIVELY | values)) == {OK}
+        assert set(new.start(**{**LIVELY, **values})) == {OK}
         old.slave.reset()
-        old.start(**LIVELY | values)
+        old.start(**{**LIVELY, **values})
         for before, time in zip((0.0, *TIMES), TIMES, strict=False):
             if before == TIMES[1]:
                 assert new.set(theta=2.2, d1=5e3) == [OK, OK]
@@ -225,8 +226,8 @@ def test_the_description_is_that_of_fmi_2(fmi3: Path, twin_fmu: Path) -> None:
     assert (ours.fmiVersion, theirs.fmiVersion) == ("3.0", "2.0")
     assert ours.guid != theirs.guid
     assert ours.modelVariables[-1].causality == "independent"
-    facts = ("name", "valueReference", "causality", "variability", "initial", "description")
-    facts += ("unit", "min", "max", "nominal")
+    facts = ["name", "valueReference", "causality", "variability", "initial", "description"]
+    facts += ["unit", "min", "max", "nominal"]
     for x, y in zip(ours.modelVariables[:-1], theirs.modelVariables, strict=True):
         assert [getattr(x, name) for name in facts] == [getattr(y, name) for name in facts]
         assert x.start == y.start or x.type == "String"
@@ -273,7 +274,7 @@ def test_the_interface_compiles_without_a_warning(fmi3: Path, tmp_path: Path) ->
 def test_fmi_3_is_native_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert build_fmu.main(["--fmi", "3", "--out", str(tmp_path)]) == 2
     assert "--fmi 3: has a meaning with --native alone" in capsys.readouterr().err
-    with pytest.raises(build_fmu.BuildError, match="FMI 3: there are 2 and, of native FMUs, 3"):
+    with pytest.raises(BuildError, match="FMI 3: there are 2 and, of native FMUs, 3"):
         build_fmu.build("CoupledOscillator", tmp_path, variant=build_fmu.Variant(fmi=3))
     assert list(tmp_path.iterdir()) == []
 
