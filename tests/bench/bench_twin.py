@@ -133,8 +133,10 @@ def compare(name: str, folder: Path, options: Sequence[str]) -> None:
     print(f"{'fit ' + name + ', s':<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
     for parameter, (value, std) in ours.items():
         other = theirs[parameter][0]
-        apart = abs(other - value) / std if std else float(other != value)
-        print(f"  {parameter:<26}{value:>22.15g}{other:>22.15g}   apart by {apart:.0e} std")
+        known = std > 0.0  # NaN where the data do not determine it
+        apart = abs(other - value) / (std if known else abs(value) or 1.0)
+        unit = "standard deviations" if known else "of the value, which the data leave open"
+        print(f"  {parameter:<26}{value:>22.15g}{other:>22.15g}   apart by {apart:.0e} {unit}")
 
 
 def table(
