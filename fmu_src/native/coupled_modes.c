@@ -374,7 +374,8 @@ static void write_matrix(const struct slave *slave, const double *seed, bool of_
                              of_pump ? x : real_of(0.0));
             else
                 x = real_multiply(x, real_of(factor));
-            rows[MODES * i + j] = rows[MODES * j + i] = x;
+            rows[MODES * i + j] = x;
+            rows[MODES * j + i] = x;
             place += j != i;
         }
 }

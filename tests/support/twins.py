@@ -59,17 +59,17 @@ def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:
     tool = replace(
         tool,
         command=(*tool.command, *options),
-        compile=(*tool.compile, "-g", "-O1", *STRICT),
+        compile=(*tool.compile, "-O1", *STRICT),
         link=tuple(word for word in tool.link if word != "-s"),
     )
     objects = native_binary.compiled(
         folder / "objects",
-        native_binary.needed_sources(build_fmu.SOURCE / native_binary.FOLDER, module),
+        native_binary.needed_sources(build_fmu.SOURCE / native_binary.FOLDER, module, made.fmi),
         native_binary.written(model_class, module, made.start_values),
         tool,
     )
     guid = fmpy.read_model_description(str(fmu)).guid
-    [(name, content)] = native_binary.binaries([objects], made.model, guid)
+    [(name, content)] = native_binary.binaries([objects], made.model, guid, made.fmi)
     path = folder / Path(name).name
     path.write_bytes(content)
     return path
