@@ -1,7 +1,7 @@
 """Build the FMUs of ``fmu_src/``: the same sources and options give the same bytes.
 
     python build_fmu.py [--out DIR] [--model NAME ...] [--modes N] [--set NAME=VALUE ...]
-    python build_fmu.py --native [--platforms NAME ...] [--model NAME ...] ...
+    python build_fmu.py --native [--fmi 3] [--platforms NAME ...] [--model NAME ...] ...
     python build_fmu.py --like FMU [--name NAME] [--history TEXT] [--out DIR] [--set NAME=VALUE ...]
 
 pythonfmu does the building; what it leaves to chance is settled here. With ``--native`` a C
@@ -91,11 +91,13 @@ class _Identity(NamedTuple):
 class Variant(NamedTuple):
     """A model under a name of its own (empty: the model's), with the history of its start values.
 
-    The history is a sentence for the page in the FMU.
+    The history is a sentence for the page in the FMU; ``fmi`` is the version of the interface, 2 or
+    (native alone) 3.
     """
 
     name: str = ""
     history: str = ""
+    fmi: int = 2
 
 
 class _Job(NamedTuple):
@@ -125,8 +127,8 @@ def build(
 
     ``start_values`` replaces start values of parameters, by variable name, in the variable's unit;
     text is read as on the command line. ``source`` is the package with the models; ``variant``
-    gives the FMU another name; ``native`` names platforms to compile the native twin for (none: the
-    present one) instead.
+    gives the FMU another name or FMI 3.0; ``native`` names platforms to compile the native twin for
+    (none: the present one) instead.
 
     Raises ``BuildError`` for an unknown model, for a start value that is unknown, not a
     parameter's, of the wrong type or out of bounds, and where a compiler is missing; nothing is
@@ -143,6 +145,7 @@ def build_all(
     start_values: Mapping[str, StartValue] | None = None,
     *,
     source: Path = SOURCE,
+    variant: Variant | None = None,
     native: Sequence[str] | None = None,
 ) -> list[Path]:
     """Build several models (all of them by default); either all are written or none is.
@@ -154,7 +157,10 @@ def build_all(
     names = list(models) if models is not None else list(modules)
     if models is None and native is not None:
         names = [name for name in names if native_binary.has_twin(source, modules[name])]
-    contents = {name: fmu_bytes(name, start_values, source=source, native=native) for name in names}
+    contents = {
+        name: fmu_bytes(name, start_values, source=source, variant=variant, native=native)
+        for name in names
+    }
     return _write_all(contents, out)
 
 
@@ -179,7 +185,9 @@ def fmu_bytes(
     variant = variant or Variant()
     if variant.name and (not variant.name.isascii() or not variant.name.isidentifier()):
         raise BuildError(f"name {variant.name!r}: wanted letters, digits and _, no digit first")
-    module_name = _module_of(model, source)
+    if variant.fmi not in (2, 3) or (variant.fmi == 3 and native is None):
+        raise BuildError(f"FMI {variant.fmi}: there are 2 and, of native FMUs, 3")
+    module_name = module_of(model, source)
     with _loaded(source, module_name) as module:
         model_class = getattr(module, model)
         overrides = checked_start_values(model_class, start_values or {})
@@ -212,7 +220,9 @@ def _compiled(
     if not native_binary.has_twin(job.source, job.module):
         raise BuildError(f"--native: {job.model} has no native twin")
     made_here = native_binary.written(model_class, job.module, job.overrides)
-    sources = native_binary.needed_sources(folder, job.module)
+    fmi = job.variant.fmi
+    sources = native_binary.needed_sources(folder, job.module, fmi)
+    interface = native_binary.Interface(fmi, native_binary.differentiable(sources))
     platforms = job.native or ()
     objects = [
         native_binary.compiled(stage, sources, made_here, tool)
@@ -222,18 +232,19 @@ def _compiled(
     def entries(identity: _Identity) -> list[_Entry]:
         licence = (ROOT / "LICENSE").read_bytes()
         model = (model_class, job.name, job.overrides, identity.guid)
-        page = _page(job, model_class, identity).encode()
+        told = native_binary.description(*model, interface)
+        page = _page(job, model_class, identity, interface.derivatives).encode()
         made = [
-            _Entry("modelDescription.xml", native_binary.description(*model)),
+            _Entry("modelDescription.xml", told),
             _Entry(
                 native_binary.RECORD,
-                native_binary.record(job.model, job.overrides, platforms),
+                native_binary.record(job.model, job.overrides, platforms, fmi),
             ),
             _Entry("documentation/index.html", page),
             _Entry("documentation/licenses/license.txt", licence),
             _Entry("documentation/licenses/fmi.txt", native_binary.headers_licence()),
         ]
-        made += [_Entry(*e) for e in native_binary.binaries(objects, job.name, identity.guid)]
+        made += [_Entry(*e) for e in native_binary.binaries(objects, job.name, identity.guid, fmi)]
         return sorted(made)
 
     return entries
@@ -257,8 +268,11 @@ def model_modules(source: Path = SOURCE) -> dict[str, str]:
         return dict(package.MODELS)
 
 
-def _module_of(model: str, source: Path) -> str:
-    """Return the module of a model, which may be of a family with a number in the name."""
+def module_of(model: str, source: Path = SOURCE) -> str:
+    """Return the module of a model, which may be of a family with a number in the name.
+
+    Raises ``BuildError`` for an unknown model.
+    """
     with _loaded(source, None) as package:
         models, families = dict(package.MODELS), dict(package.FAMILIES)
     if model in models:
@@ -277,6 +291,7 @@ class Built(NamedTuple):
     model: str
     start_values: Mapping[str, StartValue]
     native: Sequence[str] | None = None
+    fmi: int = 2
 
 
 def built_from(fmu: Path) -> Built:
@@ -285,7 +300,12 @@ def built_from(fmu: Path) -> Built:
         with zipfile.ZipFile(fmu) as archive:
             if native_binary.RECORD in archive.namelist():
                 made = json.loads(archive.read(native_binary.RECORD))
-                return Built(made["model"], dict(made["start_values"]), made["platforms"])
+                return Built(
+                    made["model"],
+                    dict(made["start_values"]),
+                    made["platforms"],
+                    made.get("fmi", 2),
+                )
             module = archive.read("resources/slavemodule.txt").decode().strip()
             tree = ast.parse(archive.read(f"resources/{module}.py"))
         imported = next(
@@ -423,7 +443,9 @@ def _write_whole(path: Path, content: bytes) -> Path:
 # --- documentation ------------------------------------------------------------------------------
 
 
-def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
+def _page(
+    job: _Job, model_class: type[ModelSlave], identity: _Identity, derivatives: bool = False
+) -> str:
     """Return index.html, made from the variable table by the model's template, else the base's."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(job.source / "documentation"),
@@ -436,7 +458,8 @@ def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
     binaries = Path(pythonfmu.__file__).parent / "resources" / "binaries"
     platforms = [path.name for path in binaries.iterdir() if path.is_dir()]
     if job.native is not None:
-        platforms = [tool.platform for tool in native_binary.toolchains(job.native)]
+        tools = native_binary.toolchains(job.native)
+        platforms = [tool.folder(job.variant.fmi) for tool in tools]
     family = job.model.rstrip("0123456789")
     templates = [f"{name}.html.j2" for name in (job.model, family, "base")]
     return environment.select_template(templates).render(
@@ -448,6 +471,8 @@ def _page(job: _Job, model_class: type[ModelSlave], identity: _Identity) -> str:
         pythonfmu_version=pythonfmu.__version__,
         platforms=sorted(set(platforms)),
         native=job.native is not None,
+        fmi=job.variant.fmi,
+        derivatives=derivatives,
         variables=model_class.variables,
         overrides=job.overrides,
         number=_number,
@@ -532,6 +557,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="with --native: compile for these with the package ziglang instead: "
         + ", ".join(native_binary.TARGETS),
     )
+    parser.add_argument(
+        "--fmi", type=int, choices=(2, 3), default=2, help="with --native: version of FMI (2)"
+    )
     options = parser.parse_args(arguments)
     try:
         start_values = dict(_assignment(text) for text in options.set)
@@ -542,9 +570,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         if options.platforms and not options.native:
             raise BuildError("--platforms: has a meaning with --native alone")
+        if options.fmi == 3 and not options.native:
+            raise BuildError("--fmi 3: has a meaning with --native alone")
         models = _numbered(options.model, options.modes)
         native = (options.platforms or ()) if options.native else None
-        for path in build_all(models, options.out, start_values, native=native):
+        variant = Variant(fmi=options.fmi)
+        for path in build_all(models, options.out, start_values, variant=variant, native=native):
             print(path)
     except BuildError as error:
         print(f"build_fmu.py: {error}", file=sys.stderr)
@@ -555,11 +586,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _build_like(options: argparse.Namespace, start_values: Mapping[str, str]) -> Path:
     if options.model or options.modes:
         raise BuildError("--like: has the model and its modes; --model and --modes have no meaning")
-    if options.native or options.platforms:
-        raise BuildError("--like: has its platforms; --native and --platforms have no meaning")
+    if options.native or options.platforms or options.fmi == 3:
+        raise BuildError(
+            "--like: has its platforms; --native, --platforms and --fmi have no meaning"
+        )
     like = built_from(options.like)
     values = {**like.start_values, **start_values}
-    variant = Variant(options.name, options.history)
+    variant = Variant(options.name, options.history, like.fmi)
     return build(like.model, options.out, values, variant=variant, native=like.native)
 
 

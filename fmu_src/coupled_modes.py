@@ -379,10 +379,12 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
     def first_solver(self, t: float) -> ModesSolver | ModesRungeKutta:
         """Return the solver, started at rest or on the periodic orbit."""
         p = self._parameters()
-        periodic = self.value("periodic_start")
+        periodic, b = self.value("periodic_start"), self.value("b")
         self.warn_all(check(p, periodic))
+        if not math.isfinite(b):
+            raise ModelError(f"b = {b!r} m/s2 is not a finite number")
         solver = self._new_solver(p, NO_OFFSETS)
-        solver.start(t, None if periodic else at_rest(self.modes), self.value("b"))
+        solver.start(t, None if periodic else at_rest(self.modes), b)
         return solver
 
     def next_solver(

@@ -18,6 +18,7 @@ from decimal import Decimal
 from operator import add, mul
 from typing import TYPE_CHECKING, NamedTuple
 
+from .model_error import ModelError
 from .modes_steady import Frame
 from .oscillator_precise import in_precise_arithmetic
 
@@ -75,6 +76,11 @@ def _full(frame: Frame) -> Generator:
 
 def _envelope(frame: Frame, c: Decimal) -> Generator:
     """z' = 2 pi (i c + i (C - c^2 + i c D + C_p cos psi)/(2 c)) z, in real and imaginary parts."""
+    if not c:
+        raise ModelError(
+            "the rotating frame of solver 1 (envelope) needs a drive above 0 Hz; use solver 0 "
+            "(exact) or 2 (rk4)"
+        )
     m = frame.matrices
     n = len(m.eta)
     still = [[Decimal(0)] * (2 * n) for _ in range(2 * n)]

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from xml.dom.minidom import parseString
 from xml.etree.ElementTree import tostring
 
+from .fmi3_description import to_fmi3
 from .start_values import BuildError
 from .variables import make_table
 
@@ -32,10 +33,21 @@ if TYPE_CHECKING:
     from .start_values import StartValue
 
 FOLDER = "native"
-#: Sources that every model needs; what else it needs is found by what it includes.
-INTERFACE = ("fmi2", "slave")
+#: Sources that every model needs for a version of FMI; the rest is found by what they include.
+INTERFACE = {2: ("fmi2", "slave"), 3: ("fmi3", "fmi3_refused", "slave")}
 #: The file in ``resources`` that says what a native FMU was made from.
 RECORD = "resources/built_from.json"
+
+#: The header of a model of a family: the number in its name.
+SIZE = """\
+/* Written by build_fmu.py from the model's name. */
+#ifndef SIZE_H
+#define SIZE_H
+
+enum {{ SIZE = {number} }};
+
+#endif
+"""
 
 #: No contraction to fused products: sums of two doubles would lose their second, and results would
 #: differ from one compiler to the next.
@@ -55,12 +67,20 @@ class Target:
     link: tuple[str, ...] = ()
 
 
-#: FMI 2.0 has no name for Linux on ARM; FMI 3.0's is taken. A Mac's binary holds both processors.
+#: FMI 2.0 has no name for Linux on ARM; FMI 3.0's is taken. A Mac's binary of FMI 2.0 holds both
+#: processors, in FMI 3.0 each has a folder.
 TARGETS = {
     "linux64": Target(".so", ("x86_64-linux-gnu.2.17",), ("-fPIC",), LINK_LINUX),
     "win64": Target(".dll", ("x86_64-windows-gnu",), (), ("-s",)),
     "aarch64-linux": Target(".so", ("aarch64-linux-gnu.2.17",), ("-fPIC",), LINK_LINUX),
     "darwin64": Target(".dylib", ("x86_64-macos", "aarch64-macos"), ("-fPIC",)),
+}
+#: The system of a platform, as FMI 3.0 calls it after the processor.
+SYSTEMS = {
+    "linux64": "linux",
+    "aarch64-linux": "linux",
+    "win64": "windows",
+    "darwin64": "darwin",
 }
 THIS = {"linux": "linux64", "win32": "win64", "darwin": "darwin64"}
 
@@ -74,6 +94,13 @@ class Toolchain:
     part: str  # of the platform, with zig
     compile: tuple[str, ...]
     link: tuple[str, ...]
+
+    def folder(self, fmi: int) -> str:
+        """Return the folder of the binary in ``binaries`` of an FMU of that version of FMI."""
+        if fmi == 2:
+            return self.platform
+        arm = self.part.lower().startswith(("aarch64", "arm64"))
+        return f"{'aarch64' if arm else 'x86_64'}-{SYSTEMS[self.platform]}"
 
 
 def toolchains(platforms: Sequence[str]) -> list[Toolchain]:
@@ -142,10 +169,10 @@ def headers_licence() -> bytes:
     raise BuildError("the headers of FMI come without their licence, which the FMU must carry")
 
 
-def needed_sources(folder: Path, model: str) -> list[Path]:
+def needed_sources(folder: Path, model: str, fmi: int = 2) -> list[Path]:
     """Return the C files that a model's module and the interface need, headers included."""
     needed: dict[str, Path] = {}
-    found = [f"{name}.c" for name in (model, *INTERFACE)]
+    found = [f"{name}.c" for name in (model, *INTERFACE[fmi])]
     while found:
         name = found.pop()
         if name in needed or not (folder / name).is_file():
@@ -217,10 +244,13 @@ def written(
     model_class: type[ModelSlave], module: str, overrides: Mapping[str, StartValue]
 ) -> dict[str, str]:
     """Return the sources that are made for one FMU: file name -> text."""
-    return {
+    made = {
         "model.h": _table_header(model_class, module),
         "table.c": _table_source(model_class, overrides),
     }
+    if number := re.search(r"[0-9]+$", model_class.__name__):
+        made["size.h"] = SIZE.format(number=number[0])
+    return made
 
 
 def _constant(value: StartValue) -> str:
@@ -262,7 +292,7 @@ def compiled(
     """Compile the sources, and those made for this FMU, in a folder of ``stage``."""
     folder = stage / f"{tool.platform}_{tool.part}"
     folder.mkdir(parents=True)
-    for path in (*sources, *headers().glob("fmi2*.h")):
+    for path in (*sources, *headers().glob("fmi[23]*.h")):
         shutil.copyfile(path, folder / path.name)
     for name, text in made.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
@@ -284,17 +314,17 @@ def _run(command: Sequence[str], folder: Path) -> None:
         raise BuildError(f"the C compiler {' '.join(command[:4])} failed: {reason}")
 
 
-def binaries(objects: Sequence[Objects], name: str, guid: str) -> list[tuple[str, bytes]]:
+def binaries(
+    objects: Sequence[Objects], name: str, guid: str, fmi: int = 2
+) -> list[tuple[str, bytes]]:
     """Return path in the FMU and content of the binary of each platform."""
     linked: dict[str, list[bytes]] = {}
     for one in objects:
-        linked.setdefault(one.toolchain.platform, []).append(one.link(guid))
+        extension = TARGETS[one.toolchain.platform].extension
+        path = f"binaries/{one.toolchain.folder(fmi)}/{name}{extension}"
+        linked.setdefault(path, []).append(one.link(guid))
     return [
-        (
-            f"binaries/{folder}/{name}{TARGETS[folder].extension}",
-            parts[0] if len(parts) == 1 else _universal(parts),
-        )
-        for folder, parts in linked.items()
+        (path, parts[0] if len(parts) == 1 else _universal(parts)) for path, parts in linked.items()
     ]
 
 
@@ -317,8 +347,25 @@ def _universal(parts: Sequence[bytes]) -> bytes:
 # --- the rest of the FMU ------------------------------------------------------------------------
 
 
+def differentiable(sources: Sequence[Path]) -> bool:
+    """Return whether a model of these sources knows derivatives in closed form."""
+    return any(path.name == "tangent.c" for path in sources)
+
+
+@dataclass(frozen=True)
+class Interface:
+    """What a native FMU offers its host: the version of FMI, derivatives in closed form."""
+
+    fmi: int = 2
+    derivatives: bool = False
+
+
 def description(
-    model_class: type[ModelSlave], name: str, overrides: Mapping[str, StartValue], guid: str
+    model_class: type[ModelSlave],
+    name: str,
+    overrides: Mapping[str, StartValue],
+    guid: str,
+    interface: Interface,
 ) -> bytes:
     """Return the Python FMU's modelDescription.xml, with what differs in a binary of its own."""
     twin = type(name, (model_class,), {"start_overrides": dict(overrides), "guid_text": guid})
@@ -329,11 +376,22 @@ def description(
         raise BuildError("pythonfmu wrote no CoSimulation")
     co_simulation.set("needsExecutionTool", "false")
     co_simulation.set("canSerializeFMUstate", "true")
+    if interface.derivatives:
+        co_simulation.set("providesDirectionalDerivative", "true")
+    if interface.fmi == 3:
+        root = to_fmi3(root)
     text: bytes = parseString(tostring(root, "UTF-8")).toprettyxml(encoding="UTF-8")  # noqa: S318
     return text
 
 
-def record(model: str, overrides: Mapping[str, StartValue], platforms: Sequence[str]) -> bytes:
+def record(
+    model: str, overrides: Mapping[str, StartValue], platforms: Sequence[str], fmi: int
+) -> bytes:
     """Return what the FMU was built from, for ``--like``."""
-    content = {"model": model, "start_values": dict(overrides), "platforms": list(platforms)}
+    content = {
+        "model": model,
+        "start_values": dict(overrides),
+        "platforms": list(platforms),
+        "fmi": fmi,
+    }
     return (json.dumps(content, indent=1) + "\n").encode()

@@ -62,6 +62,7 @@ bool model_begin(struct slave *slave, double t, struct report *report)
     const bool periodic = slave->values[V_periodic_start] != 0.0;
     struct state at_rest;
     memset(&at_rest, 0, sizeof at_rest);
+    slave->motion.since = 0.0;
     return check_parameters(&p, periodic, report) &&
            prepare(&slave->motion, slave->values, &p, no_offsets, report) &&
            start(&slave->motion, t, periodic ? NULL : &at_rest, slave->values[V_b], report);
@@ -116,6 +117,7 @@ bool model_change(struct slave *slave, double t, struct report *report)
     struct state state;
     if (!check_parameters(&p, false, report))
         return false;
+    slave->motion.since = t;
     if (slave->motion.method == RUNGE_KUTTA) {
         const struct rk4_solver old = slave->motion.rk4;
         rk4_prepare(&slave->motion.rk4, &p, old.requested, kept);
@@ -154,6 +156,7 @@ static bool with_input(struct motion *motion, double b, double t, struct report 
     struct state state;
     if (!isfinite(b))
         return refuse(report, "b = %r m/s2 is not a finite number", b);
+    motion->since = t;
     if (motion->method == RUNGE_KUTTA) {
         motion->rk4.b = b;
         return true;
@@ -241,5 +244,163 @@ bool model_steady(struct slave *slave, double *outputs, struct report *report)
     if (!write_quadratures(&slave->motion, outputs, report))
         return false;
     write_derived(p, outputs + QUADRATURES + 2, report);
+    return true;
+}
+
+/* --- directional derivatives -------------------------------------------------------------------- */
+
+static struct real product(double a, double b)
+{
+    return real_multiply(real_of(a), real_of(b));
+}
+
+/* The equations, and (seed) what a change of the variables makes of them. All digits of the damping
+ * matrix are kept, so that a small coefficient counts beside a large one. */
+static struct linear_system system_of(const struct parameters *p, const double *seed)
+{
+    const double c = cos(p->theta), s = sin(p->theta), sign = p->reflection ? -1.0 : 1.0;
+    const double eta[] = {p->eta_plus, p->eta_minus};
+    const double angle = seed ? seed[V_theta] : 0.0;
+    const double d1 = seed ? seed[V_d1] : p->d1, d2 = seed ? seed[V_d2] : p->d2;
+    const struct real cc = product(c, c), ss = product(s, s), cs = product(c, s);
+    const struct real apart = real_subtract(real_of(d1), real_of(d2));
+    const struct real turned =
+        real_multiply(real_subtract(real_of(p->d1), real_of(p->d2)), real_of(angle));
+    const struct real across = real_multiply(real_scale(cs, 1), turned);
+    struct linear_system system;
+    struct real off;
+    memset(&system, 0, sizeof system);
+    system.modes = 2;
+    for (int i = 0; i < 2; ++i)
+        system.stiffness[3 * i] =
+            product(seed ? 2.0 * eta[i] : eta[i], seed ? seed[V_eta_plus + i] : eta[i]);
+    system.damping[0] = real_subtract(
+        real_add(real_multiply(cc, real_of(d1)), real_multiply(ss, real_of(d2))), across);
+    system.damping[3] = real_add(
+        real_add(real_multiply(ss, real_of(d1)), real_multiply(cc, real_of(d2))), across);
+    off = real_add(real_multiply(cs, apart), real_multiply(real_subtract(cc, ss), turned));
+    system.damping[1] = system.damping[2] = real_multiply(real_of(sign), off);
+    return system;
+}
+
+static void add_drive(const struct slave *slave, const double *seed, struct linear_system *system)
+{
+    const double *v = seed ? seed : slave->values;
+    const struct motion *motion = &slave->motion;
+    const double *values = slave->values;
+    int active = 0;
+    for (int i = 0; i < 2; ++i) {
+        system->g[i] = real_of(v[V_g1 + i]);
+        system->u[i] = v[V_u1 + i];
+        system->size[i] = v[V_A1 + i];
+        system->phase[i] = v[V_phase1 + i];
+    }
+    system->b = v[V_b];
+    system->rotating = motion->method == LINEAR && motion->linear.envelope;
+    for (int i = 0; i < 2; ++i)
+        if (values[V_A1 + i] != 0.0) {
+            system->centre += v[V_u1 + i];
+            ++active;
+        }
+    if (active == 0)
+        system->centre = v[V_eta_plus] + v[V_eta_minus];
+    system->centre /= active == 1 ? 1.0 : 2.0;
+}
+
+static double cycles_at(const struct slave *slave, int tone, double t)
+{
+    const struct frequency u = frequency_of(slave->values[V_u1 + tone], 0.0);
+    return frequency_cycles(&u, t, 0.0) + present_offsets(&slave->motion)[tone];
+}
+
+/* Of the displacements; NAN where the solver is no exponential of the equations. */
+static void write_moving(struct slave *slave, const struct linear_system *system,
+                         const struct linear_system *change, double angle, double *outputs)
+{
+    const struct linear_solver *linear = &slave->motion.linear;
+    const struct parameters *p = present_parameters(&slave->motion);
+    const double now[] = {cycles_at(slave, 0, slave->time), cycles_at(slave, 1, slave->time)};
+    const double c = angle * cos(p->theta), s = angle * sin(p->theta);
+    const double m = p->reflection ? -1.0 : 1.0;
+    struct stretch stretch;
+    double q[2];
+    for (int i = 0; i < 4; ++i)
+        outputs[i] = NAN;
+    if (slave->motion.method != LINEAR)
+        return;
+    memset(&stretch, 0, sizeof stretch);
+    stretch.in_motion = linear->in_motion;
+    stretch.begin = linear->anchor;
+    stretch.since = slave->motion.since;
+    for (int i = 0; i < 2; ++i) {
+        const struct complex z = linear->state.z[i];
+        stretch.state[i] = real_of(z.re);
+        stretch.state[2 + i] = real_of(linear->envelope ? z.im : linear->state.z[2 + i].re);
+        stretch.cycles[i] = cycles_at(slave, i, linear->anchor);
+    }
+    if (!displacement_tangent(system, change, &stretch, slave->time, now,
+                              &slave->scratch.room, outputs))
+        return;
+    physical_displacements(p, outputs, outputs + 2);
+    linear_displacement(linear, slave->time, q);
+    outputs[2] += -m * s * q[0] + c * q[1];
+    outputs[3] += -m * c * q[0] - s * q[1];
+}
+
+/* Of the closed forms, in the order of write_derived. */
+static void write_derived_changes(const struct parameters *p, const double *seed, double *outputs)
+{
+    const struct linear_system change = system_of(p, seed);
+    const struct coupling found = coupling_of(p);
+    const struct damping w = damping_of(p);
+    const double plus = p->eta_plus, minus = p->eta_minus;
+    const double squares = (minus - plus) * (minus + plus);
+    const double more_plus = 2.0 * plus * seed[V_eta_plus];
+    const double more_minus = 2.0 * minus * seed[V_eta_minus];
+    const double c = cos(p->theta), s = sin(p->theta), angle = seed[V_theta];
+    const double across = 2.0 * c * s * squares * angle;
+    const double d11 = real_double(change.damping[0]), d22 = real_double(change.damping[3]);
+    const double lambda = -cos(2.0 * p->theta) * squares * angle -
+                          0.5 * sin(2.0 * p->theta) * (more_minus - more_plus);
+    const double changes[DERIVED_COUNT] = {
+        lambda / (2.0 * found.lambda),
+        (c * c * more_plus + s * s * more_minus + across) / (2.0 * found.f1),
+        (s * s * more_plus + c * c * more_minus - across) / (2.0 * found.f2),
+        TWO_PI * d11,
+        TWO_PI * d22,
+        TWO_PI * real_double(change.damping[1]),
+        d11,
+        d22,
+        w.w11 > 0.0 ? (seed[V_eta_plus] - plus * d11 / w.w11) / w.w11 : NAN,
+        w.w22 > 0.0 ? (seed[V_eta_minus] - minus * d22 / w.w22) / w.w22 : NAN,
+    };
+    memcpy(outputs, changes, sizeof changes);
+}
+
+bool model_derivative(struct slave *slave, const double *seed, double *moving, double *steady,
+                      struct report *report)
+{
+    const struct motion *motion = &slave->motion;
+    const struct parameters *p = present_parameters(motion);
+    struct linear_system system = system_of(p, NULL), change = system_of(p, seed);
+    (void)report;
+    add_drive(slave, NULL, &system);
+    add_drive(slave, seed, &change);
+    write_moving(slave, &system, &change, seed[V_theta], moving);
+    for (int i = 0; i < QUADRATURES; ++i)
+        steady[i] = NAN;
+    for (int tone = 0; tone < 2 && motion->method != SINGLE; ++tone) {
+        struct complex dz[MOST_MODES];
+        if (!phasor_tangent(&system, &change, tone, dz))
+            continue;
+        for (int mode = 0; mode < 2; ++mode) {
+            steady[4 * mode + 2 * tone] = dz[mode].re;
+            steady[4 * mode + 2 * tone + 1] = dz[mode].im;
+        }
+    }
+    /* the errors are 0 where nothing is left out */
+    steady[QUADRATURES] = steady[QUADRATURES + 1] =
+        motion->method == SINGLE || system.rotating ? NAN : 0.0;
+    write_derived_changes(p, seed, steady + QUADRATURES + 2);
     return true;
 }

@@ -248,3 +248,13 @@ bool model_steady(struct slave *slave, double *outputs, struct report *report)
     write_derived(present_parameters(&slave->motion), outputs, report);
     return true;
 }
+
+bool model_derivative(struct slave *slave, const double *seed, double *moving, double *steady,
+                      struct report *report)
+{
+    (void)slave;
+    (void)seed;
+    (void)moving;
+    (void)steady;
+    return refuse(report, "getDirectionalDerivative: this model has no derivatives");
+}

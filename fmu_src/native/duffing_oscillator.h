@@ -8,6 +8,11 @@
 enum solver { ENVELOPE = 1, RK4 }; /* the numbers that they have in CoupledOscillator */
 enum branch { LOWER, UPPER };
 
+/* All that there is, is stored. */
+struct scratch {
+    bool made;
+};
+
 struct motion {
     int32_t solver;
     union {

@@ -6,22 +6,14 @@
 
 #include "identity.h"
 #include "slave.h"
+#include "stored.h"
 
-enum { NAME_LENGTH = 256, MARK_LENGTH = 40 };
-
-/* Values are looked at a few at a time, so that lists of any length need no memory of their own. */
-enum { CHUNK = 64 };
+enum { NAME_LENGTH = 256 };
 
 struct instance {
     fmi2CallbackFunctions callbacks;
     char name[NAME_LENGTH];
     struct slave slave;
-};
-
-/* What a serialised state begins with: only this FMU takes it back, and only unharmed. */
-struct seal {
-    char guid[MARK_LENGTH];
-    uint64_t size, digest;
 };
 
 static void tell(const struct instance *instance, fmi2Status status, const char *category,
@@ -282,10 +274,10 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
     slave_settle(&instance->slave, &report);
     tell_all(instance, &report);
     if (*state == NULL)
-        *state = malloc(sizeof instance->slave);
+        *state = malloc(STATE_SIZE);
     if (*state == NULL)
         return fmi2Error;
-    memcpy(*state, &instance->slave, sizeof instance->slave);
+    memcpy(*state, &instance->slave, STATE_SIZE);
     return fmi2OK;
 }
 
@@ -294,7 +286,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     struct instance *instance = component;
     if (state == NULL)
         return fmi2Error;
-    memcpy(&instance->slave, state, sizeof instance->slave);
+    memcpy(&instance->slave, state, STATE_SIZE);
     return fmi2OK;
 }
 
@@ -308,36 +300,21 @@ fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
     return fmi2OK;
 }
 
-/* FNV-1a: enough against a file cut short or changed. */
-static uint64_t digest_of(const unsigned char *bytes, size_t size)
-{
-    uint64_t digest = 14695981039346656037u;
-    for (size_t i = 0; i < size; ++i)
-        digest = (digest ^ bytes[i]) * 1099511628211u;
-    return digest;
-}
-
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size)
 {
     (void)component;
     (void)state;
-    *size = sizeof(struct seal) + sizeof(struct slave);
+    *size = stored_size();
     return fmi2OK;
 }
 
 fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[],
                                  size_t size)
 {
-    struct seal seal;
     (void)component;
-    if (state == NULL || size < sizeof seal + sizeof(struct slave))
+    if (state == NULL || size < stored_size())
         return fmi2Error;
-    memset(&seal, 0, sizeof seal);
-    strncpy(seal.guid, model_guid, MARK_LENGTH - 1);
-    seal.size = sizeof(struct slave);
-    seal.digest = digest_of((const unsigned char *)state, sizeof(struct slave));
-    memcpy(bytes, &seal, sizeof seal);
-    memcpy(bytes + sizeof seal, state, sizeof(struct slave));
+    store(state, bytes);
     return fmi2OK;
 }
 
@@ -345,40 +322,36 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
                                    fmi2FMUstate *state)
 {
     const struct instance *instance = component;
-    struct seal seal;
-    if (size >= sizeof seal)
-        memcpy(&seal, bytes, sizeof seal);
-    if (size != sizeof seal + sizeof(struct slave) ||
-        strncmp(seal.guid, model_guid, MARK_LENGTH) != 0 || seal.size != sizeof(struct slave) ||
-        seal.digest != digest_of((const unsigned char *)bytes + sizeof seal, seal.size)) {
+    if (!is_stored(bytes, size)) {
         tell(instance, fmi2Error, "logStatusError",
              "deSerializeFMUstate: these bytes are no state of this FMU, or were changed");
         return fmi2Error;
     }
     if (*state == NULL)
-        *state = malloc(sizeof(struct slave));
+        *state = malloc(STATE_SIZE);
     if (*state == NULL)
         return fmi2Error;
-    memcpy(*state, bytes + sizeof seal, sizeof(struct slave));
+    memcpy(*state, stored_state(bytes), STATE_SIZE);
     return fmi2OK;
 }
 
-/* --- what this FMU does not provide, as its description says ----------------------------------- */
-
+/* A derivative that there is not is no failure of the simulation: the call is discarded. */
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component,
                                         const fmi2ValueReference unknowns[], size_t unknown_count,
                                         const fmi2ValueReference knowns[], size_t known_count,
                                         const fmi2Real seed[], fmi2Real derivatives[])
 {
-    (void)component;
-    (void)unknowns;
-    (void)unknown_count;
-    (void)knowns;
-    (void)known_count;
-    (void)seed;
-    (void)derivatives;
-    return fmi2Error;
+    struct instance *instance = component;
+    struct report report;
+    bool done;
+    clear(&report);
+    done = slave_derivative(&instance->slave, unknowns, unknown_count, knowns, known_count, seed,
+                            derivatives, &report);
+    tell_all(instance, &report);
+    return done ? fmi2OK : fmi2Discard;
 }
+
+/* --- what this FMU does not provide, as its description says ----------------------------------- */
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component component,
                                        const fmi2ValueReference references[], size_t count,

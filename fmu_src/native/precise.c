@@ -9,6 +9,11 @@ struct precise precise_of(double re, double im)
     return z;
 }
 
+struct precise precise_of_complex(struct complex z)
+{
+    return precise_of(z.re, z.im);
+}
+
 struct complex precise_complex(struct precise z)
 {
     return complex_of(real_double(z.re), real_double(z.im));
@@ -79,6 +84,60 @@ struct precise precise_sqrt(struct precise a)
         z.im = a.im.sign >= 0 ? half : real_negate(half);
     }
     return z;
+}
+
+static struct real size_of(struct precise z)
+{
+    return real_add(real_abs(z.re), real_abs(z.im));
+}
+
+static void swap(struct precise *a, struct precise *b)
+{
+    const struct precise kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+/* Bring the row with the largest entry of a column to the diagonal; false where all are 0. */
+static bool pivoted(struct precise *rows, struct precise *right, int size, int i)
+{
+    int best = i;
+    for (int k = i + 1; k < size; ++k)
+        if (!real_at_most(size_of(rows[size * k + i]), size_of(rows[size * best + i])))
+            best = k;
+    for (int j = 0; j < size; ++j)
+        swap(&rows[size * i + j], &rows[size * best + j]);
+    swap(&right[i], &right[best]);
+    return !precise_is_zero(rows[size * i + i]);
+}
+
+/* a less b times c. */
+static struct precise less(struct precise a, struct precise b, struct precise c)
+{
+    return precise_subtract(a, precise_multiply(b, c));
+}
+
+bool precise_solve(struct precise *rows, struct precise *right, int size)
+{
+    for (int i = 0; i < size; ++i) {
+        if (!pivoted(rows, right, size, i))
+            return false;
+        for (int k = i + 1; k < size; ++k) {
+            struct precise factor;
+            if (precise_is_zero(rows[size * k + i]))
+                continue;
+            factor = precise_divide(rows[size * k + i], rows[size * i + i]);
+            for (int j = i + 1; j < size; ++j)
+                rows[size * k + j] = less(rows[size * k + j], factor, rows[size * i + j]);
+            right[k] = less(right[k], factor, right[i]);
+        }
+    }
+    for (int i = size - 1; i >= 0; --i) {
+        for (int j = i + 1; j < size; ++j)
+            right[i] = less(right[i], rows[size * i + j], right[j]);
+        right[i] = precise_divide(right[i], rows[size * i + i]);
+    }
+    return true;
 }
 
 void precise_split(struct precise z, double *high, double *low)

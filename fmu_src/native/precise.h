@@ -25,6 +25,7 @@ struct differences {
 };
 
 struct precise precise_of(double re, double im);
+struct precise precise_of_complex(struct complex z);
 struct complex precise_complex(struct precise z);
 struct precise precise_add(struct precise a, struct precise b);
 struct precise precise_subtract(struct precise a, struct precise b);
@@ -34,6 +35,9 @@ struct precise precise_negate(struct precise a);
 struct precise precise_conjugate(struct precise a);
 struct precise precise_sqrt(struct precise a);
 bool precise_is_zero(struct precise a);
+/* Solve by elimination with row pivots: rows of a square matrix, one after the other, are used up,
+ * the solution comes in the place of the right side; false where the matrix is singular. */
+bool precise_solve(struct precise *rows, struct precise *right, int size);
 /* The imaginary part as the unevaluated sum of two doubles. */
 void precise_split(struct precise z, double *high, double *low);
 

@@ -10,6 +10,9 @@ enum { LIMB_BITS = 32, GUARDED = REAL_LIMBS + 2 };
 
 static const struct real ZERO = {0, 0, {0}};
 
+const struct real REAL_TWO_PI = {
+    1, 3, {0x8a67cc74, 0x29024e08, 0x80dc1cd1, 0xc4c6628b, 0x2168c234, 0xc90fdaa2}};
+
 /* 0.work[count - 1] ... work[0] * 2^exponent with the highest bit set and the rest cut off. */
 static struct real normalised(int32_t sign, int32_t exponent, const uint32_t *work, int count)
 {
@@ -171,8 +174,13 @@ struct real real_abs(struct real x)
 
 struct real real_half(struct real x)
 {
+    return real_scale(x, -1);
+}
+
+struct real real_scale(struct real x, int32_t power)
+{
     if (x.sign)
-        --x.exponent;
+        x.exponent += power;
     return x;
 }
 

@@ -15,6 +15,8 @@ struct real {
     uint32_t limb[REAL_LIMBS];
 };
 
+extern const struct real REAL_TWO_PI;
+
 struct real real_of(double x);
 double real_double(struct real x);
 struct real real_add(struct real a, struct real b);
@@ -25,6 +27,7 @@ struct real real_sqrt(struct real x);
 struct real real_negate(struct real x);
 struct real real_abs(struct real x);
 struct real real_half(struct real x);
+struct real real_scale(struct real x, int32_t power); /* x 2^power */
 bool real_at_most(struct real a, struct real b);
 
 #endif

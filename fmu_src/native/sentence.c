@@ -28,19 +28,22 @@ static void put_text(struct pen *pen, const char *text)
     put(pen, text, strlen(text));
 }
 
-/* The shortest digits of a finite number, and the power of ten of the first one. The host's locale
- * may write another decimal point, so that only digits are taken from what C prints. */
-static int shortest(double x, char digits[MOST_DIGITS])
+/* The digits of a finite number, so many or the fewest that give it back, and the power of ten of
+ * the first one. The host's locale may write another decimal point, so that only digits are taken
+ * from what C prints. */
+static int digits_of(double x, int wanted, char digits[MOST_DIGITS])
 {
     char written[NUMBER_LENGTH];
-    int count = 0, length = 0;
+    int count = 0, length = wanted ? wanted - 1 : 0;
     do {
         snprintf(written, sizeof written, "%.*e", length, x);
         ++length;
-    } while (length < MOST_DIGITS && strtod(written, NULL) != x);
+    } while (!wanted && length < MOST_DIGITS && strtod(written, NULL) != x);
     for (const char *c = written; *c && *c != 'e'; ++c)
         if (*c >= '0' && *c <= '9')
             digits[count++] = *c;
+    while (wanted && count > 1 && digits[count - 1] == '0')
+        digits[--count] = '\0';
     return atoi(strchr(written, 'e') + 1);
 }
 
@@ -50,9 +53,11 @@ static void put_zeros(struct pen *pen, int count)
         put_text(pen, "0");
 }
 
-/* A double as Python's repr writes it: 0.001, 120.0, 1e-05, 1.5e+16. */
-static void put_number(struct pen *pen, double x)
+/* A double as Python's repr writes it, 0.001, 120.0, 1e-05, 1.5e+16, or as its format g with a
+ * number of digits does, without the ".0". */
+static void put_number(struct pen *pen, double x, int wanted)
 {
+    const int longest = wanted ? wanted : 16;
     char digits[MOST_DIGITS + 1] = "", exponent[NUMBER_LENGTH];
     int power;
     size_t count;
@@ -60,11 +65,11 @@ static void put_number(struct pen *pen, double x)
         put_text(pen, isnan(x) ? "nan" : x < 0.0 ? "-inf" : "inf");
         return;
     }
-    power = shortest(fabs(x), digits);
+    power = digits_of(fabs(x), wanted, digits);
     count = strlen(digits);
     if (signbit(x))
         put_text(pen, "-");
-    if (power < -4 || power >= 16) {
+    if (power < -4 || power >= longest) {
         put(pen, digits, 1);
         put_text(pen, count > 1 ? "." : "");
         put(pen, digits + 1, count - 1);
@@ -77,7 +82,7 @@ static void put_number(struct pen *pen, double x)
     } else if (count <= (size_t)power + 1) {
         put(pen, digits, count);
         put_zeros(pen, power + 1 - (int)count);
-        put_text(pen, ".0");
+        put_text(pen, wanted ? "" : ".0");
     } else {
         put(pen, digits, (size_t)power + 1);
         put_text(pen, ".");
@@ -95,7 +100,9 @@ static void write_sentence(struct sentence *sentence, const char *format, va_lis
         } else if (*++c == 's') {
             put_text(&pen, va_arg(arguments, const char *));
         } else if (*c == 'r') {
-            put_number(&pen, va_arg(arguments, double));
+            put_number(&pen, va_arg(arguments, double), 0);
+        } else if (*c >= '1' && *c <= '9') {
+            put_number(&pen, va_arg(arguments, double), *c - '0');
         } else {
             snprintf(whole, sizeof whole, "%d", va_arg(arguments, int));
             put_text(&pen, whole);

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-enum { SENTENCE_LENGTH = 512, MOST_WARNINGS = 4 };
+enum { SENTENCE_LENGTH = 1536, MOST_WARNINGS = 9 };
 
 struct sentence {
     char text[SENTENCE_LENGTH];
@@ -17,7 +17,8 @@ struct report {
     struct sentence warning[MOST_WARNINGS];
 };
 
-/* Write a sentence: %s text, %d a whole number, %r a double in the shortest digits that give it. */
+/* Write a sentence: %s text, %d a whole number, %r a double in the shortest digits that give it, %3
+ * and %9 in so many digits, as C's and Python's format g. */
 void say(struct sentence *sentence, const char *format, ...);
 /* Write the refusal and return false. */
 bool refuse(struct report *report, const char *format, ...);

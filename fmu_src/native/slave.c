@@ -7,7 +7,8 @@
 
 void slave_start(struct slave *slave)
 {
-    memset(slave, 0, sizeof *slave);
+    memset(slave, 0, STATE_SIZE);
+    slave->scratch.made = false;
     slave->phase = INSTANTIATED;
     slave->moving_stale = slave->steady_stale = true;
     for (int i = 0; i < VARIABLE_COUNT; ++i)
@@ -212,4 +213,68 @@ void slave_set(struct slave *slave, enum kind kind, const unsigned *references, 
         good = set_one(slave, references[i], values[i], report);
     if (!good)
         slave_fail(slave, report);
+}
+
+/* --- directional derivatives -------------------------------------------------------------------- */
+
+/* Refuse what nothing, or nothing smooth, depends on. */
+static bool write_seed(const unsigned *knowns, size_t count, const double *seed, double *all,
+                       struct report *report)
+{
+    memset(all, 0, VARIABLE_COUNT * sizeof *all);
+    for (size_t i = 0; i < count; ++i) {
+        const struct variable *variable =
+            knowns[i] < VARIABLE_COUNT ? &variables[knowns[i]] : NULL;
+        if (variable == NULL || variable->kind != REAL || variable->causality == OUTPUT ||
+            variable->fixed)
+            return refuse(report,
+                          "getDirectionalDerivative: variable %d is neither an input nor a tunable "
+                          "parameter",
+                          (int)knowns[i]);
+        all[knowns[i]] += seed[i];
+    }
+    return true;
+}
+
+static bool check_unknowns(const unsigned *unknowns, size_t count, struct report *report)
+{
+    for (size_t i = 0; i < count; ++i)
+        if (unknowns[i] >= VARIABLE_COUNT || variables[unknowns[i]].causality != OUTPUT ||
+            variables[unknowns[i]].kind != REAL)
+            return refuse(report, "getDirectionalDerivative: variable %d is no Real output",
+                          (int)unknowns[i]);
+    return true;
+}
+
+bool slave_derivative(struct slave *slave, const unsigned *unknowns, size_t unknown_count,
+                      const unsigned *knowns, size_t known_count, const double *seed,
+                      double *derivatives, struct report *report)
+{
+    double all[VARIABLE_COUNT], found[VARIABLE_COUNT];
+    double moving[MOVING_COUNT], steady[STEADY_COUNT];
+    int next_moving = 0, next_steady = 0;
+    if (slave->phase != INITIALISING && slave->phase != STEPPING)
+        return refuse(report, "getDirectionalDerivative: the simulation has not been initialised");
+    if (!check_unknowns(unknowns, unknown_count, report) ||
+        !write_seed(knowns, known_count, seed, all, report))
+        return false;
+    slave_settle(slave, report);
+    if (slave->phase == FAILED || !model_derivative(slave, all, moving, steady, report))
+        return false;
+    for (int i = 0; i < VARIABLE_COUNT; ++i) {
+        found[i] = NAN;
+        if (variables[i].moving)
+            found[i] = moving[next_moving++];
+        else if (is_steady(&variables[i]))
+            found[i] = steady[next_steady++];
+    }
+    for (size_t i = 0; i < unknown_count; ++i) {
+        derivatives[i] = found[unknowns[i]];
+        if (!isfinite(derivatives[i]))
+            return refuse(report,
+                          "getDirectionalDerivative: %s has no derivative in closed form with these "
+                          "settings",
+                          variables[unknowns[i]].name);
+    }
+    return true;
 }

@@ -1,5 +1,6 @@
 /* The life of one slave between an FMI and a model: values, phases, failure. It knows neither
- * memory nor the host, so that its state is the record itself, copied.
+ * memory nor the host, so that its state is the record itself, copied, but for the scratch at its
+ * end: what a model makes again from the rest where it is missing or that of another state.
  *
  * "model.h" is written by build_fmu.py: the model's own header, and its variable table in numbers.
  */
@@ -34,7 +35,10 @@ struct slave {
     double values[VARIABLE_COUNT]; /* whole numbers and truth values too */
     struct sentence message;       /* the one String, status_message */
     struct motion motion;          /* the model's own */
+    struct scratch scratch;        /* the model's own, not stored */
 };
+
+#define STATE_SIZE offsetof(struct slave, scratch)
 
 /* What a model provides; each may refuse. */
 bool model_begin(struct slave *slave, double t, struct report *report);
@@ -42,6 +46,12 @@ bool model_change(struct slave *slave, double t, struct report *report);
 bool model_step(struct slave *slave, double t, double end, struct report *report);
 bool model_moving(struct slave *slave, double *outputs, struct report *report);
 bool model_steady(struct slave *slave, double *outputs, struct report *report);
+
+/* What the outputs change by if the variables do by seed (as many as there are variables): since the
+ * present stretch of the run began, with a change of parameters or input, or the start. NAN where no
+ * closed form is known. */
+bool model_derivative(struct slave *slave, const double *seed, double *moving, double *steady,
+                      struct report *report);
 
 /* Calls of FMI, which are recorded as failed by the slave itself. */
 void slave_start(struct slave *slave);
@@ -53,6 +63,10 @@ void slave_get(struct slave *slave, enum kind kind, const unsigned *references, 
                double *values, struct report *report);
 void slave_set(struct slave *slave, enum kind kind, const unsigned *references, size_t count,
                const double *values, struct report *report);
+/* Refuses without failing. */
+bool slave_derivative(struct slave *slave, const unsigned *unknowns, size_t unknown_count,
+                      const unsigned *knowns, size_t known_count, const double *seed,
+                      double *derivatives, struct report *report);
 void slave_fail(struct slave *slave, struct report *report);
 
 #endif

@@ -1,13 +1,16 @@
 """The native twin beside the Python FMU: processor time of starts, of steps and of whole fits.
 
-    python tests/bench/bench_twin.py [--steps 2000] [--starts 200] [--fit string_q1 ...]
+    python tests/bench/bench_twin.py [--steps 2000] [--starts 200] [--fit string_q1 ...] [--quick]
 
 The scene is the 7 MHz string under its two tones, from rest, sampled every 10 us; after each step
-one getReal fetches both hybridised displacements. A start sets one parameter, initialises and
+one getReal fetches both hybridised displacements. ``three modes`` are those of CoupledModes3, with
+and without a pump. A start sets one parameter, initialises and
 reads all outputs. Calls go through fmpy, whose share is in both columns; ``loop`` is the time of as
 many calls of an FMU that does next to nothing, getInteger. A fit is ``fmu-fit reconstruct`` of a
-shipped campaign with the one FMU or the other, its worker processes included, without the report.
-Times are processor times, so that other programs on the machine count for little.
+shipped campaign with the one FMU or the other, its worker processes included, without the report;
+each value of both follows, and how far they are apart in standard deviations. ``--quick`` takes
+the command's option of that name and no profiles, for fits that take the Python FMU too long. Times
+are processor times, so that other programs on the machine count for little.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -32,7 +35,13 @@ from tests.support.fmus import Instance, Unpacked, unpack
 
 ROOT = Path(build_fmu.__file__).parent
 STEP_S = 1e-5
-OUTPUTS = ("q1_hybrid", "q2_hybrid")
+OUTPUTS = ("q1_hybrid", "q2_hybrid", "q1", "q2")
+PUMP = {"depth_f1": 1e-5, "pump_hz": 3.1e5}
+THREE: dict[str, dict[str, Any]] = {
+    "three modes": {},
+    "three modes, envelope": {"solver": 1},
+    "three modes, pumped": PUMP,
+}
 SOLVERS: dict[str, dict[str, Any]] = {
     "exact": {},
     "envelope": {"solver": 1},
@@ -50,6 +59,7 @@ def microseconds(calls: Callable[[], int]) -> float:
 
 def steps(fmu: Instance, values: dict[str, Any], count: int) -> float:
     """Microseconds of a step with its reading."""
+    outputs = [name for name in fmu.outputs() if name in OUTPUTS][:2]
     fmu.slave.reset()
     fmu.start(**values)
     fmu.step(0.0, STEP_S)
@@ -57,7 +67,7 @@ def steps(fmu: Instance, values: dict[str, Any], count: int) -> float:
     def run() -> int:
         for k in range(1, count + 1):
             fmu.step(k * STEP_S, STEP_S)
-            fmu.get(*OUTPUTS)
+            fmu.get(*outputs)
         return count
 
     return microseconds(run)
@@ -78,18 +88,27 @@ def starts(fmu: Instance, values: dict[str, Any], count: int) -> float:
 
 def loop(fmu: Instance, count: int) -> float:
     """Microseconds of two calls through fmpy that do next to nothing."""
+    solver = fmu._variables["solver"].valueReference
 
     def run() -> int:
         for _ in range(count):
-            fmu.slave.getInteger([15])
-            fmu.slave.getInteger([15])
+            fmu.slave.getInteger([solver])
+            fmu.slave.getInteger([solver])
         return count
 
     return microseconds(run)
 
 
-def fit(name: str, folder: Path, native: tuple[str, ...] | None) -> tuple[float, dict[str, float]]:
-    """Processor seconds of a fit of a shipped campaign with one FMU or the other; values."""
+Fitted = dict[str, tuple[float, float]]
+
+
+def fit(
+    name: str, folder: Path, native: tuple[str, ...] | None, options: Sequence[str] = ()
+) -> tuple[float, Fitted]:
+    """Processor seconds of a fit of a shipped campaign with one FMU or the other.
+
+    With it every parameter's value and standard deviation.
+    """
     place = folder / f"{name}_{'python' if native is None else 'native'}"
     shutil.copytree(ROOT / "data" / name, place)
     text = (place / "campaign.toml").read_text("utf-8")
@@ -99,12 +118,43 @@ def fit(name: str, folder: Path, native: tuple[str, ...] | None) -> tuple[float,
     (place / "campaign.toml").write_text(text, "utf-8")
     before = os.times()
     command = [sys.executable, "-m", "fitting", "reconstruct", str(place / "campaign.toml")]
-    options = ["--no-report", "--quiet", "--workers", "1", "--out", str(place / "out")]
+    command += ["--no-report", "--quiet", "--workers", "1", "--out", str(place / "out")]
     subprocess.run([*command, *options], check=True, cwd=ROOT)
     after = os.times()
     spent = sum(after[2:4]) - sum(before[2:4])
     found = read_result(place / "out" / "result.json")
-    return spent, {name: p.value for name, p in found.parameters.items()}
+    return spent, {name: (p.value, p.std) for name, p in found.parameters.items()}
+
+
+def compare(name: str, folder: Path, options: Sequence[str]) -> None:
+    """Print the times of a campaign's fit with both FMUs, and both values of each parameter."""
+    kinds: tuple[tuple[str, ...] | None, ...] = (None, ())
+    (a, ours), (b, theirs) = (fit(name, folder, kind, options) for kind in kinds)
+    print(f"{'fit ' + name + ', s':<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+    for parameter, (value, std) in ours.items():
+        other = theirs[parameter][0]
+        known = std > 0.0  # NaN where the data do not determine it
+        apart = abs(other - value) / (std if known else abs(value) or 1.0)
+        unit = "standard deviations" if known else "of the value, which the data leave open"
+        print(f"  {parameter:<26}{value:>22.15g}{other:>22.15g}   apart by {apart:.0e} {unit}")
+
+
+def table(
+    model: str, scenes: dict[str, dict[str, Any]], folder: Path, options: argparse.Namespace
+) -> None:
+    """Print the times of steps and starts of a model with both FMUs."""
+    python = build_fmu.build(model, folder / f"python_{model}")
+    native = build_fmu.build(model, folder / f"native_{model}", native=())
+    unpacked: list[Unpacked] = [unpack(f, f.parent / "unpacked") for f in (python, native)]
+    with Instance(unpacked[0]) as slow, Instance(unpacked[1]) as quick:
+        measures = (("step", steps, options.steps), ("start", starts, options.starts))
+        for title, measure, count in measures:
+            for label, values in scenes.items():
+                few = max(1, count // 50) if label == "rk4" and title == "step" else count
+                a, b = (measure(fmu, values, few) for fmu in (slow, quick))
+                print(f"{title + ', ' + label:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+        a, b = (loop(fmu, options.steps) for fmu in (slow, quick))
+        print(f"{'loop, ' + model:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
 
 
 def main() -> int:
@@ -113,28 +163,16 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--starts", type=int, default=200)
     parser.add_argument("--fit", nargs="*", default=["string_q1"], help="shipped campaigns")
+    parser.add_argument("--quick", action="store_true", help="fits by --quick --no-profiles")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        python = build_fmu.build("CoupledOscillator", folder / "python")
-        native = build_fmu.build("CoupledOscillator", folder / "native", native=())
-        unpacked: list[Unpacked] = [unpack(f, f.parent / "unpacked") for f in (python, native)]
-        with Instance(unpacked[0]) as slow, Instance(unpacked[1]) as quick:
-            print(f"{'processor time, us':<28}{'Python':>10}{'native':>10}{'ratio':>8}")
-            measures = (("step", steps, options.steps), ("start", starts, options.starts))
-            for title, measure, count in measures:
-                for label, values in SOLVERS.items():
-                    few = max(1, count // 50) if label == "rk4" and title == "step" else count
-                    a, b = (measure(fmu, values, few) for fmu in (slow, quick))
-                    print(f"{title + ', ' + label:<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
-            a, b = (loop(fmu, options.steps) for fmu in (slow, quick))
-            print(f"{'loop':<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}")
+        print(f"{'processor time, us':<28}{'Python':>10}{'native':>10}{'ratio':>8}")
+        table("CoupledOscillator", SOLVERS, folder, options)
+        table("CoupledModes3", THREE, folder, options)
+        quick = ["--quick", "--no-profiles"] if options.quick else []
         for campaign in options.fit:
-            kinds: tuple[tuple[str, ...] | None, ...] = (None, ())
-            (a, ours), (b, theirs) = (fit(campaign, folder, kind) for kind in kinds)
-            apart = max(abs(theirs[k] - v) / abs(v) if v else 0.0 for k, v in ours.items())
-            print(f"{'fit ' + campaign + ', s':<28}{a:>10.1f}{b:>10.1f}{a / b:>8.1f}", end="")
-            print(f"   parameters differ by {apart:.0e}")
+            compare(campaign, folder, quick)
     return 0
 
 

@@ -116,3 +116,31 @@ def displacements(
             now = mp.mpf(t)
             result.append((+y[0], +y[1], +y[2], +y[3]))
         return result
+
+
+def held(p: Any, step: float, inputs: Sequence[float], every: int) -> list[list[Any]]:
+    """Return q~1, q~2 from rest, without tones, after each ``every`` steps of equal length.
+
+    ``inputs[k]`` is held over step k. Many steps are one sum: y_n = sum P^(n-1-k) r b_k, with P the
+    propagator of a step and r what a unit input does in it.
+    """
+    with mp.workdps(DIGITS):
+        whole = mp.expm(_system(p) * mp.mpf(step), method="taylor")
+        one = mp.matrix(4, 4)
+        for i in range(4):
+            for j in range(4):
+                one[i, j] = whole[i, j]
+        response, power = [whole[:4, 8]], mp.eye(4)
+        for _ in range(every - 1):
+            response.append(one * response[-1])
+            power = one * power
+        power = one * power
+        y, rows = mp.zeros(4, 1), []
+        for k in range(0, len(inputs), every):
+            block = [mp.mpf(b) for b in reversed(inputs[k : k + every])]
+            driven = [
+                mp.fdot((r[i], b) for r, b in zip(response, block, strict=True)) for i in range(4)
+            ]
+            y = power * y + mp.matrix(driven)
+            rows.append([+y[0], +y[1]])
+        return rows

@@ -33,13 +33,14 @@ def shared_folder(factory: pytest.TempPathFactory, name: str) -> Path:
     return folder
 
 
-def twin_of(model: str, factory: pytest.TempPathFactory) -> Path:
+def twin_of(model: str, factory: pytest.TempPathFactory, fmi: int = 2) -> Path:
     """The native FMU of a model as ``build_fmu.py --native`` makes it."""
     need_compiler()
-    folder = shared_folder(factory, "twins")
+    folder = shared_folder(factory, "twins" if fmi == 2 else f"twins_fmi{fmi}")
+    variant = build_fmu.Variant(fmi=fmi)
     with filelock.FileLock(folder / f"{model}.lock", timeout=MOST_S):
         path = folder / f"{model}.fmu"
-        return path if path.exists() else build_fmu.build(model, folder, native=())
+        return path if path.exists() else build_fmu.build(model, folder, variant=variant, native=())
 
 
 def swift_model(model: str, factory: pytest.TempPathFactory) -> Path:
@@ -52,23 +53,23 @@ def swift_model(model: str, factory: pytest.TempPathFactory) -> Path:
 def checked_binary(folder: Path, fmu: Path, *options: str) -> Path:
     """Compile an FMU's binary anew, with all warnings as errors and further options; its path."""
     made = build_fmu.built_from(fmu)
-    module = build_fmu.model_modules()[made.model]
+    module = build_fmu.module_of(made.model)
     model_class = getattr(importlib.import_module(f"fmu_src.{module}"), made.model)
     [tool] = native_binary.toolchains(())
     tool = replace(
         tool,
         command=(*tool.command, *options),
-        compile=(*tool.compile, "-g", "-O1", *STRICT),
+        compile=(*tool.compile, "-O1", *STRICT),
         link=tuple(word for word in tool.link if word != "-s"),
     )
     objects = native_binary.compiled(
         folder / "objects",
-        native_binary.needed_sources(build_fmu.SOURCE / native_binary.FOLDER, module),
+        native_binary.needed_sources(build_fmu.SOURCE / native_binary.FOLDER, module, made.fmi),
         native_binary.written(model_class, module, made.start_values),
         tool,
     )
     guid = fmpy.read_model_description(str(fmu)).guid
-    [(name, content)] = native_binary.binaries([objects], made.model, guid)
+    [(name, content)] = native_binary.binaries([objects], made.model, guid, made.fmi)
     path = folder / Path(name).name
     path.write_bytes(content)
     return path
