@@ -35,7 +35,7 @@ from fitting.resonance.form import (
     guesses,
 )
 from fitting.resonance.trace import Trace
-from fitting.resonance.two_lines import two_lines
+from fitting.resonance.two_lines import TwoResonances, two_lines
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.signal.student import ratio95
@@ -179,9 +179,9 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
     try:
         return _line_of(_turned(trace), wiring)
     except BadInput as error:
-        if not trace.read:
-            raise
-        raise BadInput(*(f"{text} (read: {trace.read})" for text in error.args)) from error
+        if trace.read:
+            error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)
+        raise
 
 
 def _line_of(trace: Trace, wiring: str) -> Line:
@@ -378,11 +378,13 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
         places = hertz(*two.frequency_hz, digits=5)
         widths = hertz(*two.width_hz, digits=3)
         way = (
-            "a campaign whose model has two modes fits both"
+            "a campaign whose model has two modes fits both, as fmu-fit init drafts it"
             if two.overlap
-            else "wanted one, as --from and --to choose it"
+            else "wanted one, as --from and --to choose it; fmu-fit init drafts a campaign of both"
         )
-        raise BadInput(f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}")
+        raise TwoResonances(
+            f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}", lines=two
+        )
     if _chance(trace, best) > SEEN_P:
         raise BadInput(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
