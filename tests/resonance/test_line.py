@@ -324,6 +324,16 @@ def test_what_a_file_does_not_tell_is_asked_for_by_name(
     assert not out.exists()
 
 
+def test_a_cell_that_is_no_number_is_named_where_one_column_could_be_the_amplitude(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "mine.csv"
+    rows = [f"{f!r},{'n/a' if k == 7 else 1.0 + k}\n" for k, f in enumerate(F.tolist())]
+    file.write_text("f (Hz),R\n" + "".join(rows), "utf-8")
+    with pytest.raises(ff.BadInput, match="row 9, column 'R': found 'n/a', wanted a finite number"):
+        ff.line(file)
+
+
 def test_decibels_and_powers_give_the_same_line(tmp_path: Path) -> None:
     values = np.abs(line_alone(F) + noise(F.size, 0.01, 7))
     plain = ff.line(F, values)
