@@ -26,7 +26,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.measurements.measurement import Prediction
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import listed, number
+from fitting.text.notation import number
 
 #: Step of x for slopes of derived outputs, in units of the search vector.
 STEP = 1e-3
@@ -183,7 +183,7 @@ def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
             continue  # eta1 beside f1, said there
         unit = f" {gain.unit}" if gain.unit not in ("", "1") else ""
         said.append(
-            f"{listed(names)}: ± {number(gain.phases, 2)}{unit} with phases, "
+            f"{', '.join(names)}: ± {number(gain.phases, 2)}{unit} with phases, "
             f"± {number(gain.amplitudes, 2)}{unit} if amplitudes alone were known "
             f"({number(gain.amplitudes / gain.phases, 2)} times as wide), noise as it scatters."
         )
