@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.draft.draft import ONE_MODE, Source, draft_of
+from fitting.draft.draft import Source, draft_of, model_for
+from fitting.draft.files import files_of
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
@@ -35,7 +36,8 @@ def init(
     Args:
         files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
             peaks or a spectrum each, and a sweep.
-        fmu: Path of an FMU, or the name of a model of this project; None: one mode.
+        fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
+            where a sweep shows two lines.
         out: Folder for campaign.toml, made where there is none.
         columns: What the files do not tell of their columns.
         told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
@@ -56,10 +58,12 @@ def init(
     if unknown:
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
     with results_folder(Path(out), "init", (CAMPAIGN,)):
-        with Fmu(fmu or ONE_MODE, 1) as held:
-            is_model = fmu is None or (isinstance(fmu, str) and fmu.isidentifier())
-            source = Source(str(fmu or ONE_MODE), is_model, held.workers)
-            draft = draft_of(paths, source, columns or Columns(), answers, Path(out))
+        looked_at = files_of(paths, columns or Columns())
+        name = fmu or model_for(looked_at)
+        with Fmu(name, 1) as held:
+            is_model = isinstance(name, str) and name.isidentifier()
+            source = Source(str(name), is_model, held.workers)
+            draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
     return path, draft.said

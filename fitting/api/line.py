@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy.typing as npt
 
+from fitting.resonance.dip_reading import DipReading
 from fitting.resonance.line import (
     WIRINGS,
-    DipReading,
     Line,
     LineForm,
     LinePoints,

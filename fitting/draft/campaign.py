@@ -141,7 +141,7 @@ def _relative(path: Path, folder: Path | None) -> str:
 def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, Any]:
     if choices.is_model:
         made: dict[str, Any] = {"model": choices.fmu}
-        remarks["fmu", "model"] = "one mode; shipped with fmu-fit and built on demand"
+        remarks["fmu", "model"] = "shipped with fmu-fit and built on demand"
     else:
         made = {"file": _relative(Path(choices.fmu), folder)}
     if choices.start:
@@ -236,6 +236,9 @@ def _add_sweeps(
             if fitted
             else "what the file means: peak or rms"
         )
+        if sweep.line is not None and sweep.line.forms[0].name == FANO:
+            tables["sweep"]["background"] = "complex"
+            remarks["sweep", "background"] = "of the line by itself, found by comparing"
         remarks["sweep", "use"] = "every point is fitted, too"
         remarks["sweep", "scale"] = "of measured over simulated amplitudes: by least squares"
 
@@ -251,6 +254,9 @@ def _complex(
     }
     if count > 1:
         made["label"] = sweep.path.stem
+    if sweep.two is not None:
+        made["background"] = "constant"
+        remarks[(*at, "background")] = "complex, beside the lines: solved inside"
     if sweep.line is None:
         return made
     if sweep.line.turned:

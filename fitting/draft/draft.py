@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,24 +10,30 @@ from pathlib import Path
 
 from fitting.campaign.binding import bind
 from fitting.draft.campaign import Choices, campaign_text, meaning
-from fitting.draft.files import Files, files_of
+from fitting.draft.files import Files
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
-from fitting.draft.values import Box, boxes_of
+from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
 from fitting.fmu import FmuWorkers
 from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.line import LineForm
-from fitting.resonance.reading import Columns
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
-from fitting.text.notation import listed, quantity
+from fitting.text.notation import hertz, listed, quantity
 from fitting.text.scratch import Scratch
 from fitting.text.units import same_kind
 
-#: The model of this project that is one resonance.
-ONE_MODE = "CoupledModes1"
+#: The models of this project that are one resonance, and two.
+ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
+#: What makes the second one two lines beside each other, and the parameter that weighs the upper
+#: one against the lower one.
+BESIDE = {
+    "lambda12": (0.0, "each line is a mode of its own: a sweep does not tell a coupling"),
+    "readout2": (1.0, "the detector sees both modes"),
+}
+STRENGTH = "g2"
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
 
@@ -48,15 +55,21 @@ class Source:
     workers: FmuWorkers
 
 
-def draft_of(
-    paths: Sequence[Path], source: Source, columns: Columns, answers: Answers, folder: Path
-) -> Draft:
+def model_for(files: Files) -> str:
+    """The model of this project that has as many modes as the files show lines.
+
+    Args:
+        files: of the measurements.
+    """
+    return ONE_MODE if files.two is None else TWO_MODES
+
+
+def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Draft:
     """A campaign from files and an FMU.
 
     Args:
-        paths: of the files.
+        files: of the measurements, as they were looked at.
         source: the FMU.
-        columns: what is told of the files' columns.
         answers: of flags, of a person, or by default.
         folder: where the campaign will stand.
 
@@ -65,8 +78,7 @@ def draft_of(
             is none; or files and FMU do not suit each other, as the campaign's own reader says.
         FmuFailure: the FMU failed with its own start values.
     """
-    files = files_of(paths, columns)
-    said = _seen(files)
+    said = _said(files)
     offer = offer_of(source.workers.description)
     choices = _chosen(files, source, offer, answers)
     _check(campaign_text(choices, files, offer, None), source)
@@ -87,7 +99,7 @@ def _beside(form: LineForm) -> list[str]:
     return [f"Beside the line, found by comparing: {listed(beside)}."] if beside else []
 
 
-def _seen(files: Files) -> list[str]:
+def _said(files: Files) -> list[str]:
     """What every file was found to be."""
     said: list[str] = []
     for sweep in files.sweeps:
@@ -98,6 +110,17 @@ def _seen(files: Files) -> list[str]:
             width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
             said += _beside(sweep.line.forms[0])
+            if sweep.line.forms[0].name == FANO and not sweep.is_complex:
+                said.append(
+                    "Amplitudes cannot be fitted with it through an FMU that has no background: "
+                    "with phases, or X and Y, they could."
+                )
+        elif sweep.two is not None and files.line is None:
+            places = listed(
+                f"{hertz(f, digits=7)} ({hertz(w, digits=3)} wide)"
+                for f, w in zip(sweep.two.frequency_hz, sweep.two.width_hz, strict=True)
+            )
+            said.append(f"A sweep of {kind} with two lines, at {places}.")
         else:
             said.append(f"A sweep of {kind}: {sweep.trouble}.")
     if files.table is not None:
@@ -116,15 +139,21 @@ def _seen(files: Files) -> list[str]:
 
 def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Choices:
     """Everything that is not told by the files, asked or guessed."""
-    if not any(sweep.line for sweep in files.sweeps) and source.is_model:
+    if files.line is None and source.is_model and (files.two is None or len(offer.places) < 2):
         trouble = next((sweep.trouble for sweep in files.sweeps), "")
         raise BadInput(trouble or "wanted a sweep as well, which tells frequency and width")
     [output] = answers.of(_output(files, offer))
     tones, driven = _driven(files, offer, answers)
     start, words = _start_values(files, source, offer, tones)
-    fitted = answers.of(_fitted(files, offer))
-    line = files.line
-    boxes = boxes_of(source.workers, offer, fitted, line, start)
+    pair = files.two is not None and source.is_model and source.name == TWO_MODES
+    if pair:
+        start |= {name: value for name, (value, _) in BESIDE.items()}
+        words |= {name: why for name, (_, why) in BESIDE.items()}
+    fitted = answers.of(_fitted(files, offer, (STRENGTH,) if pair else ()))
+    line, seen = files.line, seen_of(files.line, files.two)
+    boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
+    if pair and STRENGTH in fitted:
+        boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
     boxes = [_in_box(box) for box in boxes]
     return Choices(
         title=", ".join(sweep.path.stem for sweep in files.sweeps) or str(files.table),
@@ -139,9 +168,30 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
         derived=tuple(name for name in offer.derived if name not in fitted),
-        width_hz=0.0 if line is None else line.width_hz,
+        width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
     )
+
+
+def _by_name(fitted: Sequence[str], offer: Offer, seen: Sequence[Seen]) -> dict[str, Seen]:
+    """The line that each parameter sets: with two of them the first place and width the lower."""
+    found: dict[str, Seen] = {}
+    for group in (offer.places, offer.widths):
+        names = [name for name in group if name in fitted]
+        if len(seen) < 2:
+            found |= {name: each for each in seen for name in names}
+        else:
+            found |= dict(zip(names, seen, strict=False))
+    return found
+
+
+def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:
+    """How strongly the upper mode is driven: heights of modes go with g/(f d)."""
+    assert files.two is not None  # noqa: S101 - asked by the caller
+    ratio = files.two.ratio
+    one, two = (each.frequency_hz * each.width_hz for each in seen)
+    start = math.copysign(abs(ratio) * two / one, ratio.real)
+    return strength_box(offer, STRENGTH, start, "heights of the two lines in the sweep")
 
 
 def _in_box(box: Box) -> Box:
@@ -239,8 +289,8 @@ def _start_values(
     return start, words
 
 
-def _fitted(files: Files, offer: Offer) -> Question:
-    """Which parameters: one that sets the place of the line and one that sets its width."""
+def _fitted(files: Files, offer: Offer, more: tuple[str, ...]) -> Question:
+    """Which parameters: for each line one that sets its place and one that sets its width."""
     line = files.line
     places, widths = list(offer.places), list(offer.widths)
     if line is not None:
@@ -256,6 +306,9 @@ def _fitted(files: Files, offer: Offer) -> Question:
     widths.sort(key=lambda name: name[-1:] != mark)
     default = (*place, *widths[:1])
     why = "they set where the line is and how wide" if len(default) == PER_LINE else "a guess"
+    if files.two is not None and min(len(offer.places), len(offer.widths)) >= 2:
+        default = (*offer.places[:2], *offer.widths[:2], *more)
+        why = "they set where the two lines are, how wide" + (" and how high" if more else "")
     return Question(
         key="fit",
         words="Which parameters of the FMU are fitted?",

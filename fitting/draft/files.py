@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import Columns, Roles, read_trace_of, roles_of
+from fitting.resonance.two_lines import TwoLines, TwoResonances
 from fitting.text.errors import BadInput, gathered
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
@@ -23,7 +24,8 @@ SIGMA_PREFIXES = ("s_", "sigma", "std", "err")
 class SweepFile:
     """A response over frequency: amplitudes or complex values.
 
-    ``line`` is the resonance that it shows, None where it shows no single one, as ``trouble`` says.
+    ``line`` is the resonance that it shows, None where it shows no single one, as ``trouble`` says;
+    ``two`` are those that it shows if there are two.
     """
 
     path: Path
@@ -31,6 +33,7 @@ class SweepFile:
     said: tuple[str, ...]
     line: Line | None
     trouble: str = ""
+    two: TwoLines | None = None
 
     @property
     def is_complex(self) -> bool:
@@ -68,6 +71,13 @@ class Files:
     def line(self) -> Line | None:
         """The resonance of the first sweep that shows one."""
         return next((sweep.line for sweep in self.sweeps if sweep.line is not None), None)
+
+    @property
+    def two(self) -> TwoLines | None:
+        """The two resonances of the first sweep that shows them, where none shows a single one."""
+        if self.line is not None:
+            return None
+        return next((sweep.two for sweep in self.sweeps if sweep.two is not None), None)
 
 
 def files_of(paths: Sequence[Path], columns: Columns) -> Files:
@@ -114,11 +124,14 @@ def files_of(paths: Sequence[Path], columns: Columns) -> Files:
 
 def _sweep(path: Path, columns: Columns) -> SweepFile:
     roles, trace = roles_of(path, columns), read_trace_of(path, columns)
+    line, trouble, two = None, "", None
     try:
-        line, trouble = line_of(trace), ""
+        line = line_of(trace)
+    except TwoResonances as error:
+        trouble, two = str(error), error.lines
     except BadInput as error:
-        line, trouble = None, str(error)
-    return SweepFile(path=path, roles=roles, said=trace.said, line=line, trouble=trouble)
+        trouble = str(error)
+    return SweepFile(path=path, roles=roles, said=trace.said, line=line, trouble=trouble, two=two)
 
 
 def _table(path: Path) -> TableFile | None:

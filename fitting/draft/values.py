@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from fitting.draft.model import Offer
 from fitting.fmu import FmuWorkers, Run
 from fitting.resonance.line import Line
+from fitting.resonance.two_lines import TwoLines
 from fitting.text.arrays import Scalar
 from fitting.text.units import convert, same_kind
 
@@ -23,8 +24,22 @@ from fitting.text.units import convert, same_kind
 REACH, FACTOR = 20.0, 20.0
 #: Step of a logarithm for slopes, and Newton's steps.
 STEP, ROUNDS = 1e-3, 4
-#: Factor to either side where nothing tells the value.
-UNKNOWN = 2.0
+#: Factor to either side where nothing tells the value, and that of a strength's box.
+UNKNOWN, STRONGER = 2.0, 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """A line that a sweep shows: frequency, full width, Hz, and its name.
+
+    ``reach_hz`` is how far its place may be off: its own widths, and no further than half the way
+    to the next line.
+    """
+
+    frequency_hz: float
+    width_hz: float
+    reach_hz: float
+    words: str = "the line"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +59,7 @@ def boxes_of(
     workers: FmuWorkers,
     offer: Offer,
     names: Sequence[str],
-    line: Line | None,
+    seen: Mapping[str, Seen],
     fixed: Mapping[str, Scalar],
 ) -> list[Box]:
     """Bounds and start values.
@@ -53,7 +68,7 @@ def boxes_of(
         workers: processes that run the FMU.
         offer: what it offers.
         names: of the parameters.
-        line: that the sweep shows; None: nothing is known of it.
+        seen: the line that each of them sets, as far as it is known.
         fixed: start values of other variables.
 
     Raises:
@@ -63,34 +78,58 @@ def boxes_of(
     values = dict(fixed)
     # the widths follow from the places in a model of masses and springs, and not the other way
     for name in sorted(names, key=lambda each: each in offer.widths):
-        box = _box(workers, offer, name, line, values)
+        box = _box(workers, offer, name, seen.get(name), values)
         values[name] = box.start
         made[name] = box
     return [made[name] for name in names]
 
 
+def seen_of(line: Line | None, two: TwoLines | None) -> list[Seen]:
+    """The lines of a sweep, the lower one first; none where neither is known.
+
+    Args:
+        line: the single one.
+        two: or both.
+    """
+    if line is not None:
+        return [
+            Seen(
+                frequency_hz=line.frequency_hz,
+                width_hz=line.width_hz,
+                reach_hz=REACH * line.width_hz,
+            )
+        ]
+    if two is None:
+        return []
+    half = 0.5 * (two.frequency_hz[1] - two.frequency_hz[0])
+    pairs = zip(two.frequency_hz, two.width_hz, ("the lower line", "the upper line"), strict=True)
+    return [
+        Seen(frequency_hz=f, width_hz=w, reach_hz=min(REACH * w, half), words=words)
+        for f, w, words in pairs
+    ]
+
+
 def _box(
-    workers: FmuWorkers, offer: Offer, name: str, line: Line | None, values: Mapping[str, Scalar]
+    workers: FmuWorkers, offer: Offer, name: str, line: Seen | None, values: Mapping[str, Scalar]
 ) -> Box:
     unit = offer.unit(name)
     wide = name in offer.widths
     if line is None or not (wide or name in offer.places):
         return _unknown(offer, name, "nothing in the files tells it: the FMU's own start value")
     target = line.width_hz if wide else line.frequency_hz
-    share = line.width_hz / line.frequency_hz
     what = "width" if wide else "frequency"
     in_unit = _of_hertz(target, unit)
     if in_unit is not None:
-        why = f"{what} of the line in the sweep"
-        return _about(offer, name, in_unit, 1.0, share, why)
+        why = f"{what} of {line.words} in the sweep"
+        return _about(offer, name, in_unit, 1.0, line, why)
     output = _output(workers, offer, name, wide, values)
     if output is None:
         return _unknown(offer, name, f"no output tells the {what}: the FMU's own start value")
     start, slope = _solved(workers, name, output, target, values, _start(offer, name))
     if not (math.isfinite(start) and start > 0.0):
         return _unknown(offer, name, f"{output} does not follow it: the FMU's own start value")
-    why = f"with it {output} is the {what} of the line in the sweep"
-    return _about(offer, name, start, slope, share, why)
+    why = f"with it {output} is the {what} of {line.words} in the sweep"
+    return _about(offer, name, start, slope, line, why)
 
 
 def _of_hertz(value_hz: float, unit: str) -> float | None:
@@ -102,14 +141,14 @@ def _of_hertz(value_hz: float, unit: str) -> float | None:
     return None
 
 
-def _about(offer: Offer, name: str, start: float, slope: float, share: float, why: str) -> Box:
+def _about(offer: Offer, name: str, start: float, slope: float, line: Seen, why: str) -> Box:
     """A box about a value: a place within widths of the line, a width within a factor."""
     if name in offer.widths:
         lower, upper, scale = start / FACTOR, start * FACTOR, start
     else:
-        part = min(REACH * share / abs(slope), 0.5)
+        part = min(line.reach_hz / line.frequency_hz / abs(slope), 0.5)
         lower, upper = start * (1.0 - part), start * (1.0 + part)
-        scale = start * share / abs(slope)
+        scale = start * line.width_hz / line.frequency_hz / abs(slope)
     return _bounded(
         offer,
         name,
@@ -158,6 +197,28 @@ def _bounded(offer: Offer, name: str, box: Box) -> Box:
         start=round(start, digits + 1),
         scale=float(f"{box.scale:.2g}"),
     )
+
+
+def strength_box(offer: Offer, name: str, start: float, why: str) -> Box:
+    """A box of a strength whose sign is not known for sure.
+
+    Args:
+        offer: what the FMU offers.
+        name: of the parameter.
+        start: its likely value.
+        why: what that rests on.
+    """
+    size = abs(start)
+    box = Box(
+        name=name,
+        unit=offer.unit(name),
+        lower=-STRONGER * size,
+        upper=STRONGER * size,
+        start=start,
+        scale=size,
+        why=why,
+    )
+    return _bounded(offer, name, box)
 
 
 def _start(offer: Offer, name: str) -> float:

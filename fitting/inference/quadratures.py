@@ -178,10 +178,19 @@ def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
         for q in told.qualities
     ]
     for gain in told.gains:
+        names = [g.name for g in told.gains if _alike(g, gain)]
+        if gain.name != names[0]:
+            continue  # eta1 beside f1, said there
         unit = f" {gain.unit}" if gain.unit not in ("", "1") else ""
         said.append(
-            f"{gain.name}: ± {number(gain.phases, 2)}{unit} with phases, "
+            f"{', '.join(names)}: ± {number(gain.phases, 2)}{unit} with phases, "
             f"± {number(gain.amplitudes, 2)}{unit} if amplitudes alone were known "
             f"({number(gain.amplitudes / gain.phases, 2)} times as wide), noise as it scatters."
         )
     return tuple(said)
+
+
+def _alike(one: PhaseGain, other: PhaseGain) -> bool:
+    """Whether two values have the same errors: outputs of the FMU that are a parameter."""
+    sizes = (one.amplitudes, other.amplitudes), (one.phases, other.phases)
+    return one.unit == other.unit and all(math.isclose(a, b, rel_tol=1e-6) for a, b in sizes)

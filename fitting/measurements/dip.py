@@ -39,8 +39,13 @@ class Dip:
     @property
     def coupling_q(self) -> float:
         """Qc, diameter corrected: 1/Qc = Re D/(k Q), k = 1 for a notch and 2 in reflection."""
-        share = self.depth.real / (2.0 if self.kind == "reflection" else 1.0)
+        share = self.depth.real / self.divisor
         return self.loaded_q / share if share > 0.0 else float("nan")
+
+    @property
+    def divisor(self) -> float:
+        """k of 1/Qc = Re D/(k Q)."""
+        return 2.0 if self.kind == "reflection" else 1.0
 
     @property
     def internal_q(self) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 
 from fitting.measurements.complex.gain import SharedGain, Solved
 from fitting.measurements.complex.wiring import Wiring
-from fitting.signal.complex_line import ComplexLine, complex_line
+from fitting.signal.complex_line import ComplexLine, complex_line, mean_delay
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import MIN_SWEEP_POINTS, Resonance, fit_resonance, mode_response
 from fitting.signal.residual_tests import Structure, residual_structure
@@ -46,7 +46,7 @@ class FittedForm:
         width_hz: full width at half of the power, Hz, and its error.
         q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
-        delay_s: of the cable, s; NaN where it was not looked for.
+        delay_s: of the cable, s, and its error; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
         freedom: degrees of freedom of the noise; points that hang together count as fewer.
         squares: sum of the squared residuals over the largest value.
@@ -54,6 +54,8 @@ class FittedForm:
         structure: what the order of the residuals tells.
         curve: S (n,), or |S|, as fitted, in the trace's unit.
         coefficients: a, b and b' over the largest value, as many as there are; of amplitudes none.
+        covariance: of frequency and width, Hz, of the delay over 1/span if it was fitted, and of
+            both parts of each coefficient, scaled as the errors; of amplitudes none.
     """
 
     name: str
@@ -66,6 +68,7 @@ class FittedForm:
     amplitude: float
     amplitude_std: float
     delay_s: float
+    delay_std_s: float
     unknowns: int
     freedom: float
     squares: float
@@ -73,6 +76,7 @@ class FittedForm:
     structure: Structure
     curve: FloatArray | ComplexArray
     coefficients: ComplexArray
+    covariance: FloatArray
 
 
 def fit_amplitudes(
@@ -105,6 +109,7 @@ def fit_amplitudes(
         amplitude=found.amplitude,
         amplitude_std=found.amplitude_std,
         delay_s=math.nan,
+        delay_std_s=math.nan,
         unknowns=3 if name == TRANSMISSION else 5,
         freedom=found.freedom,
         squares=float(left @ left),
@@ -112,6 +117,7 @@ def fit_amplitudes(
         structure=found.structure,
         curve=found.curve,
         coefficients=np.empty(0, dtype=complex),
+        covariance=np.empty((0, 0)),
     )
 
 
@@ -150,13 +156,13 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
     f, size = frequency_hz, np.abs(values)
     span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
     whole = complex_line(f, values, None)
-    delays = dict.fromkeys((0.0, whole.delay_s))
     top, bottom = int(np.argmax(size)), int(np.argmin(size))
     half = 0.5 * (float(np.median(size)) + size[bottom])
     widths = {
         float(f[top]): _extent(f, size >= math.sqrt(0.5) * size[top], top),
         float(f[bottom]): _extent(f, size <= half, bottom),
     }
+    delays = dict.fromkeys((0.0, whole.delay_s, *_far_delays(f, values, widths)))
     places = [(eta, part * width) for eta, width in widths.items() for part in (0.5, 1.0, 2.0)]
     for delay in delays:
         places += [(line.eta_hz, abs(line.width_hz)) for line in _lines(f, values, widths, delay)]
@@ -174,6 +180,20 @@ def _extent(f: FloatArray, chosen: BoolArray, middle: int) -> float:
     low = int(np.max(others[others < middle], initial=0))
     high = int(np.min(others[others > middle], initial=f.size - 1))
     return float(f[high] - f[low])
+
+
+def _far_delays(f: FloatArray, values: ComplexArray, widths: Mapping[float, float]) -> list[float]:
+    """Delays that points far from a top or a bottom show, where most points are far, s.
+
+    A line of few points in a long sweep is a small part of what `complex_line` has to describe: a
+    wide line can stand for a delay, and the narrow one is not seen.
+    """
+    found = []
+    for eta, width in widths.items():
+        far = np.abs(f - eta) > NEAR * width
+        if 2 * int(np.sum(far)) > f.size:
+            found.append(mean_delay(f[far], values[far])[0])
+    return found
 
 
 def _lines(
@@ -295,24 +315,27 @@ class _ComplexFit:
         freedom = max(1, fit.residuals.size - slopes.shape[1])
         independent = freedom / structure.widening**2
         spread = structure.widening**2 * squares / freedom * covariance
-        spread = reach(ROOT_68, independent) ** 2 * spread
+        scales = np.ones(slopes.shape[1])
+        scales[:2] = self.width0, width
+        spread = reach(ROOT_68, independent) ** 2 * np.outer(scales, scales) * spread
         solved = self.solved(fit.values)
         gain = complex(solved.coefficients[0])
         along = np.zeros(slopes.shape[1])
         along[fit.values.size : fit.values.size + 2] = gain.real / abs(gain), gain.imag / abs(gain)
         quality = np.zeros(slopes.shape[1])
-        quality[:2] = self.width0 / eta, -1.0
+        quality[:2] = 1.0 / eta, -1.0 / width
         return FittedForm(
             name=name,
             frequency_hz=eta,
-            frequency_std_hz=self.width0 * math.sqrt(spread[0, 0]),
+            frequency_std_hz=math.sqrt(spread[0, 0]),
             width_hz=width,
-            width_std_hz=width * math.sqrt(spread[1, 1]),
+            width_std_hz=math.sqrt(spread[1, 1]),
             q=eta / width,
             q_std=eta / width * math.sqrt(max(0.0, float(quality @ spread @ quality))),
             amplitude=self.top * abs(gain),
             amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
             delay_s=delay if self.delayed else math.nan,
+            delay_std_s=math.sqrt(spread[2, 2]) / self.span if self.delayed else math.nan,
             unknowns=slopes.shape[1],
             freedom=independent,
             squares=squares,
@@ -320,6 +343,7 @@ class _ComplexFit:
             structure=structure,
             curve=self.top * solved.values,
             coefficients=solved.coefficients,
+            covariance=spread,
         )
 
     def slopes(self, x: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from scipy.special import fdtrc
 
 from fitting.campaign.instruments import own_estimates
 from fitting.measurements.complex.curve import WIDTHS_FOR_DELAY
-from fitting.measurements.dip import Dip
+from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading, dip_readings
 from fitting.resonance.form import (
     FANO,
     FORMS,
@@ -35,7 +35,7 @@ from fitting.resonance.form import (
     guesses,
 )
 from fitting.resonance.trace import Trace
-from fitting.resonance.two_lines import two_lines
+from fitting.resonance.two_lines import TwoResonances, two_lines
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.signal.student import ratio95
@@ -44,7 +44,6 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 
-NOTCH, REFLECTION = "notch", "reflection"
 #: What may be asked for: forms, and those of their readings that are no form of their own.
 WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED)
 #: A resonance is there if noise alone were to look like one less often than this.
@@ -80,15 +79,6 @@ class LineForm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DipReading:
-    """What a line means that is a dip: beside a feed line (notch) or at its end (reflection)."""
-
-    wiring: str
-    q_coupling: float
-    q_internal: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class LinePoints:
     """What was measured and what was fitted, (n,) each; imaginary parts are empty without phases.
 
@@ -117,7 +107,7 @@ class Line:
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
-        delay_s: of the cable, s; NaN where none was looked for.
+        delay_s: of the cable, s, and its error; NaN where none was found.
         residual: root mean square of what is left, over ``amplitude``.
         freedom: degrees of freedom of the noise.
         independent_points: how many of the points, that may follow each other, are news.
@@ -147,6 +137,7 @@ class Line:
     wiring: str
     asked: bool
     delay_s: float
+    delay_std_s: float
     residual: float
     freedom: float
     independent_points: float
@@ -188,9 +179,9 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
     try:
         return _line_of(_turned(trace), wiring)
     except BadInput as error:
-        if not trace.read:
-            raise
-        raise BadInput(*(f"{text} (read: {trace.read})" for text in error.args)) from error
+        if trace.read:
+            error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)
+        raise
 
 
 def _line_of(trace: Trace, wiring: str) -> Line:
@@ -221,12 +212,13 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         wiring=wiring or best.name,
         asked=bool(wiring),
         delay_s=best.delay_s,
+        delay_std_s=best.delay_std_s,
         residual=best.residual,
         freedom=best.freedom,
         independent_points=best.structure.points / (2.0 if trace.is_complex else 1.0),
         widening=best.structure.widening,
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
-        readings=_readings(trace, best, wiring),
+        readings=dip_readings(trace, best, wiring),
         faults=_faults(trace, best),
         instrument=own_estimates(trace.notes),
         turned=trace.turned,
@@ -289,17 +281,18 @@ def _turned(trace: Trace) -> Trace:
 def _fitted(trace: Trace) -> tuple[list[FittedForm], list[LineForm]]:
     """Every form, as it was fitted; those that could not be."""
     found: list[FittedForm] = []
+    unresolved: list[FittedForm] = []
     failed: list[LineForm] = []
     for (name, delayed), fit in _tries(trace):
-        if delayed and not _resolves_delay(trace, found):
-            continue
         try:
-            found.append(fit())
+            form = fit()
         except BadInput as error:
             failed.append(_failure(name, delayed, str(error)))
-    if not found:
+            continue
+        (unresolved if delayed and not _resolves_delay(trace, form) else found).append(form)
+    if not (found or unresolved):
         raise BadInput(failed[0].message)
-    return found, failed
+    return found or unresolved, failed
 
 
 def _tries(trace: Trace) -> list[tuple[tuple[str, bool], Callable[[], FittedForm]]]:
@@ -323,10 +316,12 @@ def _tries(trace: Trace) -> list[tuple[tuple[str, bool], Callable[[], FittedForm
     ]
 
 
-def _resolves_delay(trace: Trace, found: Sequence[FittedForm]) -> bool:
-    """Whether the sweep is so long that a delay is not just the phase of the line itself."""
-    span = float(np.ptp(trace.frequency_hz))
-    return all(form.width_hz * WIDTHS_FOR_DELAY < span for form in found)
+def _resolves_delay(trace: Trace, delayed: FittedForm) -> bool:
+    """Whether the sweep is so long that a delay is not just the phase of the line itself.
+
+    Its own width counts: without the delay, no form need find the line of a long cable.
+    """
+    return delayed.width_hz * WIDTHS_FOR_DELAY < float(np.ptp(trace.frequency_hz))
 
 
 def _criteria(found: Sequence[FittedForm], rows: int) -> FloatArray:
@@ -383,11 +378,13 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
         places = hertz(*two.frequency_hz, digits=5)
         widths = hertz(*two.width_hz, digits=3)
         way = (
-            "a campaign whose model has two modes fits both"
+            "a campaign whose model has two modes fits both, as fmu-fit init drafts it"
             if two.overlap
-            else "wanted one, as --from and --to choose it"
+            else "wanted one, as --from and --to choose it; fmu-fit init drafts a campaign of both"
         )
-        raise BadInput(f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}")
+        raise TwoResonances(
+            f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}", lines=two
+        )
     if _chance(trace, best) > SEEN_P:
         raise BadInput(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
@@ -424,27 +421,6 @@ def _chance(trace: Trace, best: FittedForm) -> float:
     freedom = max(1.0, (rows - best.unknowns) / best.structure.widening**2)
     gain = max(0.0, (before - best.squares) / more * freedom / best.squares)
     return min(1.0, f.size * float(fdtrc(more, freedom, gain)))
-
-
-def _readings(trace: Trace, best: FittedForm, wiring: str) -> tuple[DipReading, ...]:
-    """What a dip means beside a feed line and at its end, where one mode can be such a dip."""
-    if not trace.is_complex or best.coefficients.size < 2:
-        return ()
-    a, b = best.coefficients[:2]
-    if best.name == SLOPED:
-        f = trace.frequency_hz
-        x = 2.0 * (best.frequency_hz - 0.5 * float(f[0] + f[-1])) / float(np.ptp(f))
-        b = b + best.coefficients[2] * x
-    depth = complex(1j * a / b)  # g is -i at the eigenfrequency
-    wanted = (wiring,) if wiring in (NOTCH, REFLECTION) else (NOTCH, REFLECTION)
-    if wiring in (TRANSMISSION, FANO, SLOPED) or (not wiring and abs(1.0 - depth) >= 1.0):
-        return ()
-    dips = [Dip(kind=kind, loaded_q=best.q, depth=depth) for kind in wanted]
-    return tuple(
-        DipReading(wiring=d.kind, q_coupling=d.coupling_q, q_internal=d.internal_q)
-        for d in dips
-        if wiring or not math.isnan(d.internal_q)
-    )
 
 
 def _faults(trace: Trace, best: FittedForm) -> tuple[SweepFault, ...]:

@@ -152,11 +152,19 @@ def roles_of(path: Path, columns: Columns) -> Roles:
                 phase=None if whole is not None else column("", "phase"),
             )
     if found.sizes is None and (found.real is None or found.imaginary is None):
+        _complain_of_cells(recording, found)
         raise BadInput(
             f"{path}: has no column that seems an amplitude; there is: {there}; wanted its name by "
             "--amplitude, or --real and --imaginary"
         )
     return _united(found, columns)
+
+
+def _complain_of_cells(recording: Recording, found: Roles) -> None:
+    """Name the cell that is no number in the only column that could be an amplitude."""
+    free = [c for c in recording.channels if c not in found.all and not c.is_complex]
+    if len(free) == 1:
+        recording.numbers(free[0])
 
 
 def _with_unit(channel: Channel, unit: str) -> Channel:

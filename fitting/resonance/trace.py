@@ -112,13 +112,13 @@ def trace_of(
     for i in np.flatnonzero(np.diff(f) == 0.0)[:1]:
         raise BadInput(
             f"{source}: the frequency {f[i]:.12g} Hz stands there twice, wanted one sweep, each "
-            "frequency once"
+            "frequency once (of a sweep up and down, the rows of one direction)"
         )
     if not np.iscomplexobj(y):
         for i in np.flatnonzero(y < 0.0)[:1]:
             raise BadInput(
                 f"{source}: the amplitude at {f[i]:.12g} Hz is {y[i]:.6g}, wanted magnitudes (are "
-                "columns exchanged, or is it in dB?)"
+                "columns exchanged, or is it in dB? --unit-amplitude dB)"
             )
     if not np.any(np.abs(y) > 0.0):
         raise BadInput(f"{source}: holds nothing but zeros, wanted a resonance")

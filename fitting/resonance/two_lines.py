@@ -19,6 +19,7 @@ from fitting.signal.complex_line import ROUNDS
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
 
 #: A second line counts from this share of the first one's height, if it explains so much.
 LEAST_HEIGHT, EXPLAINED = 0.03, 0.75
@@ -30,15 +31,27 @@ ROUNDS_FOR_SECOND = 60
 
 @dataclass(frozen=True)
 class TwoLines:
-    """Two resonances: frequencies and full widths, Hz, the lower one first."""
+    """Two resonances: frequencies and full widths, Hz, the lower one first.
+
+    ``ratio`` is the complex height of the upper one over that of the lower one.
+    """
 
     frequency_hz: tuple[float, float]
     width_hz: tuple[float, float]
+    ratio: complex
 
     @property
     def overlap(self) -> bool:
         """Whether no range holds one of them alone."""
         return self.frequency_hz[1] - self.frequency_hz[0] < sum(self.width_hz)
+
+
+class TwoResonances(BadInput):
+    """A trace shows two resonances where one is looked for: ``lines``."""
+
+    def __init__(self, *complaints: str, lines: TwoLines) -> None:
+        super().__init__(*complaints)
+        self.lines = lines
 
 
 def two_lines(trace: Trace, best: FittedForm) -> TwoLines | None:
@@ -70,12 +83,13 @@ def two_lines(trace: Trace, best: FittedForm) -> TwoLines | None:
     ]
     if len(seen) < 2 or squares > (1.0 - EXPLAINED) * best.squares:
         return None
-    heights = sorted(height for _, _, height in seen)
-    (low, low_width, _), (high, high_width, _) = sorted(seen)
+    heights = sorted(abs(height) for _, _, height in seen)
+    lower, upper = sorted(seen, key=lambda line: line[0])
+    (low, low_width, _), (high, high_width, _) = lower, upper
     apart = high - low > 0.5 * (low_width + high_width)
     if heights[0] < LEAST_HEIGHT * heights[1] or not apart:
         return None
-    return TwoLines((low, high), (low_width, high_width))
+    return TwoLines((low, high), (low_width, high_width), upper[2] / lower[2])
 
 
 def _chance(trace: Trace, best: FittedForm, squares: float) -> float:
@@ -93,7 +107,8 @@ def _chance(trace: Trace, best: FittedForm, squares: float) -> float:
     return min(1.0, trace.frequency_hz.size * float(fdtrc(more, freedom, gain)))
 
 
-_Lines = Iterable[tuple[float, float, float]]
+#: Frequency, width and complex height of each line.
+_Lines = Iterable[tuple[float, float, complex]]
 
 
 def _of_complex(f: FloatArray, y: ComplexArray) -> tuple[float, _Lines] | None:
@@ -118,8 +133,8 @@ def _of_complex(f: FloatArray, y: ComplexArray) -> tuple[float, _Lines] | None:
     for pole, other in zip(poles, poles[::-1], strict=True):
         residue = (a0 + a1 * pole + a2 * pole**2) / (b2 * (pole - other))
         width = 2.0 * abs(pole.imag)
-        height = abs(residue) / max(abs(pole.imag), 1e-300)
-        lines.append((middle + half * float(pole.real), half * float(width), float(height)))
+        height = complex(residue / max(abs(pole.imag), 1e-300))
+        lines.append((middle + half * float(pole.real), half * float(width), height))
     return float(np.sum(np.abs(curve - y) ** 2)), lines
 
 
@@ -158,6 +173,6 @@ def _fitted(
         fit = minimise_squares(residuals, begin_at, rounds=ROUNDS_FOR_SECOND)
     except (ValueError, np.linalg.LinAlgError):
         return None
-    sizes = abs(float(fit.values[4])), float(np.hypot(fit.values[5], fit.values[6]))
+    sizes = complex(fit.values[4]), complex(fit.values[5], fit.values[6])
     found = [(*line, size) for line, size in zip(lines(fit.values), sizes, strict=True)]
     return float(fit.residuals @ fit.residuals), found

@@ -64,7 +64,7 @@ def complex_line(
         line = _line(f, s, delay_s)
         return replace(line, top=line.top * largest)
     span = float(np.ptp(f))
-    guess, measured_hz = _mean_delay(f, s)
+    guess, measured_hz = mean_delay(f, s)
     tried = int(TRIED * min(max(1.0, span / measured_hz), MOST))
     steps = np.arange(-tried, tried + 1) / (PER_SPAN * span)
     misfits = [_line(f, s, guess + step).left for step in steps]
@@ -93,11 +93,16 @@ def _no_line(f: FloatArray, value: complex, delay_s: float) -> ComplexLine:
     )
 
 
-def _mean_delay(f: FloatArray, s: ComplexArray) -> tuple[float, float]:
+def mean_delay(frequency_hz: FloatArray, values: ComplexArray) -> tuple[float, float]:
     """Delay by the mean turn between neighbours, s, and the span without gaps, Hz.
 
     A resonance changes it by one over that span at most.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz, rising.
+        values: measured (n,), any unit.
     """
+    f, s = frequency_hz, values
     steps = np.diff(f)
     near = steps <= 1.5 * float(np.median(steps))
     turn = np.angle(np.sum((s[1:] * np.conj(s[:-1]))[near]))

@@ -78,6 +78,60 @@ def test_a_lock_in_file_alone_becomes_a_campaign_that_finds_the_truth(
     assert "next: fmu-fit reconstruct" in told
 
 
+SPLIT, NARROW, SHARE = 60.0, 15.0, -0.7
+
+
+def two_modes(folder: Path, *, phases: bool) -> Path:
+    """Two modes that a detector sees with opposite signs, in closed form, with 0.2 % of noise."""
+    upper = SHARE * mode(F_TWO, ETA + SPLIT, NARROW)
+    seen = mode(F_TWO, ETA, WIDTH) + upper + noise(F_TWO.size, 2e-3, 4)
+    if not phases:
+        return write_csv(folder / "two.csv", "f (Hz),R (V)", F_TWO, np.abs(seen))
+    seen = seen + (0.1 - 0.05j)
+    return write_csv(folder / "two.csv", "f (Hz),X (V),Y (V)", F_TWO, seen.real, seen.imag)
+
+
+F_TWO = ETA + np.linspace(-100.0, 160.0, 66)
+#: g2 of the truth: heights of modes of unit mass go with g/(f d).
+G2 = SHARE * (ETA + SPLIT) * NARROW / (ETA * WIDTH)
+
+
+def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = fitted(tmp_path, [str(two_modes(tmp_path, phases=True))])
+    truth = {"f1": ETA, "f2": ETA + SPLIT, "d1": WIDTH, "d2": NARROW, "g2": G2}
+    assert set(found.parameters) == set(truth)
+    for name, value in truth.items():
+        each = found.parameters[name]
+        assert abs(each.value - value) < 4.0 * each.std, name
+        assert each.std < 0.02 * (abs(value) if name in ("d1", "d2", "g2") else WIDTH), name
+    told = capsys.readouterr().out
+    assert "A sweep of amplitude and phase with two lines, at 30" in told
+    written = tomllib.loads((tmp_path / "drafted" / "campaign.toml").read_text("utf-8"))
+    assert written["fmu"]["model"] == "CoupledModes2"
+    assert written["fmu"]["start"]["lambda12"] == 0.0
+    assert written["complex_sweep"][0]["background"] == "constant"
+
+
+def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:
+    path, _ = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
+    boxes = {p["name"]: p for p in tomllib.loads(path.read_text("utf-8"))["parameters"]}
+    assert boxes["f1"]["start"] == pytest.approx(ETA, abs=0.5)
+    assert boxes["f2"]["start"] == pytest.approx(ETA + SPLIT, abs=0.5)
+    assert boxes["d1"]["start"] == pytest.approx(WIDTH, rel=0.05)
+    assert boxes["d2"]["start"] == pytest.approx(NARROW, rel=0.05)
+    assert boxes["g2"]["start"] == pytest.approx(G2, rel=0.05)
+    assert boxes["f1"]["upper"] == pytest.approx(boxes["f2"]["lower"], abs=0.5)
+
+
+def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None:
+    seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1) + (0.3 - 0.2j))
+    path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")
+    assert tomllib.loads(path.read_text("utf-8"))["sweep"]["background"] == "complex"
+    assert any("an FMU that has no background" in sentence for sentence in said)
+
+
 def test_the_fmu_of_somebody_else_is_looked_at_and_fitted(
     tmp_path: Path, cantilever: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

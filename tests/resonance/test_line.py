@@ -10,9 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy import stats
+from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.cli.main import main
+from fitting.report.words.line import sentences
 from fitting.resonance.line import Line
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.records import read_json
@@ -76,7 +79,7 @@ def test_errors_are_those_of_the_scatter_and_the_form_is_the_true_one(
 
 def test_noise_invents_no_cable() -> None:
     """The criterion alone gives a sixth of all lines without one a delay (P(chi2_1 > 2) = 0.16)."""
-    found = [ff.line(F, line_alone(F) + noise(F.size, 0.02, seed)) for seed in range(100, 160)]
+    found = [ff.line(F, line_alone(F) + noise(F.size, 0.02, seed)) for seed in range(100, 124)]
     assert [each.delay_s for each in found if not math.isnan(each.delay_s)] == []
     doubted = [each for each in found if each.forms[0].criterion > 0.0]
     assert doubted  # else this would show nothing
@@ -144,6 +147,61 @@ def test_a_notch_is_found_and_its_qualities_follow(phases: bool) -> None:
         assert notch.q_coupling == pytest.approx(400.0, rel=0.02)
         assert notch.q_internal == pytest.approx(1.0 / (1.0 / 250.0 - 1.0 / 400.0), rel=0.02)
         assert reflection.q_coupling == pytest.approx(800.0, rel=0.02)
+
+
+def test_qualities_have_the_errors_of_least_squares_in_the_losses_themselves() -> None:
+    """The same curve written in 1/Q and complex 1/Qc, fitted by scipy: 1/Qi = 1/Q - Re 1/Qc."""
+
+    def seen(q: FloatArray) -> ComplexArray:
+        dip = complex(q[4], q[5]) / q[3] * 1j * mode(F, q[2], 1e-3 * q[2] * q[3])
+        return np.asarray(complex(q[0], q[1]) * (1.0 - dip))
+
+    true = np.array([0.3, 0.4, ETA, 4.0, 2.5, 0.6])
+    values = seen(true) + noise(F.size, 0.003, 11)
+    apart = least_squares(lambda q: _parts(seen(q) - values), true, x_scale=[1, 1, 10, 1, 1, 1])
+    freedom = 2 * F.size - true.size
+    covariance = 2.0 * apart.cost / freedom * np.linalg.inv(apart.jac.T @ apart.jac)
+    reach = stats.t.ppf(stats.norm.cdf(1.0), freedom)
+    found = ff.line(F, values, wiring="notch")
+    assert found.widening == 1.0  # or the errors would be wider than those of least squares
+    [reading] = found.readings
+    for value, std, gradient in (
+        (reading.q_internal, reading.q_internal_std, np.array([0, 0, 0, 1.0, -1.0, 0])),
+        (reading.q_coupling, reading.q_coupling_std, np.array([0, 0, 0, 0, 1.0, 0])),
+    ):
+        loss = 1e-3 * float(gradient @ apart.x)
+        error = 1e-3 * reach * math.sqrt(gradient @ covariance @ gradient)
+        assert 1.0 / value == pytest.approx(loss, abs=0.02 * error)
+        assert std / value**2 == pytest.approx(error, rel=0.02)
+    low, high = reading.q_internal_ci95
+    assert low < 1e3 / (4.0 - 2.5) < high
+    assert 1.0 / low + 1.0 / high == pytest.approx(2.0 / reading.q_internal)
+
+
+def test_an_internal_loss_within_its_error_of_zero_has_a_lower_end_alone() -> None:
+    """Q = 250 and Qc = 251: the internal quality is 62,750, and 1 % of noise tells it from none."""
+    values = 1.0 - 250.0 / 251.0 * 1j * mode(F, ETA, WIDTH) + noise(F.size, 0.03, 5)
+    found = ff.line(F, values, wiring="notch")
+    [reading] = found.readings
+    low, high = reading.q_internal_ci95
+    assert low < 62750.0 < high == math.inf
+    assert any("Q internal at least" in each for each in sentences(found))
+
+
+def test_a_narrow_dip_behind_a_long_cable_is_found() -> None:
+    """A cable that turns by a third of a turn over 150 widths: no form without it finds the dip."""
+    f = ETA + np.linspace(-1500.0, 1500.0, 601)
+    dip = 1.0 - 0.6 * 1j * mode(f, ETA, WIDTH)
+    seen = (dip + noise(f.size, 0.003, 3)) * np.exp(-2j * np.pi * f * 1e-4)
+    found = ff.line(f, seen)
+    assert found.frequency_hz == pytest.approx(ETA, abs=4.0 * found.frequency_std_hz)
+    assert found.width_hz == pytest.approx(WIDTH, abs=4.0 * found.width_std_hz)
+    assert found.delay_s == pytest.approx(1e-4, abs=4.0 * found.delay_std_s)
+    assert found.delay_std_s < 1e-6
+
+
+def _parts(values: ComplexArray) -> FloatArray:
+    return np.concatenate([values.real, values.imag])
 
 
 def test_how_a_file_counts_its_phases_and_which_way_it_was_swept_do_not_matter() -> None:
@@ -264,6 +322,16 @@ def test_what_a_file_does_not_tell_is_asked_for_by_name(
     assert words in told.err
     assert told.err.count("\n") == 1
     assert not out.exists()
+
+
+def test_a_cell_that_is_no_number_is_named_where_one_column_could_be_the_amplitude(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "mine.csv"
+    rows = [f"{f!r},{'n/a' if k == 7 else 1.0 + k}\n" for k, f in enumerate(F.tolist())]
+    file.write_text("f (Hz),R\n" + "".join(rows), "utf-8")
+    with pytest.raises(ff.BadInput, match="row 9, column 'R': found 'n/a', wanted a finite number"):
+        ff.line(file)
 
 
 def test_decibels_and_powers_give_the_same_line(tmp_path: Path) -> None:

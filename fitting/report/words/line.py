@@ -6,8 +6,9 @@ import math
 
 from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate
+from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import FANO, SLOPED, TRANSMISSION
-from fitting.resonance.line import NOTCH, REFLECTION, DipReading, Line, LineForm
+from fitting.resonance.line import Line, LineForm
 from fitting.text.notation import listed, number, percent, prefixed, quantity, with_error
 
 #: What each form is, in words.
@@ -54,7 +55,7 @@ def sentences(line: Line) -> list[str]:
     return [
         *line.said,
         _taken(line),
-        *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_time(line.delay_s)}."]),
+        *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_delay(line)}."]),
         *(_reading(line, reading) for reading in line.readings),
         *_dependence(line),
         *_widening(line),
@@ -76,22 +77,32 @@ def _taken(line: Line) -> str:
     return f"Taken: {line.wiring}, {FORMS[line.wiring]}, {best}; {left}."
 
 
-def _time(seconds: float) -> str:
-    return quantity(seconds, math.nan, "s")
+def _delay(line: Line) -> str:
+    return quantity(line.delay_s, line.delay_std_s, "s")
 
 
 def _reading(line: Line, reading: DipReading) -> str:
     kind = WIRINGS[reading.wiring]
-    if math.isnan(reading.q_internal):
+    internal, coupling = (
+        _quality(reading.q_internal, reading.q_internal_std, reading.q_internal_ci95),
+        _quality(reading.q_coupling, reading.q_coupling_std, reading.q_coupling_ci95),
+    )
+    if not internal:
         return (
             f"As {kind} it would give out more power than it takes: it is no {reading.wiring}, or "
             "the phases are not those of the line."
         )
     own = "" if line.asked else f"If it is {kind} ({reading.wiring}): "
-    return (
-        f"{own}Q internal {number(reading.q_internal, 5)}, Q coupling "
-        f"{number(reading.q_coupling, 5)}."
-    )
+    return f"{own}Q internal {internal}, Q coupling {coupling or 'negative'}."
+
+
+def _quality(value: float, error: float, ends: tuple[float, float]) -> str:
+    """Value ± error; the lower end where the interval is open above; empty without either."""
+    if math.isnan(ends[0]):
+        return ""
+    if math.isinf(ends[1]) or math.isnan(value):
+        return f"at least {number(ends[0], 2)} (95 %)"
+    return with_error(value, error)
 
 
 def _dependence(line: Line) -> list[str]:
