@@ -171,6 +171,26 @@ class TraceRecord:
         return free + (self.is_driven and self.gain == FIT) + self.offset
 
     @property
+    def has_own_steps(self) -> bool:
+        """Its runs begin with the step that the FMU was made for."""
+        return True
+
+    @property
+    def has_unknown_start(self) -> bool:
+        """Whether its state at the first sample is solved for."""
+        return self.start == UNKNOWN
+
+    @property
+    def run_step_s(self) -> float:
+        """Spacing of the samples of its runs, s: its own."""
+        return self.spacing_s
+
+    @property
+    def run_samples(self) -> int:
+        """How many samples its runs have."""
+        return int(self.y.size)
+
+    @property
     def is_driven(self) -> bool:
         """Whether the FMU answers to more than its unknown start."""
         return self.driven is not None or self.start == REST
