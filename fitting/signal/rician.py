@@ -11,6 +11,7 @@ System Technical Journal 24 (1945) 46.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import i0e, i1e
@@ -18,9 +19,11 @@ from scipy.special import i0e, i1e
 from fitting.text.arrays import FloatArray
 
 #: Samples of a stretch over which noise and size are told apart, at least, and stretches at most.
-STRETCH, STRETCHES = 16, 40
+STRETCH, STRETCHES = 16, 20
+#: How often sizes and noise are taken from each other.
+ROUNDS = 4
 #: Sizes over noise between which a stretch tells its own, and how many are looked at.
-FAINT, LOUD, KNOTS = 1e-2, 1e7, 400
+FAINT, LOUD, KNOTS = 0.3, 1e7, 400
 
 
 def rician_mean(length: FloatArray, sigma: float) -> FloatArray:
@@ -73,29 +76,48 @@ def rician_deviation(ratio: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(2.0 + near**2 - mean**2))
 
 
-def noise_weights(values: FloatArray) -> FloatArray:
-    """Deviations of amplitudes over s, (n,), as their own scatter tells: less in the noise.
+@dataclass(frozen=True)
+class Scatter:
+    """Noise s of each quadrature, deviations of amplitudes over it, (n,), less in the noise.
 
-    In stretches the mean square, nu^2 + 2 s^2, and the scatter from sample to sample tell nu/s.
+    ``drowns``: somewhere the phasor is smaller than its noise, which is seen there by itself.
+    """
+
+    noise: float
+    weights: FloatArray
+    drowns: bool
+
+
+def scatter_of(values: FloatArray) -> Scatter:
+    """What the scatter of amplitudes tells of their noise.
+
+    In every stretch the mean square, nu^2 + 2 s^2, and the variance from sample to sample tell s;
+    with the median of these the mean squares tell nu/s. The variances over what they then should
+    be give s anew, from all samples alike.
 
     Args:
         values: amplitudes, (n,), evenly sampled.
     """
     count = max(1, min(STRETCHES, values.size // STRETCH))
     edges = np.linspace(0, values.size, count + 1).astype(int)
-    middles = 0.5 * (edges[:-1] + edges[1:])
-    ratios = [_ratio(values[a:b]) for a, b in itertools.pairwise(edges)]
-    logs = np.interp(np.arange(values.size), middles, np.log(ratios))
-    return rician_deviation(np.exp(logs))
-
-
-def _ratio(values: FloatArray) -> float:
-    """Size over noise of a stretch: that whose mean square over its variance is as seen."""
-    bent = np.diff(values, 2)
-    variance = float(bent @ bent) / (6.0 * bent.size)
-    if variance <= 0.0:
-        return LOUD
+    parts = [values[a:b] for a, b in itertools.pairwise(edges)]
+    power = np.array([float(np.mean(part**2)) for part in parts])
+    bends = [np.diff(part, 2) for part in parts]
+    variance = np.array([float(bend @ bend) / (6.0 * bend.size) for bend in bends])
     logs = np.linspace(np.log(FAINT), np.log(LOUD), KNOTS)
-    squares = np.exp(2.0 * logs) + 2.0
-    shares = np.log(squares / rician_deviation(np.exp(logs)) ** 2)  # rises with the size
-    return float(np.exp(np.interp(np.log(np.mean(values**2) / variance), shares, logs)))
+    shares = rician_deviation(np.exp(logs)) ** 2
+    rising = np.log((np.exp(2.0 * logs) + 2.0) / shares)
+    smallest = np.finfo(float).tiny
+    seen = np.log(np.maximum(power, smallest) / np.maximum(variance, smallest))
+    noise = float(np.median(variance / np.exp(np.interp(seen, rising, np.log(shares)))))
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    for _ in range(ROUNDS):
+        squares = np.maximum(power / max(noise, smallest) - 2.0, FAINT**2)
+        expected = rician_deviation(np.minimum(np.sqrt(squares), LOUD)) ** 2
+        noise = float(np.mean(variance / expected))
+    ratios = np.exp(0.5 * np.interp(np.arange(values.size), middles, np.log(squares)))
+    return Scatter(
+        noise=float(np.sqrt(noise)),
+        weights=rician_deviation(np.minimum(ratios, LOUD)),
+        drowns=bool(np.min(squares) < 1.0),
+    )

@@ -38,7 +38,7 @@ def solved_amplitude(
 
     Args:
         columns: D, (n, k), complex.
-        measured: R, (n,).
+        measured: R, (n,), of order one.
         weights: w, standard deviations of R up to a factor, (n,).
         sigma: s where it is known, 0 for none, in the unit of R; None: it is solved for.
     """
@@ -120,18 +120,16 @@ def _guess(
     for k, m in upper:
         product = columns[:, k] * np.conj(columns[:, m])
         design.append(np.stack([2.0 * product.real, -2.0 * product.imag]))
-    power = measured**2
+    known = 0.0 if sigma is None else sigma**2
     if sigma is None:
-        design.append(np.ones((1, power.size)))
-    else:
-        power = power - 2.0 * sigma**2
-    found = lstsq(np.concatenate(design).T, power)[0]
+        design.append(np.ones((1, measured.size)))
+    found = lstsq(np.concatenate(design).T, measured**2 - 2.0 * known)[0]
     gram = np.diag(found[:count]).astype(complex)
     for j, (k, m) in enumerate(upper):
         gram[k, m] = complex(found[count + 2 * j], found[count + 2 * j + 1])
         gram[m, k] = np.conj(gram[k, m])
     values, shapes = np.linalg.eigh(gram)
     size = max(float(values[-1]), 0.0)
-    power = max(0.5 * float(found[-1]), 0.0) if sigma is None else sigma**2
+    power = known if sigma is not None else max(0.5 * float(found[-1]), 0.0)
     factors = np.asarray(np.sqrt(size) * shapes[:, -1])
     return (factors if size > 0.0 else np.full(count, np.max(measured), dtype=complex)), power

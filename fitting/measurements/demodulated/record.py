@@ -13,7 +13,7 @@ from fitting.fmu import HeldSignal
 from fitting.measurements.traces.grid import refuse_clipped, spacing_s
 from fitting.measurements.traces.record import BEGINS, FIRST, SHIFTS
 from fitting.signal.decay import decay_start
-from fitting.signal.rician import noise_weights
+from fitting.signal.rician import Scatter, scatter_of
 from fitting.signal.rotating import Reference, reference
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
@@ -36,7 +36,8 @@ class DemodulatedRecord:
         output: The FMU's output that is seen; empty: the setup's.
         modes: How many lines are seen, those nearest to the frequency.
         offset: (phasors) whether a constant phasor is solved for, as of a leaking reference.
-        floor: (amplitudes) whether noise below them is solved for, from which they do not fall.
+        floor: (amplitudes) whether they do not fall below their noise: ``sigma``, or what their
+            scatter tells, or where they drown in it what is solved for.
         sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
         begin: "first": the decay begins with the first sample; "found": where it is found to.
         settings: Start values of the FMU by variable, in the FMU's units.
@@ -158,16 +159,27 @@ class DemodulatedRecord:
         return float(np.max(np.abs(self.y)))
 
     @cached_property
+    def scatter(self) -> Scatter:
+        """What the scatter of amplitudes tells of their noise."""
+        return scatter_of(np.abs(self.y))
+
+    @cached_property
     def weights(self) -> FloatArray:
         """Standard deviations of amplitudes over that of a quadrature, (n,): less in the noise."""
-        return noise_weights(np.abs(self.y)) if self.is_amplitude else np.ones(self.y.size)
+        return self.scatter.weights if self.is_amplitude else np.ones(self.y.size)
 
     @property
     def known_noise(self) -> float | None:
-        """Noise of a quadrature below amplitudes, 0 for none; None: it is solved for."""
+        """Noise of a quadrature below amplitudes, 0 for none; None: it is solved for.
+
+        It is where the record reaches it. Elsewhere it would be confused with the decay itself,
+        and the scatter of the samples tells it.
+        """
         if not self.floor:
             return 0.0
-        return self.sigma if self.sigma > 0.0 else None
+        if self.sigma > 0.0:
+            return self.sigma
+        return None if self.scatter.drowns else self.scatter.noise
 
     @property
     def solved_inside(self) -> int:

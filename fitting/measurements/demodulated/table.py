@@ -75,7 +75,8 @@ class DemodulatedTable(MeasurementTable):
     offset: Switch = False
     """(X and Y) whether a constant is solved for, as of a reference that leaks."""
     floor: Switch = True
-    """(amplitudes) whether noise below them is solved for, from which they do not fall."""
+    """(amplitudes) whether they do not fall below their noise: sigma, or what their scatter tells,
+    or where they drown in it what is solved for."""
     sigma: Value | None = None
     """Standard deviation of X and of Y, as "1 mV"; without it the residuals tell it."""
     begin: Annotated[Text, OneOf(BEGINS)] = FIRST

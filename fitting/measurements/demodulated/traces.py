@@ -49,7 +49,8 @@ class DemodulatedTrace(DemodulatedRecord):
         output: The FMU's output that is seen; empty: the setup's.
         modes: How many lines are seen, those nearest to the frequency.
         offset: (phasors) whether a constant phasor is solved for, as of a leaking reference.
-        floor: (amplitudes) whether noise below them is solved for, from which they do not fall.
+        floor: (amplitudes) whether they do not fall below their noise: ``sigma``, or what their
+            scatter tells, or where they drown in it what is solved for.
         sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
         begin: "first": the decay begins with the first sample; "found": where it is found to.
         settings: Start values of the FMU by variable, in the FMU's units.
@@ -270,9 +271,10 @@ def solved(trace: DemodulatedRecord, decay: FloatArray) -> tuple[ComplexArray, F
     """
     columns = rotating_responses(decay, trace.shifts, trace.reference, trace.y.size, trace.modes)
     if trace.is_amplitude:
-        made = solved_amplitude(columns, trace.y.real, trace.weights, trace.known_noise)
-        scale = trace.weights * trace.largest
-        return made.values.astype(complex), made.design / scale[:, None]
+        size, known = trace.largest, trace.known_noise
+        noise = None if known is None else known / size
+        made = solved_amplitude(columns, trace.y.real / size, trace.weights, noise)
+        return (size * made.values).astype(complex), made.design / trace.weights[:, None]
     if trace.offset:
         columns = np.column_stack([columns, np.ones(trace.y.size)])
     sizes = np.linalg.norm(columns, axis=0)
