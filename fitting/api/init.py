@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.draft.draft import ONE_MODE, Source, draft_of
+from fitting.draft.draft import ONE_MODE, draft_of
 from fitting.draft.questions import Answers, Ask, Question
+from fitting.draft.source import Source
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -34,7 +35,8 @@ def init(
 
     Args:
         files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
-            peaks or a spectrum each, and a sweep.
+            peaks or a spectrum each, and a sweep; or recordings over time, of an output and
+            perhaps an input.
         fmu: Path of an FMU, or the name of a model of this project; None: one mode.
         out: Folder for campaign.toml, made where there is none.
         columns: What the files do not tell of their columns.

@@ -12,8 +12,9 @@ from fitting.draft.campaign import Choices, campaign_text, meaning
 from fitting.draft.files import Files, files_of
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
+from fitting.draft.source import Source
+from fitting.draft.traces import recordings_of, traces_of
 from fitting.draft.values import Box, boxes_of
-from fitting.fmu import FmuWorkers
 from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.line import LineForm
@@ -39,15 +40,6 @@ class Draft:
     said: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Source:
-    """The FMU of a draft: a model of this project by its name, or a file; and who runs it."""
-
-    name: str
-    is_model: bool
-    workers: FmuWorkers
-
-
 def draft_of(
     paths: Sequence[Path], source: Source, columns: Columns, answers: Answers, folder: Path
 ) -> Draft:
@@ -65,18 +57,27 @@ def draft_of(
             is none; or files and FMU do not suit each other, as the campaign's own reader says.
         FmuFailure: the FMU failed with its own start values.
     """
+    offer = offer_of(source.workers.description)
+    recordings = recordings_of(paths)
+    if recordings:
+        made = traces_of(recordings, source, offer, answers)
+        _check(made.text(None), source)
+        return Draft(text=made.text(folder), said=(*made.seen, *answers.said, *_boxes(made.boxes)))
     files = files_of(paths, columns)
     said = _seen(files)
-    offer = offer_of(source.workers.description)
     choices = _chosen(files, source, offer, answers)
     _check(campaign_text(choices, files, offer, None), source)
     text = campaign_text(choices, files, offer, folder)
-    boxes = [
+    return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes)))
+
+
+def _boxes(boxes: Sequence[Box]) -> list[str]:
+    """Where every parameter starts, and why."""
+    return [
         f"{box.name}: from {box.start:.9g} {'' if box.unit == '1' else box.unit}".rstrip()
         + f", {box.why}."
-        for box in choices.boxes
+        for box in boxes
     ]
-    return Draft(text=text, said=(*said, *answers.said, *boxes))
 
 
 def _beside(form: LineForm) -> list[str]:

@@ -93,7 +93,9 @@ def together(left: FloatArray) -> Panel:
 
 
 def _input(trace: TraceRecord) -> str:
-    return "no input" if trace.waveform is None else trace.waveform.words
+    if len(trace.waveforms) > 1:
+        return "; ".join(f"{name}: {wave.words}" for name, wave in trace.waveforms.items())
+    return next((wave.words for wave in trace.waveforms.values()), "no input")
 
 
 def _start(trace: TraceRecord) -> str:

@@ -54,6 +54,7 @@ class Trace(TraceRecord):
         input: The FMU's input that is driven; empty: none is.
         driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
             ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
+        further: What drives further inputs, by their names, likewise.
         interpolation: Recorded inputs are "held" until the next value or joined ("linear").
         output: The FMU's output that is seen; empty: the setup's.
         gain: "one": the output as it is; "fit": times a gain that is solved for.
