@@ -59,7 +59,7 @@ def draft_of(
     """
     offer = offer_of(source.workers.description)
     recordings = recordings_of(paths)
-    if recordings:
+    if recordings and not (source.is_model and source.name == ONE_MODE):  # of one line, nobody's
         made = traces_of(recordings, source, offer, answers)
         _check(made.text(None), source)
         return Draft(text=made.text(folder), said=(*made.seen, *answers.said, *_boxes(made.boxes)))
