@@ -234,8 +234,6 @@ def test_a_step_response_of_second_order_is_as_sure_as_can_be(beam: ff.Fmu) -> N
         unit="m",
     )
     fit = ff.fit(ff.Problem(beam, BEAM_PARAMETERS, trace), method=QUICK, starts=1)
-    low, high = ff.profile(fit, ["damping"])["damping"].interval()
-    assert 0.5 * (high - low) / 1.96 == pytest.approx(stds[0], rel=0.05)
     for name, true, std in zip(("damping", "stiffness"), (C, K), stds, strict=True):
         assert fit[name].std == pytest.approx(std, rel=0.05)
         assert abs(fit[name].value - true) < 4.0 * std
