@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from fitting.measurements.complex.wiring import Wiring
     from fitting.measurements.control.spectrum import ControlSpectrum
     from fitting.measurements.control.sweep import ControlSweep
+    from fitting.measurements.demodulated.traces import DemodulatedTrace
     from fitting.measurements.kinds import read_campaign
     from fitting.measurements.noise.spectra import NoiseSpectrum
     from fitting.measurements.traces.traces import Trace
@@ -63,6 +64,7 @@ _HOMES = {
     "campaign.laws": ("Laws",),
     "measurements.control.spectrum": ("ControlSpectrum",),
     "measurements.control.sweep": ("ControlSweep",),
+    "measurements.demodulated.traces": ("DemodulatedTrace",),
     "measurements.kinds": ("read_campaign",),
     "campaign.noise": ("Noise",),
     "measurements.complex.curve": ("ComplexCurve",),
@@ -84,6 +86,7 @@ __all__ = [
     "ControlSpectrum",
     "ControlSweep",
     "Cost",
+    "DemodulatedTrace",
     "Drive",
     "Fit",
     "Fmu",

@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
-from fitting.draft.draft import Source, draft_of, model_for
+from fitting.draft.draft import draft_of, model_for, trace_draft_of
 from fitting.draft.files import files_of
 from fitting.draft.questions import Answers, Ask, Question
+from fitting.draft.source import Source
+from fitting.draft.traces import recordings_of
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -35,7 +37,8 @@ def init(
 
     Args:
         files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
-            peaks or a spectrum each, and a sweep.
+            peaks or a spectrum each, and a sweep; or recordings over time, of an output and
+            perhaps an input, for an FMU that is named.
         fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
             where a sweep shows two lines.
         out: Folder for campaign.toml, made where there is none.
@@ -58,12 +61,15 @@ def init(
     if unknown:
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
     with results_folder(Path(out), "init", (CAMPAIGN,)):
-        looked_at = files_of(paths, columns or Columns())
-        name = fmu or model_for(looked_at)
+        recordings = recordings_of(paths) if fmu is not None else ()
+        looked_at = None if recordings else files_of(paths, columns or Columns())
+        name = model_for(looked_at) if looked_at is not None and fmu is None else str(fmu)
         with Fmu(name, 1) as held:
-            is_model = isinstance(name, str) and name.isidentifier()
-            source = Source(str(name), is_model, held.workers)
-            draft = draft_of(looked_at, source, answers, Path(out))
+            source = Source(name, name.isidentifier(), held.workers)
+            if looked_at is None:
+                draft = trace_draft_of(recordings, source, answers, Path(out))
+            else:
+                draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
     return path, draft.said

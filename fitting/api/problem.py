@@ -34,6 +34,7 @@ from fitting.fit.problem import problem_of
 from fitting.fmu.models import provide_fmu
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
+from fitting.measurements.demodulated.traces import DemodulatedTrace
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.measurements.noise.spectra import NoiseSpectrum
@@ -45,7 +46,7 @@ from fitting.text.units import checked_accuracy
 __all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
 
 #: What a program gives as measured.
-Measured = Tones | Sweep | ComplexSweep | Trace | NoiseSpectrum | Measurement
+Measured = Tones | Sweep | ComplexSweep | Trace | DemodulatedTrace | NoiseSpectrum | Measurement
 #: Makes the model of one discrete alternative.
 Respond = Callable[[Mapping[str, Scalar]], Response]
 
@@ -60,9 +61,9 @@ class Problem:
     Args:
         fmu: The FMU, its path, or the name of a model that is shipped.
         parameters: What is looked for, one or several.
-        measurements: `Tones`, `Sweep`, `ComplexSweep`, `Trace`, `NoiseSpectrum`, or records
-            of a further kind (`fitting.measurements.measurement.Measurement`), one or several, at
-            least one fitted.
+        measurements: `Tones`, `Sweep`, `ComplexSweep`, `Trace`, `DemodulatedTrace`,
+            `NoiseSpectrum`, or records of a further kind
+            (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
         derived: Outputs of the FMU that are reported with their errors.
         alternatives: Values to try by variable, in all combinations; a fit reports the best one.
         noise: Noise of all amplitudes, beside the ``sigmas_v`` of the measurements.

@@ -31,7 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         metavar="FILE",
-        help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep",
+        help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or "
+        "recordings over time, of an output and perhaps an input",
     )
     parser.add_argument(
         "--fmu", help="the FMU, or a model of this project (one mode: CoupledModes1)"

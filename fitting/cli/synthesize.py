@@ -54,7 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=(*SERIES, *CURVES),
         help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
         "under a parametric pump, one mode as a network analyser sees it, spectra over a "
-        "voltage, or a string over time, let go or under a chirp",
+        "voltage, or a string over time: let go, under a chirp, let go behind a lock-in, or seen "
+        "by an analyser of zero span",
     )
     kind.add_argument(
         "--like",

@@ -89,7 +89,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
     if files.table is not None:
         tables["experiments"] = _experiments(choices, files, folder, remarks)
     _add_sweeps(tables, choices, files, folder, remarks)
-    tables["parameters"] = [_parameter(box, k, remarks) for k, box in enumerate(choices.boxes)]
+    tables["parameters"] = [parameter_table(box, k, remarks) for k, box in enumerate(choices.boxes)]
     if choices.derived:
         tables["derived"] = {"outputs": list(choices.derived)}
         remarks["derived", "outputs"] = "outputs of the FMU that are reported, too"
@@ -102,7 +102,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
         "A first campaign, written by fmu-fit init from these files: it runs as it is.",
         "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
     )
-    return rewritten(toml_text(tables, head), lambda made: _remark(made, remarks))
+    return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
 
 
 def _accuracy(residual: float, *, held: bool) -> float:
@@ -118,7 +118,13 @@ def _accuracy(residual: float, *, held: bool) -> float:
     return float(f"1e{min(max(power, least), -4)}")
 
 
-def _remark(tables: Tables, remarks: Remarks) -> None:
+def put_remarks(tables: Tables, remarks: Remarks) -> None:
+    """Set the remark beside every key that has one.
+
+    Args:
+        tables: of the campaign.
+        remarks: by the way to the key.
+    """
     for path, words in remarks.items():
         table: Any = tables
         for key in path[:-1]:
@@ -127,8 +133,13 @@ def _remark(tables: Tables, remarks: Remarks) -> None:
         put(table, str(path[-1]), value.unwrap() if hasattr(value, "unwrap") else value, words)
 
 
-def _relative(path: Path, folder: Path | None) -> str:
-    """A path as seen from the campaign, with slashes on every system."""
+def relative_path(path: Path, folder: Path | None) -> str:
+    """A path as seen from the campaign, with slashes on every system.
+
+    Args:
+        path: of a file.
+        folder: where the campaign stands; None: the path is absolute.
+    """
     absolute = Path(os.path.abspath(path))
     if folder is None:
         return absolute.as_posix()
@@ -143,7 +154,7 @@ def _fmu(choices: Choices, folder: Path | None, remarks: Remarks) -> dict[str, A
         made: dict[str, Any] = {"model": choices.fmu}
         remarks["fmu", "model"] = "shipped with fmu-fit and built on demand"
     else:
-        made = {"file": _relative(Path(choices.fmu), folder)}
+        made = {"file": relative_path(Path(choices.fmu), folder)}
     if choices.start:
         made["start"] = dict(choices.start)
     for name in choices.start:
@@ -191,9 +202,9 @@ def _experiments(
     choices: Choices, files: Files, folder: Path | None, remarks: Remarks
 ) -> dict[str, Any]:
     table: TableFile = files.table  # type: ignore[assignment]
-    made: dict[str, Any] = {"file": _relative(table.path, folder)}
+    made: dict[str, Any] = {"file": relative_path(table.path, folder)}
     if files.pattern:
-        made["spectra"] = _relative(Path(files.pattern), folder)
+        made["spectra"] = relative_path(Path(files.pattern), folder)
         remarks["experiments", "spectra"] = "a spectrum for each row"
         made |= _columns(files.spectra[0], remarks, ("experiments",))
     else:
@@ -224,7 +235,7 @@ def _add_sweeps(
     for sweep in plain[:1]:
         fitted = files.table is None
         tables["sweep"] = {
-            "file": _relative(sweep.path, folder),
+            "file": relative_path(sweep.path, folder),
             "layout": sweep.roles.recognised.layout,
             **_columns(sweep, remarks, ("sweep",)),
             "amplitude": choices.amplitude,
@@ -248,7 +259,7 @@ def _complex(
 ) -> dict[str, Any]:
     at = ("complex_sweep", k)
     made: dict[str, Any] = {
-        "file": _relative(sweep.path, folder),
+        "file": relative_path(sweep.path, folder),
         "layout": sweep.roles.recognised.layout,
         **_columns(sweep, remarks, at),
     }
@@ -295,7 +306,14 @@ def _told(channel: Any, roles: Any) -> str:
     return f"{channel.name} ({channel.unit})"
 
 
-def _parameter(box: Box, k: int, remarks: Remarks) -> dict[str, Any]:
+def parameter_table(box: Box, k: int, remarks: Remarks) -> dict[str, Any]:
+    """Table of a parameter.
+
+    Args:
+        box: its bounds and start.
+        k: how many stand before it.
+        remarks: to which its own are added.
+    """
     remarks["parameters", k, "start"] = box.why
     made: dict[str, Any] = {"name": box.name}
     if box.unit != "1":

@@ -13,8 +13,9 @@ from fitting.draft.campaign import Choices, campaign_text, meaning
 from fitting.draft.files import Files
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
+from fitting.draft.source import Source
+from fitting.draft.traces import Recording, traces_of
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
-from fitting.fmu import FmuWorkers
 from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, SLOPED
 from fitting.resonance.line import LineForm
@@ -46,15 +47,6 @@ class Draft:
     said: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Source:
-    """The FMU of a draft: a model of this project by its name, or a file; and who runs it."""
-
-    name: str
-    is_model: bool
-    workers: FmuWorkers
-
-
 def model_for(files: Files) -> str:
     """The model of this project that has as many modes as the files show lines.
 
@@ -62,6 +54,26 @@ def model_for(files: Files) -> str:
         files: of the measurements.
     """
     return ONE_MODE if files.two is None else TWO_MODES
+
+
+def trace_draft_of(
+    recordings: Sequence[Recording], source: Source, answers: Answers, folder: Path
+) -> Draft:
+    """A campaign from recordings over time and an FMU.
+
+    Args:
+        recordings: at least one.
+        source: the FMU.
+        answers: of flags, of a person, or by default.
+        folder: where the campaign will stand.
+
+    Raises:
+        BadInput: as `draft_of`.
+        FmuFailure: the FMU failed with its own start values.
+    """
+    made = traces_of(recordings, source, offer_of(source.workers.description), answers)
+    _check(made.text(None), source)
+    return Draft(text=made.text(folder), said=(*made.seen, *answers.said, *_boxes(made.boxes)))
 
 
 def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Draft:
@@ -83,12 +95,16 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
     choices = _chosen(files, source, offer, answers)
     _check(campaign_text(choices, files, offer, None), source)
     text = campaign_text(choices, files, offer, folder)
-    boxes = [
+    return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes)))
+
+
+def _boxes(boxes: Sequence[Box]) -> list[str]:
+    """Where every parameter starts, and why."""
+    return [
         f"{box.name}: from {box.start:.9g} {'' if box.unit == '1' else box.unit}".rstrip()
         + f", {box.why}."
-        for box in choices.boxes
+        for box in boxes
     ]
-    return Draft(text=text, said=(*said, *answers.said, *boxes))
 
 
 def _beside(form: LineForm) -> list[str]:

@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from fitting.lab.demodulated import StringPhasors
 from fitting.lab.modes import CoupledModes
-from fitting.lab.names import CROSSING, CURVES, TIME_SERIES, TRUTH_NAME
+from fitting.lab.names import CROSSING, CURVES, DEMODULATED, TIME_SERIES, TRUTH_NAME
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.time_series import StringTrace
 from fitting.lab.truth import REMARK
@@ -271,7 +272,7 @@ FEW_LEVELS = {
 
 def curve_named(
     kind: str, changes: Mapping[str, Any]
-) -> WiredResonance | AvoidedCrossing | StringTrace:
+) -> WiredResonance | AvoidedCrossing | StringTrace | StringPhasors:
     """A built-in curve with numbers of its own.
 
     Args:
@@ -293,9 +294,11 @@ def curve_named(
     return replace(made, **changes)
 
 
-def _built_in(kind: str) -> WiredResonance | AvoidedCrossing | StringTrace:
+def _built_in(kind: str) -> WiredResonance | AvoidedCrossing | StringTrace | StringPhasors:
     if kind in TIME_SERIES:
         return StringTrace(kind=kind)
+    if kind in DEMODULATED:
+        return StringPhasors(kind=kind)
     return AvoidedCrossing() if kind == CROSSING else WiredResonance(kind=kind)
 
 

@@ -12,7 +12,9 @@ WIRED = ("transmission", "notch", "reflection")
 CROSSING = "crossing"
 #: Time series, `fitting.lab.time_series`.
 RINGDOWN, CHIRP = TIME_SERIES = ("ringdown", "chirp")
-CURVES = (*WIRED, CROSSING, *TIME_SERIES)
+#: Demodulated decays, `fitting.lab.demodulated`.
+LOCK_IN, ZERO_SPAN = DEMODULATED = ("lock-in", "zero-span")
+CURVES = (*WIRED, CROSSING, *TIME_SERIES, *DEMODULATED)
 #: Scenes of a study of accuracy against cost, `fitting.lab.tradeoff.scenes`.
 SCENES = ("string", "low-q", "duffing", "duffing-string")
 #: What such a study measures: the amplitudes of a two-tone drive; the line width, read off a sweep

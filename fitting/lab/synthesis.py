@@ -75,13 +75,14 @@ def synthesize_curves(
     Args:
         kind: "transmission", "notch" or "reflection": one mode as a network analyser sees it;
             "crossing": two modes that a voltage tunes through each other; "ringdown": two beating
-            modes that are let go, over time; "chirp": the same under a chirp.
+            modes that are let go, over time; "chirp": the same under a chirp; "lock-in": X and Y
+            of such a decay at 1 MHz; "zero-span": levels of one mode's.
         seed: Seed of the noise, a whole number of at least 0.
         out: Folder for the files; None: nothing is written.
         command: What the head of every file says that it was made by.
         **changes: Numbers that are different, by the names of the fields of `WiredResonance`,
-            `AvoidedCrossing` or `StringTrace`: ``noise``, ``points``, ``delay_s`` (s),
-            ``lambda_hz`` (Hz), ...
+            `AvoidedCrossing`, `StringTrace` or `StringPhasors`: ``noise``, ``points``,
+            ``delay_s`` (s), ``lambda_hz`` (Hz), ...
 
     Returns:
         The files and the truth behind them.

@@ -114,7 +114,7 @@ class StringTrace:
 
     def _let_go(self) -> FloatArray:
         """Of the first string, m: steady under the tone until zero, free from then on."""
-        decays, shapes = _normal_modes(self.modes)
+        decays, shapes = normal_modes(self.modes)
         t, read = self.times_s(), self.modes.transform()[:, 0]
         [x] = steady_state(self.modes, np.array([self.drive_hz])) * self.level
         tone = 2j * math.pi * self.drive_hz
@@ -125,7 +125,7 @@ class StringTrace:
 
     def _driven(self) -> FloatArray:
         """Of the first string, m: from rest, under the source."""
-        decays, shapes = _normal_modes(self.modes)
+        decays, shapes = normal_modes(self.modes)
         push = np.linalg.solve(shapes, np.array([0.0, 0.0, 1.0, 1.0]) + 0j).astype(complex)
         z = _held(decays, push, self.source(), 1.0 / self.rate_hz)
         return np.asarray((self.modes.transform()[:, 0] @ shapes[:2] @ z).real)
@@ -178,27 +178,38 @@ class StringTrace:
         etas = (("eta_plus", self.eta_plus_hz, -0.08), ("eta_minus", self.eta_minus_hz, 0.1))
         widths = (("d1", self.d1_hz), ("d2", self.d2_hz))
         found = [
-            _parameter(name, "Hz", (eta - 0.45 * apart, eta + 0.45 * apart), eta + off * apart)
+            parameter(name, "Hz", (eta - 0.45 * apart, eta + 0.45 * apart), eta + off * apart)
             for name, eta, off in etas
         ]
-        found += [_parameter(name, "Hz", (0.1 * d, 10.0 * d), 1.5 * d) for name, d in widths]
+        found += [parameter(name, "Hz", (0.1 * d, 10.0 * d), 1.5 * d) for name, d in widths]
         if self.kind == CHIRP:
             theta, quarter = self.theta_rad, 0.25 * math.pi
-            found.append(
-                _parameter("theta", "rad", (theta - quarter, theta + quarter), theta - 0.1)
-            )
+            found.append(parameter("theta", "rad", (theta - quarter, theta + quarter), theta - 0.1))
         return found
 
 
-def _parameter(
-    name: str, unit: str, box: tuple[float, float], start: float
+def parameter(
+    name: str, unit: str, box: tuple[float, float], start: float, digits: int = 6
 ) -> dict[str, float | str]:
-    digits = {"lower": box[0], "upper": box[1], "start": start}
-    return {"name": name, "unit": unit, **{k: float(f"{v:.6g}") for k, v in digits.items()}}
+    """Table of a parameter for a campaign.
+
+    Args:
+        name: of the variable.
+        unit: of all numbers.
+        box: bounds.
+        start: where a fit starts.
+        digits: that are written.
+    """
+    numbers = {"lower": box[0], "upper": box[1], "start": start}
+    return {"name": name, "unit": unit, **{k: float(f"{v:.{digits}g}") for k, v in numbers.items()}}
 
 
-def _normal_modes(modes: TwoModes) -> tuple[ComplexArray, ComplexArray]:
-    """Rates s (4,) and shapes V (4, 4) of free motion, positions before velocities."""
+def normal_modes(modes: TwoModes) -> tuple[ComplexArray, ComplexArray]:
+    """Rates s (4,) and shapes V (4, 4) of free motion, positions before velocities.
+
+    Args:
+        modes: both, in Hz.
+    """
     t = modes.transform()
     a = np.zeros((4, 4))
     a[:2, 2:] = np.eye(2)

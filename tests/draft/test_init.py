@@ -14,8 +14,8 @@ import fitting as ff
 from fitting.api.init import Question, init
 from fitting.cli.main import main
 from fitting.result.result import Result, read_result
-from fitting.text.arrays import FloatArray
-from tests.support.cfmu_build import build_c_fmu
+from fitting.text.arrays import ComplexArray, FloatArray
+from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_wall_fmu
 from tests.support.lines import mode, noise, write_csv
 
 ETA, WIDTH = 30_000.0, 25.0
@@ -255,3 +255,86 @@ def test_a_campaign_that_somebody_edited_is_kept(
     assert main(words) == 2
     assert "was changed since fmu-fit init wrote it" in capsys.readouterr().err
     assert path.read_text("utf-8").endswith("# mine\n")
+
+
+# --- recordings over time -------------------------------------------------------------------
+
+
+def test_one_input_one_output_and_a_recording_are_a_campaign(tmp_path: Path) -> None:
+    """A step response of a lag, its columns called otherwise than the FMU's variables."""
+    t = np.linspace(0.0, 1.49, 150)
+    u = np.where(t >= 0.1, 1.0, 0.0)
+    y = 2.0 * -np.expm1(-np.maximum(t - 0.1, 0.0) / 0.3)
+    y += 0.02 * np.random.default_rng(1).standard_normal(t.size)
+    head = "clock (ms),force (mV),seen (V)"
+    path = write_csv(tmp_path / "step.csv", head, 1e3 * t, 1e3 * u, y)
+    written, said = init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
+    assert "step.csv: 150 samples over time of 'y' as 'seen', under 'u' as 'force'." in said
+    made = tomllib.loads(written.read_text(encoding="utf-8"))
+    [trace] = made["trace"]
+    assert trace["interpolation"] == "held"
+    assert trace["columns"] == {"time": "clock", "output": "seen", "input": "force"}
+    # nothing tells the other three: they are zero, or the FMU's own way to solve
+    assert [p["name"] for p in made["parameters"]] == ["tau", "gain"]
+    fit = ff.fit(ff.Problem.of(written))
+    assert abs(fit["tau"].value - 0.3) < 4.0 * fit["tau"].std < 0.03
+    assert abs(fit["gain"].value - 2.0) < 4.0 * fit["gain"].std < 0.03
+
+
+R1, R2, C = 0.5, 2.0, 3.0e4
+
+
+def wall(r1: complex, r2: complex, rooms: FloatArray, step_s: float) -> ComplexArray:
+    """Temperatures of a wall at the samples, from 293 K, the rooms' held over each step."""
+    tau, seen = C * r1 * r2 / (r1 + r2), [293.0 + 0.0j]
+    for one, two in rooms[:-1]:
+        end = (one * r2 + two * r1) / (r1 + r2)
+        seen.append(end + (seen[-1] - end) * np.exp(-step_s / tau))
+    return np.array(seen)
+
+
+def test_a_wall_between_two_rooms_is_as_sure_as_can_be(tmp_path: Path) -> None:
+    """Two inputs; of R1, R2 and C a temperature tells two products: two are taken by themselves."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 600.0 * 199.0, 200)
+    rooms = np.stack([293.0 + 5.0 * (t > 2e4), 288.0 + 3.0 * np.sin(t / 9e3)], axis=1)
+    sigma = 0.05
+    seen = wall(R1, R2, rooms, 600.0).real + sigma * rng.standard_normal(t.size)
+    head = "time (min),Ti1 (degC),Ti2 (K),T (degC)"
+    columns = [t / 60.0, rooms[:, 0] - 273.15, rooms[:, 1], seen - 273.15]
+    path = write_csv(tmp_path / "wall.csv", head, *map(np.asarray, columns))
+    fmu = build_wall_fmu(tmp_path)
+    written, _ = init(path, fmu, out=tmp_path / "guessed")
+    made = tomllib.loads(written.read_text(encoding="utf-8"))
+    assert made["trace"][0]["further_inputs"] == ["Ti2"]
+    assert len({p["name"] for p in made["parameters"]} & {"R1", "R2", "C"}) == 2
+    setup = ff.Setup(ff.Drive(), "T", start_values={"C": C})
+    trace = ff.Trace(
+        t,
+        seen,
+        setup=setup,
+        input="Ti1",
+        driven=(t, rooms[:, 0]),
+        further={"Ti2": (t, rooms[:, 1])},
+        interpolation="held",
+        sigma=sigma,
+        unit="K",
+    )
+    parameters = [ff.Parameter(n, 1.0, bounds=(0.1, 10.0), unit="K/W") for n in ("R1", "R2")]
+    quick = ff.Tikhonov(nu=1e-6, levels=1, misfit="squares")
+    fit = ff.fit(ff.Problem(fmu, parameters, trace), method=quick, starts=1)
+    h = 1e-20
+    slopes = [wall(R1 + 1j * h, R2, rooms, 600.0).imag, wall(R1, R2 + 1j * h, rooms, 600.0).imag]
+    matrix = np.stack(slopes, axis=1) / (h * sigma)
+    bound = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    for name, true, std in zip(("R1", "R2"), (R1, R2), bound, strict=True):
+        assert fit[name].std == pytest.approx(std, rel=0.05)
+        assert abs(fit[name].value - true) < 4.0 * std
+
+
+def test_a_recording_without_the_output_is_told(tmp_path: Path) -> None:
+    t = np.linspace(0.0, 0.19, 20)
+    path = write_csv(tmp_path / "step.csv", "time (s),u (V),a (V),b (V)", t, t, t, t)
+    with pytest.raises(ff.BadInput, match="no column 'y' among 'u', 'a' and 'b'; wanted one"):
+        init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
+    assert not (tmp_path / "drafted").exists() or not list((tmp_path / "drafted").glob("*.toml"))

@@ -54,10 +54,10 @@ def test_the_closed_form_is_the_matrix_exponential(kind: str, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("kind", TIME_SERIES)
-def test_the_fit_finds_what_was_put_in(kind: str, oscillator_fmu: Path, tmp_path: Path) -> None:
+def test_the_fit_finds_what_was_put_in(kind: str, swift_fmu: Path, tmp_path: Path) -> None:
     """Frequencies, widths, and of the driven trace the angle."""
     made = ff.synthesize_curves(kind, seed=3, length_s=0.1, out=tmp_path)
-    problem = ff.Problem.of(tmp_path / "campaign.toml", ff.Fmu(oscillator_fmu, workers=1))
+    problem = ff.Problem.of(tmp_path / "campaign.toml", ff.Fmu(swift_fmu, workers=1))
     fit = ff.fit(problem)
     for name, value in fit.result.parameters.items():
         true = made.truth["trace"][f"{name}_{'rad' if name == 'theta' else 'hz'}"]

@@ -26,8 +26,8 @@ EXACT = LABORATORY.density(U) + 2.0 * LABORATORY.noise_m**2 / LABORATORY.rate_hz
 
 
 @pytest.fixture(scope="module")
-def fmu(oscillator_fmu: Path) -> Iterator[ff.Fmu]:
-    with ff.Fmu(oscillator_fmu, workers=1) as opened:
+def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
+    with ff.Fmu(swift_fmu, workers=1) as opened:
         yield opened
 
 
@@ -151,6 +151,28 @@ def _slope(which: int) -> FloatArray:
     return np.asarray((found[0] - found[1]) / 2e-3)
 
 
+@pytest.mark.parametrize("averages", [1, 10, 1000, 100_000])
+def test_the_scatter_tells_how_many_were_averaged(averages: int) -> None:
+    """Of a Lorentzian of 30 points in its width: within a quarter, of one within a half."""
+    u = np.arange(1.0, 1201.0)
+    exact = 1.0 / (1.0 + ((u - 600.0) / 15.0) ** 2) + 0.01
+    draws = exact * np.random.default_rng(7).gamma(averages, 1.0 / averages, u.size)
+    record = NoiseRecord(u, draws)
+    assert record.count == pytest.approx(averages, rel=0.5 if averages == 1 else 0.25)
+    assert record.sigma == 0.0
+
+
+def test_averages_that_nobody_told_give_the_same_errors(fmu: ff.Fmu) -> None:
+    y = drawn(100.0, 3)
+    told, seen = (
+        ff.fit(ff.Problem(fmu, PARAMETERS, spectrum(y, averages=averages)), method=QUICK, starts=1)
+        for averages in (100.0, None)
+    )
+    for name in ("eta_plus", "d1"):
+        assert seen[name].value == pytest.approx(told[name].value, abs=0.2 * told[name].std)
+        assert seen[name].std == pytest.approx(told[name].std, rel=0.2)
+
+
 @pytest.mark.parametrize("averages", [1, 100])
 def test_langevin_s_intervals_hold_the_truth(fmu: ff.Fmu, averages: int) -> None:
     """Exact discretisation, Welch, fit: squares of deviations over errors are chi square."""
@@ -254,7 +276,6 @@ def test_kinds_of_noise_that_are_no_noise_of_the_model_are_told(fmu: ff.Fmu) -> 
     ("old", "new", "said"),
     [
         pytest.param("averages = 100", "averages = 0.5", "wanted 1 or more", id="averages"),
-        pytest.param("averages = 100\n", "", "'averages' is missing", id="no averages"),
         pytest.param('"300 K"', '"0 K"', "wanted more than zero", id="temperature"),
         pytest.param('force = "thermal"\n', "", 'with force = "thermal" only', id="white"),
         pytest.param(

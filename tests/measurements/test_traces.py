@@ -233,14 +233,13 @@ def test_a_step_response_of_second_order_is_as_sure_as_can_be(beam: ff.Fmu) -> N
         sigma=sigma,
         unit="m",
     )
-    found = ff.profile(ff.fit(ff.Problem(beam, BEAM_PARAMETERS, trace), method=QUICK, starts=1))
+    fit = ff.fit(ff.Problem(beam, BEAM_PARAMETERS, trace), method=QUICK, starts=1)
     for name, true, std in zip(("damping", "stiffness"), (C, K), stds, strict=True):
-        low, high = found[name].interval()
-        assert 0.5 * (high - low) / 1.96 == pytest.approx(widened(found) * std, rel=0.05)
-        assert abs(found[name].value - true) < 4.0 * std
+        assert fit[name].std == pytest.approx(std, rel=0.05)
+        assert abs(fit[name].value - true) < 4.0 * std
 
 
-def test_a_chirp_of_the_string_gives_back_its_coefficients(oscillator_fmu: Path) -> None:
+def test_a_chirp_of_the_string_gives_back_its_coefficients(swift_fmu: Path) -> None:
     """Both modes, 6 % apart, seen by an output each; coupled by their damping alone."""
     theta, d1, d2, eta = 1.9, 3.0, 1.2, (100.0, 106.0)
     t = np.linspace(0.0, 0.9975, 400)
@@ -270,15 +269,16 @@ def test_a_chirp_of_the_string_gives_back_its_coefficients(oscillator_fmu: Path)
         ff.Parameter("d1", 2.5, bounds=(0.5, 10.0)),
         ff.Parameter("d2", 1.5, bounds=(0.5, 10.0)),
     ]
-    fit = ff.fit(ff.Problem(oscillator_fmu, parameters, traces), method=QUICK, starts=1)
-    assert fit.x == pytest.approx([theta, d1, d2], rel=1e-6)
+    exactly = ff.Tikhonov(nu=1e-6, beta=1e-4, levels=2, misfit="squares")
+    fit = ff.fit(ff.Problem(swift_fmu, parameters, traces), method=exactly, starts=1)
+    assert fit.x == pytest.approx([theta, d1, d2], rel=1e-9)
 
 
 # --- ringdowns ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("noise", [pytest.param(0.0, id="exact"), pytest.param(0.01, id="noisy")])
-def test_a_ringdown_of_two_beating_modes(oscillator_fmu: Path, noise: float) -> None:
+def test_a_ringdown_of_two_beating_modes(swift_fmu: Path, noise: float) -> None:
     """Both displacements and velocities at the first sample are unknown; so is the gain."""
     theta, d1, d2, eta = 1.9, 3.0, 1.2, (100.0, 106.0)
     t = np.arange(300) * 2.7e-3
@@ -293,7 +293,7 @@ def test_a_ringdown_of_two_beating_modes(oscillator_fmu: Path, noise: float) -> 
         ff.Parameter("d1", 2.5, bounds=(0.5, 10.0)),
         ff.Parameter("d2", 1.5, bounds=(0.5, 10.0)),
     ]
-    fit = ff.fit(ff.Problem(oscillator_fmu, parameters, trace), method=QUICK, starts=1)
+    fit = ff.fit(ff.Problem(swift_fmu, parameters, trace), method=QUICK, starts=1)
     truth = [*eta, d1, d2]
     if noise:
         for name, true in zip(("eta_plus", "eta_minus", "d1", "d2"), truth, strict=True):

@@ -51,11 +51,20 @@ def build_c_fmu(
 
 def build_lag_fmu(folder: Path) -> Path:
     """The lag tau x' + x = gain u, y = x + through u as an FMU in ``folder``."""
-    library = folder / f"lag{fmpy.sharedLibraryExtension}"
-    compile_library(SOURCES / "lag2.c", library)
-    path = folder / "lag.fmu"
+    return _first_order(folder, "lag", ())
+
+
+def build_wall_fmu(folder: Path) -> Path:
+    """The wall C T' = (Ti1 - T)/R1 + (Ti2 - T)/R2 between two rooms as an FMU in ``folder``."""
+    return _first_order(folder, "wall", ("-DWALL",))
+
+
+def _first_order(folder: Path, name: str, options: Sequence[str]) -> Path:
+    library = folder / f"{name}{fmpy.sharedLibraryExtension}"
+    compile_library(SOURCES / "lag2.c", library, options)
+    path = folder / f"{name}.fmu"
     with zipfile.ZipFile(path, "w") as archive:
-        archive.write(SOURCES / "lag2.xml", "modelDescription.xml")
+        archive.write(SOURCES / f"{name}2.xml", "modelDescription.xml")
         archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
     return path
 

@@ -30,7 +30,7 @@ def noise_figure(
     every = slice(None, None, -(-spectrum.seen_hz.size // DRAWN))
     u, x = spectrum.seen_hz[every], Axis("frequency", "Hz")
     tails = 0.5 * (1.0 - INSIDE)
-    low, high = gammaincinv(spectrum.averages, [tails, 1.0 - tails]) / spectrum.averages
+    low, high = gammaincinv(spectrum.count, [tails, 1.0 - tails]) / spectrum.count
     y = Axis(f"density ({spectrum.unit}²/Hz)", log=True)
     band = "95 % of the points, if the model is right"
     shown = Panel(
@@ -59,7 +59,7 @@ def noise_figure(
         name=f"noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
         title=f"Noise spectrum{said}: measured and simulated",
         caption=(
-            f"{spectrum.seen_hz.size} points of {number(spectrum.averages, 4)} averages with the "
+            f"{spectrum.seen_hz.size} points of {_averages(spectrum)} with the "
             f"model before and after the fit; {inside} that holds "
             "95 % of them if the model is right. Below: the signed roots of their deviances."
         ),
@@ -67,3 +67,9 @@ def noise_figure(
         rows=((shown,), (rest,)),
         series=series,
     )
+
+
+def _averages(spectrum: NoiseRecord) -> str:
+    if spectrum.averages is None:
+        return f"about {number(spectrum.count, 2)} averages, by their scatter,"
+    return f"{number(spectrum.averages, 4)} averages"

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.constants import Boltzmann
 from scipy.special import digamma
 
+from fitting.measurements.noise.averages import averages_seen
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
@@ -38,7 +39,8 @@ class NoiseRecord:
     Args:
         frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
         density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
-        averages: Number of independent periodograms that were averaged, 1 or more.
+        averages: Number of independent periodograms that were averaged, 1 or more; None: not
+            known, and the scatter of the points tells it and the errors.
         force: "white": a force of constant density, whose level is solved for; "thermal": the one
             that the damping asks for at a temperature.
         temperature_k: Of the resonator, K; 0: not known, and solved for.
@@ -61,7 +63,7 @@ class NoiseRecord:
     frequency_hz: npt.ArrayLike
     density: npt.ArrayLike
     _: KW_ONLY
-    averages: float
+    averages: float | None = None
     force: str = WHITE
     temperature_k: float = 0.0
     mass_kg: float = 0.0
@@ -107,7 +109,7 @@ class NoiseRecord:
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        if not 1.0 <= self.averages < np.inf:
+        if self.averages is not None and not 1.0 <= self.averages < np.inf:
             raise BadInput(f"{self.source}: averages: found {self.averages:g}, wanted 1 or more")
         for name, known in (("force", FORCES), ("window", WINDOWS)):
             if getattr(self, name) not in known:
@@ -130,18 +132,25 @@ class NoiseRecord:
             raise BadInput(f"{self.source}: mass and spring constant; wanted one of them")
 
     @cached_property
+    def count(self) -> float:
+        """Number of averages, as declared or seen."""
+        return averages_seen(self.y) if self.averages is None else float(self.averages)
+
+    @cached_property
     def sigma(self) -> float:
-        """Standard deviation of a row: of the signed root of its deviance.
+        """Standard deviation of a row: of the signed root of its deviance; 0: residuals tell it.
 
         The mean of the deviance is 2 M (ln M - psi(M)), near 1 + 1/(6 M).
         """
-        m = self.averages
+        if self.averages is None:
+            return 0.0
+        m = self.count
         return float(np.sqrt(2.0 * m * (np.log(m) - float(digamma(m)))))
 
     @property
     def is_curve(self) -> bool:
         """Whether its residuals may be asked how neighbours hang together."""
-        return self.averages >= SEEN
+        return self.count >= SEEN
 
     def widened(self, shape: FloatArray) -> FloatArray:
         """A density (n,) as periodograms under the window show it, at the points that are used.
@@ -217,4 +226,4 @@ class NoiseRecord:
         apart = x - 1.0
         near = np.abs(apart) < 1e-4  # by its series: the difference would cancel
         deviance = np.where(near, 0.5 * apart**2 - apart**3 / 3.0, apart - np.log(x))
-        return np.asarray(-np.sign(apart) * np.sqrt(2.0 * self.averages * np.maximum(deviance, 0)))
+        return np.asarray(-np.sign(apart) * np.sqrt(2.0 * self.count * np.maximum(deviance, 0)))

@@ -60,7 +60,8 @@ class NoiseSpectrum(NoiseRecord):
     Args:
         frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
         density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
-        averages: Number of independent periodograms that were averaged, 1 or more.
+        averages: Number of independent periodograms that were averaged, 1 or more; None: not
+            known, and the scatter of the points tells it and the errors.
         force: "white": a force of constant density, whose level is solved for; "thermal": the one
             that the damping asks for at a temperature.
         temperature_k: Of the resonator, K; 0: not known, and solved for.
@@ -247,7 +248,7 @@ class NoiseSpectra(MeasurementKind):
         found = _found(prediction)
         blocks = []
         for each, shape, (a, b) in zip(self.spectra, found.shapes, found.levels, strict=True):
-            slope = np.sqrt(each.averages) / (a * shape + b)  # of a row near S = P
+            slope = np.sqrt(each.count) / (a * shape + b)  # of a row near S = P
             columns = [] if each.is_absolute else [shape * slope]
             columns += [slope] if each.floor else []
             blocks.append(np.stack(columns, axis=1) if columns else np.empty((shape.size, 0)))

@@ -59,8 +59,8 @@ class NoiseSpectrumTable(MeasurementTable):
 
     file: Annotated[FileName, Missing("wanted a table of frequencies and densities with units")]
     """Columns frequency and density, each with its unit, as "density (V2/Hz)"; one-sided."""
-    averages: Annotated[Positive, Missing("wanted how many periodograms were averaged, 1 or more")]
-    """Number of independent periodograms that were averaged."""
+    averages: Positive | None = None
+    """Number of independent periodograms that were averaged; without it their scatter tells it."""
     columns: WrittenNoiseColumns = field(default_factory=WrittenNoiseColumns)
     """Names of columns, where they are not the usual ones."""
     output: Text | None = None
@@ -84,7 +84,7 @@ class NoiseSpectrumTable(MeasurementTable):
     """Start values of the FMU during the spectrum."""
 
     def __post_init__(self) -> None:
-        if self.averages < 1.0:
+        if self.averages is not None and self.averages < 1.0:
             raise Refused(f"found {self.averages:g}, wanted 1 or more", "averages")
         for key in ("temperature", "mass", "spring_constant"):
             if getattr(self, key) is not None and self.force != THERMAL:

@@ -61,13 +61,17 @@ def trace_figure(
             "its autocorrelation, with the band that holds 95 % of it where it is white."
         ),
         alt=f"A trace of {trace.y.size} samples with the fitted model; residual {rms} % rms.",
-        rows=((shown,), (rest,), (_together(left),)),
+        rows=((shown,), (rest,), (together(left),)),
         series=series,
     )
 
 
-def _together(left: FloatArray) -> Panel:
-    """Autocorrelation of residuals (n,) over lag, and where 95 % of white ones stay."""
+def together(left: FloatArray) -> Panel:
+    """Autocorrelation of residuals over lag, and where 95 % of white ones stay.
+
+    Args:
+        left: residuals, (n,).
+    """
     lags = np.arange(1, min(LAGS, left.size // 4) + 1)
     centred = left - np.mean(left)
     power = float(centred @ centred) or 1.0
@@ -89,7 +93,9 @@ def _together(left: FloatArray) -> Panel:
 
 
 def _input(trace: TraceRecord) -> str:
-    return "no input" if trace.waveform is None else trace.waveform.words
+    if len(trace.waveforms) > 1:
+        return "; ".join(f"{name}: {wave.words}" for name, wave in trace.waveforms.items())
+    return next((wave.words for wave in trace.waveforms.values()), "no input")
 
 
 def _start(trace: TraceRecord) -> str:

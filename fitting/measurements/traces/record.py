@@ -38,6 +38,7 @@ class TraceRecord:
         input: The FMU's input that is driven; empty: none is.
         driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
             ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
+        further: What drives further inputs, by their names, likewise.
         interpolation: Recorded inputs are "held" until the next value or joined ("linear").
         output: The FMU's output that is seen; empty: the setup's.
         gain: "one": the output as it is; "fit": times a gain that is solved for.
@@ -66,6 +67,9 @@ class TraceRecord:
     _: KW_ONLY
     input: str = ""
     driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform | None = None
+    further: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike] | Waveform] = field(
+        default_factory=dict
+    )
     interpolation: str = LINEAR
     output: str = ""
     gain: str = ONE
@@ -96,6 +100,11 @@ class TraceRecord:
         object.__setattr__(self, "t", t[first:])
         object.__setattr__(self, "y", y[first:])
         refuse_clipped(self.y, self.source)
+        if self.further and (self.driven is None or self.input in self.further):
+            raise BadInput(
+                f"{self.source}: further inputs are driven; wanted what drives the first one, and "
+                "each input once"
+            )
         if self.driven is not None and not self.input:
             raise BadInput(f"{self.source}: is driven, but by no input; wanted the FMU's input")
         if self.start == UNKNOWN:
@@ -152,12 +161,16 @@ class TraceRecord:
             )
 
     @cached_property
-    def waveform(self) -> Waveform | None:
-        """What drives the input; times on the clock of the trace."""
-        if isinstance(self.driven, tuple):
-            time_s, values = (np.asarray(v, dtype=float) for v in self.driven)
+    def waveforms(self) -> Mapping[str, Waveform]:
+        """What drives each input; times on the clock of the trace."""
+        driven = {} if self.driven is None else {self.input: self.driven}
+        return {name: self._waveform(each) for name, each in {**driven, **self.further}.items()}
+
+    def _waveform(self, driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform) -> Waveform:
+        if isinstance(driven, tuple):
+            time_s, values = (np.asarray(v, dtype=float) for v in driven)
             return Recorded(time_s, values, self.interpolation)
-        return self.driven
+        return driven
 
     @cached_property
     def largest(self) -> float:
@@ -169,6 +182,26 @@ class TraceRecord:
         """Number of unknowns that are solved for."""
         free = self.states if self.start == UNKNOWN else 0
         return free + (self.is_driven and self.gain == FIT) + self.offset
+
+    @property
+    def has_own_steps(self) -> bool:
+        """Its runs begin with the step that the FMU was made for."""
+        return True
+
+    @property
+    def has_unknown_start(self) -> bool:
+        """Whether its state at the first sample is solved for."""
+        return self.start == UNKNOWN
+
+    @property
+    def run_step_s(self) -> float:
+        """Spacing of the samples of its runs, s: its own."""
+        return self.spacing_s
+
+    @property
+    def run_samples(self) -> int:
+        """How many samples its runs have."""
+        return int(self.y.size)
 
     @property
     def is_driven(self) -> bool:
@@ -210,9 +243,10 @@ class TraceRecord:
             edges = self.t[0] + (np.arange(steps + 1) / per_sample - lead) * self.spacing_s
             times = self.t[0] + np.arange(count) * self.spacing_s
             held, seen = np.empty((steps, 0)), np.empty((count, 0))
-            if self.waveform is not None:
-                held, seen = self.waveform.means(edges)[:, None], self.waveform.at(times)[:, None]
-            names = () if self.waveform is None else (self.input,)
+            names, waves = tuple(self.waveforms), self.waveforms.values()
+            if names:
+                held = np.stack([wave.means(edges) for wave in waves], axis=1)
+                seen = np.stack([wave.at(times) for wave in waves], axis=1)
             self._signals[per_sample] = HeldSignal(names, self.spacing_s / per_sample, held, seen)
         return self._signals[per_sample]
 

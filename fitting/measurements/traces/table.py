@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -42,6 +42,7 @@ from fitting.text.keys import (
     Refused,
     Switch,
     Text,
+    Texts,
     Usually,
     Value,
 )
@@ -135,6 +136,8 @@ class TraceTable(MeasurementTable):
     """The FMU output that is seen; without it that of [observe]."""
     input: Text | None = None
     """The FMU input that is driven; without it none is."""
+    further_inputs: Texts = ()
+    """Further FMU inputs that are driven, each by the column of its name, as ["Ti2"]."""
     signal: WrittenSignal | None = None
     """A declared input, instead of a column of the file."""
     interpolation: Annotated[Text | None, OneOf(INTERPOLATIONS), Usually(LINEAR)] = None
@@ -168,6 +171,10 @@ class TraceTable(MeasurementTable):
         if self.signal is not None and (self.columns.input or self.interpolation):
             key = "columns" if self.columns.input else "interpolation"
             raise Refused("has no meaning for the input beside 'signal'", key)
+        if self.further_inputs and self.input is None:
+            raise Refused("wanted beside 'input', the first one that is driven", "further_inputs")
+        if self.further_inputs and self.start == UNKNOWN:
+            raise Refused('has no meaning with start = "unknown"', "further_inputs")
         if self.states is not None and self.start != UNKNOWN:
             raise Refused('has a meaning with start = "unknown" only', "states")
         if self.start == UNKNOWN and self.input is None:
@@ -198,7 +205,9 @@ class TraceTable(MeasurementTable):
             known = names.input or self.start != UNKNOWN or table.find(wanted) is not None
             if known and self.begin == FIRST:
                 driven = self._column(table, wanted, f"{wanted} (V)")
-        return ReadTrace(self, time, self._column(table, seen, f"{seen} (V)"), driven)
+        values = self._column(table, seen, f"{seen} (V)")
+        further = {n: self._column(table, n, f"{n} (V)") for n in self.further_inputs}
+        return ReadTrace(self, time, values, driven, further)
 
     def _column(self, table: Table, name: str, example: str, unit: str | None = None) -> ReadColumn:
         column = table.column(name)
@@ -242,6 +251,7 @@ class ReadTrace:
     time: ReadColumn
     output: ReadColumn
     driven: ReadColumn | None
+    further: Mapping[str, ReadColumn]
 
     def record(self, binder: Binder, setup: Setup, label: str) -> TraceRecord:
         """The trace in the names and units of the FMU.
@@ -257,6 +267,10 @@ class ReadTrace:
         if table.input is not None:
             driver = binder.real(table.input, f"{where} input", ("input",), "driven")
             driven = self._driven(binder, driver)
+        further = {}
+        for name, column in self.further.items():
+            driver = binder.real(name, f"{where} further_inputs", ("input",), "driven")
+            further[name] = self._on_clock(binder, driver, column)
         values, decays = self.output, table.start == UNKNOWN and driven is None
         if table.gain == ONE and not decays:  # a free decay has no gain of its own
             if seen.unit is None:
@@ -272,6 +286,7 @@ class ReadTrace:
             values.values,
             input=table.input or "",
             driven=driven,
+            further=further,
             interpolation=table.interpolation or LINEAR,
             output=table.output or "",
             gain=table.gain,
@@ -295,9 +310,15 @@ class ReadTrace:
             return self.table.signal.waveform(driver.unit)
         if self.driven is None:
             return None
+        return self._on_clock(binder, driver, self.driven)
+
+    def _on_clock(
+        self, binder: Binder, driver: VariableLike, column: ReadColumn
+    ) -> tuple[FloatArray, FloatArray]:
+        """Times, and values of a column in the unit of its input."""
         if driver.unit is None:
             binder.note_missing_unit(driver)
-        return np.array(self.time.values), self.driven.into(driver.unit).values
+        return np.array(self.time.values), column.into(driver.unit).values
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -28,15 +28,13 @@ from fitting.measurements.plan import Plan
 from fitting.measurements.tones import PLATEAU
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
-from fitting.measurements.traces.step_plan import StepPlan, first_steps, planned_steps
+from fitting.measurements.traces.survey import Survey
 from fitting.simulate.batch import Batch, Workers
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+from fitting.text.errors import BadInput
 
 #: Residuals below this share of the largest value are no misfit.
 SMALLEST_MISFIT = 1e-3
-#: Change of a response to half a pulse, doubled, above which an FMU is not linear.
-NONLINEAR = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +54,7 @@ class Trace(TraceRecord):
         input: The FMU's input that is driven; empty: none is.
         driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
             ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
+        further: What drives further inputs, by their names, likewise.
         interpolation: Recorded inputs are "held" until the next value or joined ("linear").
         output: The FMU's output that is seen; empty: the setup's.
         gain: "one": the output as it is; "fit": times a gain that is solved for.
@@ -183,24 +182,16 @@ class Traces(MeasurementKind):
         """The plan with the communication step of every trace."""
         plan = model.plan
         for trace in self.traces:
-            steps, misfit_s = first_steps(trace.spacing_s, model.own_step_s)
-            first = StepPlan(
-                label=self._key(trace),
-                spacing_s=trace.spacing_s,
-                per_sample=steps,
-                bound=0.0,
-                own_s=misfit_s,
-            )
-            _Survey(self, trace, model, workers).refuse_nonlinear(points[0], steps)
-            kept = _Survey(self, trace, model, workers).that_run(points, steps)
-            left = plan.budget.left if plan.budget is not None else self.setup.accuracy
-            survey = _Survey(self, trace, replace(model, plan=plan), workers)
-            runs = partial(survey.simulated, kept)
-            found = planned_steps(first, runs, left, trace.y.size)
-            plan = plan.with_steps(found)
+            survey = Survey(self, trace, replace(model, plan=plan), workers)
+            plan = survey.planned(points)
         return plan
 
-    def _key(self, trace: TraceRecord) -> str:
+    def key(self, trace: TraceRecord) -> str:
+        """What the plan knows a trace by.
+
+        Args:
+            trace: one of them.
+        """
         return f"{self.series}/{trace.label}"
 
     def predict(
@@ -208,7 +199,7 @@ class Traces(MeasurementKind):
     ) -> Predicting:
         """Values of every trace, with the best gain, offset and start."""
         asked = [
-            [self._ask(model, trace, p, batch, k) for trace in self.traces]
+            [self.ask(model, trace, p, batch, k) for trace in self.traces]
             for k, p in enumerate(table)
         ]
         yield
@@ -230,12 +221,20 @@ class Traces(MeasurementKind):
         """
         return trace.output or self.setup.output
 
-    def _ask(
+    def ask(
         self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
     ) -> tuple[int | None, int | None]:
-        """Numbers of the run under the input, and of that after a pulse."""
+        """Numbers of the run under the input, and of that after a pulse.
+
+        Args:
+            model: the FMU as the series drives it.
+            trace: one of them.
+            p: parameters (n,), each in its own unit.
+            batch: where runs are asked for.
+            owner: which evaluation pays for them.
+        """
         values = model.values(p, trace.label or None, trace.settings)
-        steps = model.plan.steps_of(self._key(trace))
+        steps = model.plan.steps_of(self.key(trace))
         driven = decay = None
         output = self.output(trace)
         if trace.is_driven:
@@ -319,90 +318,3 @@ def _projected(design: FloatArray, values: FloatArray) -> FloatArray:
     sizes = np.linalg.norm(design, axis=0)
     scaled = design / np.where(sizes > 0.0, sizes, 1.0)
     return np.asarray(scaled @ np.linalg.lstsq(scaled, values, rcond=None)[0])
-
-
-@dataclass(frozen=True)
-class _Survey:
-    """Runs of one trace by which its communication step is planned."""
-
-    traces: Traces
-    trace: TraceRecord
-    model: DrivenModel
-    workers: Workers
-
-    def simulated(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
-        """Outputs of its runs at all points.
-
-        Args:
-            points: parameter vectors (n,).
-            per_sample: steps between two samples.
-        """
-        trial = StepPlan(
-            label=self.traces._key(self.trace),
-            spacing_s=self.trace.spacing_s,
-            per_sample=per_sample,
-            bound=0.0,
-        )
-        model = replace(self.model, plan=replace(self.model.plan, steps=(trial,)))
-        batch, output = Batch(), self.traces.output(self.trace)
-        asked = [
-            run
-            for k, p in enumerate(points)
-            for run in self.traces._ask(model, self.trace, p, batch, k)
-            if run is not None
-        ]
-        batch.simulate(self.workers)
-        return [batch.samples(run, output) for run in asked]
-
-    def that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
-        """The points that the FMU takes, the first in any case: it may refuse a part of the box.
-
-        Args:
-            points: parameter vectors (n,).
-            per_sample: steps between two samples.
-        """
-        kept = [points[0]]
-        for p in points[1:]:
-            try:
-                self.simulated([p], per_sample)
-            except NoAnswer:
-                raise
-            except FmuFailure:
-                continue
-            kept.append(p)
-        return kept
-
-    def refuse_nonlinear(self, p: FloatArray, per_sample: int) -> None:
-        """Complain of an unknown start where half a pulse does not give half the response.
-
-        Args:
-            p: parameters (n,).
-            per_sample: steps between two samples.
-
-        Raises:
-            BadInput: the FMU is not linear, or does not answer to a pulse.
-        """
-        trace = self.trace
-        if trace.start != UNKNOWN:
-            return
-        values = self.model.values(p, trace.label or None, trace.settings)
-        output, batch = self.traces.output(trace), Batch()
-        runs = [
-            batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)
-            for level in (1.0, 0.5)
-        ]
-        batch.simulate(self.workers)
-        whole, half = (batch.samples(run, output) for run in runs)
-        largest = float(np.max(np.abs(whole)))
-        if largest == 0.0:
-            raise BadInput(
-                f"{trace.source}: '{output}' does not answer to a pulse at the input "
-                f"'{trace.input}'; wanted an input that excites it"
-            )
-        off = float(np.max(np.abs(2.0 * half - whole))) / largest
-        if off > NONLINEAR:
-            raise BadInput(
-                f'{trace.source}: start = "unknown" wants a linear FMU: half a pulse at '
-                f"'{trace.input}' gives {off:.1e} more or less than half the response; wanted "
-                "start values among the parameters"
-            )

@@ -1,20 +1,37 @@
 /* A first-order lag, tau x' + x = gain u, y = x + through u, with u held over a step, as an FMI 2.0
-   co-simulation FMU. Exact steps; with euler > 0 steps of Euler's method, as long as the communication
+   co-simulation FMU; with WALL the wall between two rooms, C T' = (Ti1 - T)/R1 + (Ti2 - T)/R2. Exact steps; with euler > 0 steps of Euler's method, as long as the communication
    steps are, so that what a trace is off by hangs on these. */
 #include "fmi2Functions.h"
 #include <math.h>
 #include <stdlib.h>
 
+#ifdef WALL
+enum { R1, R2, C, START, EULER, U, U2, Y, N_REALS };
+
+static void usual(double *r) {
+    r[R1] = r[R2] = 1, r[C] = 3e4;
+    r[START] = r[U] = r[U2] = 293;
+}
+static double tau(const double *r) { return r[C] * r[R1] * r[R2] / (r[R1] + r[R2]); }
+static double rest(const double *r) { return (r[U] * r[R2] + r[U2] * r[R1]) / (r[R1] + r[R2]); }
+static double through(const double *r) { return 0; }
+#else
 enum { TAU, GAIN, THROUGH, START, EULER, U, Y, N_REALS };
+
+static void usual(double *r) { r[TAU] = r[GAIN] = 1; }
+static double tau(const double *r) { return r[TAU]; }
+static double rest(const double *r) { return r[GAIN] * r[U]; }
+static double through(const double *r) { return r[THROUGH] * r[U]; }
+#endif
 
 typedef struct {
     double reals[N_REALS], x;
 } Lag;
 
 static void start_values(Lag *m) {
-    m->reals[TAU] = m->reals[GAIN] = 1;
-    m->reals[THROUGH] = m->reals[START] = m->reals[EULER] = m->reals[U] = m->reals[Y] = 0;
-    m->x = 0;
+    for (int i = 0; i < N_REALS; i++) m->reals[i] = 0;
+    usual(m->reals);
+    m->x = m->reals[START];
 }
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
@@ -47,14 +64,14 @@ fmi2Status fmi2Reset(fmi2Component c) {
 }
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean no_set) {
     Lag *m = c;
-    double rest = m->reals[GAIN] * m->reals[U], past = step / m->reals[TAU];
+    double end = rest(m->reals), past = step / tau(m->reals);
     double left = m->reals[EULER] > 0 ? 1 - past : exp(-past);
-    m->x = rest + (m->x - rest) * left;
+    m->x = end + (m->x - end) * left;
     return fmi2OK;
 }
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     Lag *m = c;
-    m->reals[Y] = m->x + m->reals[THROUGH] * m->reals[U];
+    m->reals[Y] = m->x + through(m->reals);
     for (size_t i = 0; i < n; i++) value[i] = m->reals[vr[i]];
     return fmi2OK;
 }

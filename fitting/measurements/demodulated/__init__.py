@@ -1,0 +1,1 @@
+"""Demodulated traces: phasors or amplitudes at a frequency, over time."""

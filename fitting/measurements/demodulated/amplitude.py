@@ -1,0 +1,135 @@
+"""Amplitudes that columns of phasors make: their factors and the noise below them, solved inside.
+
+    S = rice(|D c|, s)        sum ((S - R)/w)^2 least        R measured
+
+D (n, k) are free responses as a demodulator shows them, c (k,) complex factors up to a phase that
+all have in common, s the noise of each quadrature, from which amplitudes do not fall to zero.
+|D c|^2 is linear in the products c_k c_l*: they give the first guess, Gauss and Newton the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lstsq
+
+from fitting.signal.least_squares import damped_step
+from fitting.signal.rician import rician_mean, rician_rise, rician_slope
+from fitting.text.arrays import ComplexArray, FloatArray
+
+#: Steps at most, the relative one that ends them, and the damping of the first: its factors.
+STEPS, SETTLED = 100, 1e-13
+DAMPING, EASED, HELD = 1e-3, 0.1, 10.0
+
+
+@dataclass(frozen=True)
+class SolvedAmplitude:
+    """Amplitudes (n,), and their derivatives (n, m) by what was solved for."""
+
+    values: FloatArray
+    design: FloatArray
+
+
+def solved_amplitude(
+    columns: ComplexArray, measured: FloatArray, weights: FloatArray, sigma: float | None
+) -> SolvedAmplitude:
+    """Amplitudes that follow the measured ones best.
+
+    Args:
+        columns: D, (n, k), complex.
+        measured: R, (n,), of order one.
+        weights: w, standard deviations of R up to a factor, (n,).
+        sigma: s where it is known, 0 for none, in the unit of R; None: it is solved for.
+    """
+    sizes = np.max(np.abs(columns), axis=0)
+    unit = columns / np.where(sizes > 0.0, sizes, 1.0)
+    factors, power = _guess(unit, measured, sigma)
+    lead = int(np.argmax(np.abs(factors)))
+    turned = factors * np.exp(-1j * np.angle(factors[lead]))
+    problem = _Problem(
+        columns=unit,
+        measured=measured,
+        weights=weights,
+        free=tuple(k for k in range(factors.size) if k != lead),
+        sigma=sigma,
+    )
+    begin = [*turned.real, *turned.imag[list(problem.free)], *([power] if sigma is None else [])]
+    return problem.amplitude(problem.least(np.array(begin)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Problem:
+    """What follows measured amplitudes: real parts x of all factors, imaginary ones, s^2."""
+
+    columns: ComplexArray
+    measured: FloatArray
+    weights: FloatArray
+    free: tuple[int, ...]
+    sigma: float | None
+
+    def least(self, x: FloatArray) -> FloatArray:
+        """Where the weighted squares are least, from a guess, by Levenberg's steps; s^2 >= 0."""
+        damping, now = DAMPING, self.amplitude(x)
+        for _ in range(STEPS):
+            left = (now.values - self.measured) / self.weights
+            matrix = now.design / self.weights[:, None]
+            sizes = np.linalg.norm(matrix, axis=0)
+            sizes = np.where(sizes > 0.0, sizes, 1.0)
+            low = np.full(x.size, -np.inf)
+            if self.sigma is None:
+                low[-1] = -x[-1] * sizes[-1]
+            room = (low, np.full(x.size, np.inf))
+            moved = x + damped_step(matrix / sizes, left, damping, room) / sizes
+            if self.sigma is None:
+                moved[-1] = max(moved[-1], 0.0)
+            ahead = self.amplitude(moved)
+            rest = (ahead.values - self.measured) / self.weights
+            small = float(np.max(np.abs(moved - x))) <= SETTLED * float(np.max(np.abs(x)))
+            if float(rest @ rest) <= float(left @ left):
+                x, now, damping = moved, ahead, EASED * damping
+            else:
+                damping *= HELD
+            if small:
+                break
+        return x
+
+    def amplitude(self, x: FloatArray) -> SolvedAmplitude:
+        """Amplitudes, and their derivatives by x."""
+        count, free = self.columns.shape[1], list(self.free)
+        c = x[:count].astype(complex)
+        c[free] += 1j * x[count : count + len(free)]
+        s = float(np.sqrt(x[-1])) if self.sigma is None else self.sigma
+        z = self.columns @ c
+        length = np.abs(z)
+        along = np.conj(z) / np.where(length > 0.0, length, 1.0)
+        turned = (along * rician_slope(length, s))[:, None] * self.columns
+        parts = [turned.real, -turned.imag[:, free]]
+        if self.sigma is None:
+            parts.append(rician_rise(length, s)[:, None])
+        return SolvedAmplitude(rician_mean(length, s), np.concatenate(parts, axis=1))
+
+
+def _guess(
+    columns: ComplexArray, measured: FloatArray, sigma: float | None
+) -> tuple[ComplexArray, float]:
+    """Factors (k,), and s^2, whose squares follow those measured."""
+    count = columns.shape[1]
+    upper = [(k, m) for k in range(count) for m in range(k + 1, count)]
+    design = [np.abs(columns.T) ** 2]
+    for k, m in upper:
+        product = columns[:, k] * np.conj(columns[:, m])
+        design.append(np.stack([2.0 * product.real, -2.0 * product.imag]))
+    known = 0.0 if sigma is None else sigma**2
+    if sigma is None:
+        design.append(np.ones((1, measured.size)))
+    found = lstsq(np.concatenate(design).T, measured**2 - 2.0 * known)[0]
+    gram = np.diag(found[:count]).astype(complex)
+    for j, (k, m) in enumerate(upper):
+        gram[k, m] = complex(found[count + 2 * j], found[count + 2 * j + 1])
+        gram[m, k] = np.conj(gram[k, m])
+    values, shapes = np.linalg.eigh(gram)
+    size = max(float(values[-1]), 0.0)
+    power = known if sigma is not None else max(0.5 * float(found[-1]), 0.0)
+    factors = np.asarray(np.sqrt(size) * shapes[:, -1])
+    return (factors if size > 0.0 else np.full(count, np.max(measured), dtype=complex)), power

@@ -1,0 +1,252 @@
+"""Demodulated record: phasors or amplitudes at a frequency over time, as a lock-in writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.fmu import HeldSignal
+from fitting.measurements.traces.grid import refuse_clipped, spacing_s
+from fitting.measurements.traces.record import BEGINS, FIRST, SHIFTS
+from fitting.signal.decay import decay_start
+from fitting.signal.rician import Scatter, scatter_of
+from fitting.signal.rotating import Reference, reference
+from fitting.signal.window import Window
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
+from fitting.text.errors import BadInput
+
+#: Shifts reach over this part of the record.
+SHARE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class DemodulatedRecord:
+    """A free decay of one output of the FMU, demodulated at a frequency.
+
+    Args:
+        time_s: Times of the samples, shape (n,), s, evenly spaced.
+        values: Phasors X + i Y, complex, phases as Re[values exp(2 pi i f t)], or amplitudes,
+            real, shape (n,), in ``unit``.
+        frequency_hz: f, the frequency that they were demodulated at, Hz.
+        input: The FMU's input by which a pulse sets it moving.
+        output: The FMU's output that is seen; empty: the setup's.
+        modes: How many lines are seen, those nearest to the frequency.
+        offset: (phasors) whether a constant phasor is solved for, as of a leaking reference.
+        floor: (amplitudes) whether they do not fall below their noise: ``sigma``, or what their
+            scatter tells, or where they drown in it what is solved for.
+        sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
+        begin: "first": the decay begins with the first sample; "found": where it is found to.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
+            fitted.
+        label: Name of the trace, for values of its own; wanted where there are several.
+        unit: Of the values.
+        source: What complaints name it by.
+
+    Raises:
+        BadInput: shapes that differ, times that do not rise or are not even, values that are not
+            finite, are negative amplitudes or are clipped, a frequency that is not positive, fewer
+            samples than a decay needs.
+    """
+
+    time_s: npt.ArrayLike
+    values: npt.ArrayLike
+    _: KW_ONLY
+    frequency_hz: float
+    input: str
+    output: str = ""
+    modes: int = 1
+    offset: bool = False
+    floor: bool = True
+    sigma: float = 0.0
+    begin: str = FIRST
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    setting_sigma: Mapping[str, float] = field(default_factory=dict)
+    label: str = ""
+    unit: str = "V"
+    source: str = "demodulated trace"
+    t: FloatArray = field(init=False)
+    y: FloatArray | ComplexArray = field(init=False)
+    spacing_s: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        t, y = np.asarray(self.time_s, dtype=float), np.asarray(self.values)
+        y = y.astype(complex if np.iscomplexobj(y) else float)
+        if t.shape != y.shape:
+            raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
+        if not (np.isfinite(t).all() and np.isfinite(y).all()):
+            raise BadInput(f"{self.source}: wanted finite numbers")
+        object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "y", y)
+        self._check_numbers()
+        first = self._first()
+        object.__setattr__(self, "t", t[first:])
+        object.__setattr__(self, "y", y[first:])
+        self._check_samples()
+
+    def _check_numbers(self) -> None:
+        if not 0.0 < self.frequency_hz < np.inf:
+            raise BadInput(
+                f"{self.source}: demodulated at {self.frequency_hz!r} Hz; wanted a positive "
+                "frequency"
+            )
+        if self.begin not in BEGINS:
+            raise BadInput(f"{self.source}: begin is {self.begin!r}, wanted 'first' or 'found'")
+        if self.modes < 1:
+            raise BadInput(f"{self.source}: {self.modes} modes, wanted 1 at least")
+        if not self.sigma >= 0.0:
+            raise BadInput(f"{self.source}: sigma is wanted as zero or more")
+        if not self.input:
+            raise BadInput(
+                f"{self.source}: a decay is spanned by responses to a pulse: wanted the input of "
+                "the FMU that excites it"
+            )
+        if self.is_amplitude and self.offset:
+            raise BadInput(f"{self.source}: an offset has a meaning for phasors only")
+        for k in np.flatnonzero(self.y < 0.0)[:1] if self.is_amplitude else ():
+            raise BadInput(
+                f"{self.source}: sample {k}: amplitude {self.y[k]:g}; wanted none below zero, or "
+                "phasors X + i Y"
+            )
+
+    def _check_samples(self) -> None:
+        for part in (self.y.real,) if self.is_amplitude else (self.y.real, self.y.imag):
+            refuse_clipped(part, self.source)
+        if 4 * self.modes > self.y.size:
+            raise BadInput(
+                f"{self.source}: {self.modes} modes for {self.y.size} samples; wanted four samples "
+                "at least for each"
+            )
+        if not np.any(self.y):
+            raise BadInput(f"{self.source}: every value is zero; wanted a decay")
+
+    def _first(self) -> int:
+        """Index of the first sample that is used."""
+        if self.begin == FIRST:
+            return 0
+        if self.is_amplitude and self.modes > 1:
+            raise BadInput(
+                f'{self.source}: begin = "found" looks for exponentials, which amplitudes of '
+                f"{self.modes} modes are not; wanted phasors, or the record cut"
+            )
+        quarter = np.exp(0.5j * np.pi * (np.arange(self.y.size) % 4 + 0.5))
+        found = decay_start((self.y * quarter).real, 2 * self.modes)
+        if found is None:
+            raise BadInput(
+                f"{self.source}: shows no free decay; wanted a longer record after the drive is "
+                'off, or begin = "first"'
+            )
+        return found
+
+    @property
+    def is_amplitude(self) -> bool:
+        """Whether the values are amplitudes, without phases."""
+        return not np.iscomplexobj(self.y)
+
+    @property
+    def rows(self) -> int:
+        """Number of residual rows: one for an amplitude, two for a phasor."""
+        return int(self.y.size) * (1 if self.is_amplitude else 2)
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest amplitude, in ``unit``."""
+        return float(np.max(np.abs(self.y)))
+
+    @cached_property
+    def scatter(self) -> Scatter:
+        """What the scatter of amplitudes tells of their noise."""
+        return scatter_of(np.abs(self.y))
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Standard deviations of amplitudes over that of a quadrature, (n,): less in the noise."""
+        return self.scatter.weights if self.is_amplitude else np.ones(self.y.size)
+
+    @property
+    def known_noise(self) -> float | None:
+        """Noise of a quadrature below amplitudes, 0 for none; None: it is solved for.
+
+        It is where the record reaches it. Elsewhere it would be confused with the decay itself,
+        and the scatter of the samples tells it.
+        """
+        if not self.floor:
+            return 0.0
+        if self.sigma > 0.0:
+            return self.sigma
+        return None if self.scatter.drowns else self.scatter.noise
+
+    @property
+    def solved_inside(self) -> int:
+        """Number of unknowns that are solved for: amplitudes have no common phase."""
+        if self.is_amplitude:
+            return 2 * self.modes - 1 + (self.known_noise is None)
+        return 2 * (self.modes + self.offset)
+
+    def rows_of(self, values: FloatArray | ComplexArray) -> FloatArray:
+        """Rows of values (n,): over the largest, phasors as all X, then all Y.
+
+        Args:
+            values: amplitudes or phasors, in ``unit``.
+        """
+        if self.is_amplitude:
+            return np.asarray(values.real / (self.weights * self.largest))
+        return np.concatenate([values.real, values.imag]) / self.largest
+
+    # --- runs of the FMU ------------------------------------------------------------------------
+
+    @cached_property
+    def reference(self) -> Reference:
+        """The reference, and how many samples of a run tell its sense of rotation."""
+        return reference(self.frequency_hz, self.spacing_s)
+
+    @property
+    def has_own_steps(self) -> bool:
+        """A step may be many periods: what it may not be is found by halving it."""
+        return False
+
+    @property
+    def has_unknown_start(self) -> bool:
+        """It is a free decay."""
+        return True
+
+    @property
+    def run_step_s(self) -> float:
+        """Spacing of the samples of its runs, s."""
+        return self.spacing_s / self.reference.between
+
+    @property
+    def run_samples(self) -> int:
+        """How many samples its runs have."""
+        return (self.y.size - 1) * self.reference.between + 1 + int(self.shifts[-1])
+
+    @cached_property
+    def shifts(self) -> IntArray:
+        """Samples of a run by which the responses to a pulse are shifted against each other."""
+        count = 2 * SHIFTS * self.modes
+        most = max(count, self.y.size * self.reference.between // SHARE)
+        return np.unique(np.append(0, np.round(np.geomspace(1.0, most, count)))).astype(np.intp)
+
+    @property
+    def pulse_window(self) -> Window:
+        """Samples of the response to a pulse, as long as the record and its shifts."""
+        step = self.run_step_s
+        return Window(tones_hz=(), settle_s=step, step_s=step, samples=self.run_samples)
+
+    def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
+        """One spacing of the input at a level, then nothing.
+
+        Args:
+            per_sample: steps between two samples.
+            level: of the pulse, in the FMU's unit.
+        """
+        samples = self.run_samples
+        held = np.zeros((per_sample * samples, 1))
+        held[:per_sample] = level
+        step = self.run_step_s / per_sample
+        return HeldSignal((self.input,), step, held, np.zeros((samples, 1)))

@@ -1,0 +1,283 @@
+"""Demodulated trace: a free decay as a lock-in or an analyser at one frequency shows it over time.
+
+    S = D c + o        r = (S - z)/max|z|                  phasors z = X + i Y
+    S = rice(|D c|, s) r = (S - R)/(w max R)               amplitudes R
+
+The columns of D (n, modes) are free responses of a linear FMU, demodulated (`signal.rotating`);
+factors c, offset o and noise s are solved inside. One run answers, whose samples lie as far apart
+as those of the record, a few between two: a decay over 1e8 periods costs what one over 1e2 does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.linalg import block_diag, lstsq
+
+from fitting.campaign import Setup
+from fitting.campaign.parameters import Parameter
+from fitting.measurements.demodulated.amplitude import solved_amplitude
+from fitting.measurements.demodulated.figure import demodulated_figure
+from fitting.measurements.demodulated.record import DemodulatedRecord
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.figure import Figure
+from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Values
+from fitting.measurements.plan import Plan
+from fitting.measurements.tones import PLATEAU
+from fitting.measurements.traces.survey import Survey
+from fitting.measurements.traces.traces import SMALLEST_MISFIT, SolvedTraces
+from fitting.signal.rotating import line_columns, rotating_responses
+from fitting.simulate.batch import Batch, Workers
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.errors import BadInput
+
+
+@dataclass(frozen=True, eq=False)
+class DemodulatedTrace(DemodulatedRecord):
+    """A free decay of one output of the FMU, demodulated at a frequency.
+
+    Args:
+        time_s: Times of the samples, shape (n,), s, evenly spaced.
+        values: Phasors X + i Y, complex, phases as Re[values exp(2 pi i f t)], or amplitudes,
+            real, shape (n,), in ``unit``.
+        frequency_hz: f, the frequency that they were demodulated at, Hz.
+        input: The FMU's input by which a pulse sets it moving.
+        output: The FMU's output that is seen; empty: the setup's.
+        modes: How many lines are seen, those nearest to the frequency.
+        offset: (phasors) whether a constant phasor is solved for, as of a leaking reference.
+        floor: (amplitudes) whether they do not fall below their noise: ``sigma``, or what their
+            scatter tells, or where they drown in it what is solved for.
+        sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
+        begin: "first": the decay begins with the first sample; "found": where it is found to.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
+            fitted; what has none is exact.
+        label: Name of the trace, for values of its own; wanted where there are several.
+        unit: Of the values.
+        source: What complaints name it by.
+        setup: What is observed, and the FMU's start values; tones of its drive are not used.
+        series: Measurements of one series share their setup.
+
+    Raises:
+        BadInput: shapes that differ, times that do not rise or are not even, values that are not
+            finite, are negative amplitudes or are clipped, a frequency that is not positive, fewer
+            samples than a decay needs.
+    """
+
+    _: KW_ONLY
+    setup: Setup
+    series: str = ""
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings."""
+        return ((self.label, self.settings),)
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """None: settings are variables of the FMU."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """None beside the FMU's."""
+        return ()
+
+    def within(self, setup: Setup, series: str) -> DemodulatedTraces:
+        """The measurement, as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        return DemodulatedTraces(setup=setup, traces=(self,)).within(setup, series)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemodulatedTraces(MeasurementKind):
+    """One or several demodulated traces that are fitted together.
+
+    Raises:
+        BadInput: no trace, or two of one name.
+    """
+
+    setup: Setup
+    traces: tuple[DemodulatedRecord, ...]
+    series: str = ""
+
+    def __post_init__(self) -> None:
+        labels = [trace.label for trace in self.traces]
+        if not labels or len(set(labels)) < len(labels):
+            raise BadInput(
+                f"demodulated traces: labels {', '.join(labels) or 'of no trace'}; wanted one "
+                "trace at least, each with a name of its own"
+            )
+
+    @property
+    def settles(self) -> bool:
+        """Its runs begin with the record."""
+        return False
+
+    @property
+    def is_curve(self) -> bool:
+        """Its values follow each other."""
+        return True
+
+    @property
+    def rows(self) -> int:
+        """One for each amplitude, two for each phasor."""
+        return sum(trace.rows for trace in self.traces)
+
+    @cached_property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of every row, (rows,); zero where unknown."""
+        return np.concatenate([np.full(x.rows, x.sigma / x.largest) for x in self.traces])
+
+    @property
+    def solved_inside(self) -> int:
+        """Factors, offsets and noise of all traces."""
+        return sum(trace.solved_inside for trace in self.traces)
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings of every trace."""
+        return tuple((trace.label, trace.settings) for trace in self.traces)
+
+    @property
+    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
+        """Declared standard deviations of settings, by label."""
+        return {trace.label: trace.setting_sigma for trace in self.traces}
+
+    def named(self, label: str) -> Self:
+        """The same with a label for the trace that has none.
+
+        Args:
+            label: of the trace.
+        """
+        traces = tuple(x if x.label else replace(x, label=label) for x in self.traces)
+        return replace(self, traces=traces)
+
+    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
+        """The plan with the communication step of every trace."""
+        plan = model.plan
+        for trace in self.traces:
+            survey = Survey(self, trace, replace(model, plan=plan), workers)
+            plan = survey.planned(points)
+        return plan
+
+    def key(self, trace: DemodulatedRecord) -> str:
+        """What the plan knows a trace by.
+
+        Args:
+            trace: one of them.
+        """
+        return f"{self.series}/demodulated/{trace.label}"
+
+    def output(self, trace: DemodulatedRecord) -> str:
+        """The FMU's output that a trace shows.
+
+        Args:
+            trace: one of them.
+        """
+        return trace.output or self.setup.output
+
+    def ask(
+        self, model: DrivenModel, trace: DemodulatedRecord, p: FloatArray, batch: Batch, owner: int
+    ) -> tuple[int]:
+        """Number of the run after a pulse.
+
+        Args:
+            model: the FMU as the series drives it.
+            trace: one of them.
+            p: parameters (n,), each in its own unit.
+            batch: where runs are asked for.
+            owner: which evaluation pays for them.
+        """
+        values = model.values(p, trace.label or None, trace.settings)
+        signal = trace.pulse(model.plan.steps_of(self.key(trace)))
+        return (batch.ask(values, trace.pulse_window, signal, self.output(trace), owner),)
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Values of every trace, with the best factors."""
+        asked = [
+            [self.ask(model, trace, p, batch, k)[0] for trace in self.traces]
+            for k, p in enumerate(table)
+        ]
+        yield
+        return [self._solved(runs, batch) for runs in asked]
+
+    def _solved(self, runs: Sequence[int], batch: Batch) -> SolvedTraces:
+        found = [
+            solved(trace, batch.samples(run, self.output(trace)))
+            for trace, run in zip(self.traces, runs, strict=True)
+        ]
+        values = np.concatenate([values for values, _ in found])
+        return SolvedTraces(values, designs=tuple(design for _, design in found))
+
+    def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
+        """Rows of S less those of what was measured, (rows,)."""
+        pairs = zip(self.traces, self._split(prediction.values), strict=True)
+        return np.concatenate([trace.rows_of(values - trace.y) for trace, values in pairs])
+
+    def scaled(self, prediction: Prediction, chi: float) -> Values:
+        """S itself: the factors are in it."""
+        return prediction.values
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives of the rows by what is solved inside."""
+        if not isinstance(prediction, SolvedTraces):
+            raise TypeError(f"a demodulated trace is predicted by {prediction!r}")
+        return np.asarray(block_diag(*prediction.designs))
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Traces of whose variance less than half is explained are not described."""
+        y = np.concatenate([x.rows_of(x.y - np.mean(x.y)) for x in self.traces])
+        spread, left = float(y @ y), float(residuals @ residuals)
+        if left > PLATEAU * spread and left > SMALLEST_MISFIT**2 * residuals.size:
+            return "the simulated decay does not follow the measured one"
+        return ""
+
+    def figures(self, before: Values, after: Values) -> Sequence[Figure]:
+        """Every trace with the model, what the fit leaves, and how that hangs together."""
+        trios = zip(self.traces, self._split(before), self._split(after), strict=True)
+        return tuple(demodulated_figure(x, b, a, self.series) for x, b, a in trios)
+
+    def _split(self, values: Values) -> list[ComplexArray]:
+        ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
+        return list(np.split(np.asarray(values, dtype=complex), ends))
+
+    def within(self, setup: Setup, series: str) -> Self:
+        """The same as part of a series, whose name its labels carry."""
+        traces = self.traces
+        if series and series != self.series:
+            traces = tuple(
+                replace(x, label=f"{series}/{x.label}") if x.label else x for x in traces
+            )
+        return replace(self, setup=setup, series=series, traces=traces)
+
+
+def solved(trace: DemodulatedRecord, decay: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """Values (n,) of a trace as the model has it, and derivatives (rows, m) of its rows.
+
+    Args:
+        trace: as measured.
+        decay: response of the FMU to a pulse, as long as its run.
+    """
+    columns = rotating_responses(decay, trace.shifts, trace.reference, trace.y.size, trace.modes)
+    if trace.is_amplitude:
+        size, known = trace.largest, trace.known_noise
+        noise = None if known is None else known / size
+        made = solved_amplitude(columns, trace.y.real / size, trace.weights, noise)
+        return (size * made.values).astype(complex), made.design / trace.weights[:, None]
+    if trace.offset:
+        columns = np.column_stack([columns, np.ones(trace.y.size)])
+    sizes = np.linalg.norm(columns, axis=0)
+    unit = columns / np.where(sizes > 0.0, sizes, 1.0)
+    values = unit @ lstsq(unit, trace.y)[0]
+    return values, np.stack(line_columns(unit), axis=1) / trace.largest

@@ -1,0 +1,123 @@
+"""Rice's distribution: the length R of a phasor of length nu in Gaussian noise.
+
+    R = |nu + s (g1 + i g2)|,    x = nu^2/(4 s^2)
+    mean s sqrt(pi/2) e^-x ((1 + 2 x) I0(x) + 2 x I1(x)),    variance 2 s^2 + nu^2 - mean^2
+
+s is the standard deviation of each quadrature. Without a phasor the mean is 1.25 s and the
+deviation 0.66 s; far above the noise they are nu + s^2/(2 nu) and s. Source: S. O. Rice, Bell
+System Technical Journal 24 (1945) 46.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import i0e, i1e
+
+from fitting.text.arrays import FloatArray
+
+#: Samples of a stretch over which noise and size are told apart, at least, and stretches at most.
+STRETCH, STRETCHES = 16, 20
+#: How often sizes and noise are taken from each other.
+ROUNDS = 4
+#: Sizes over noise between which a stretch tells its own, and how many are looked at.
+FAINT, LOUD, KNOTS = 0.3, 1e7, 400
+
+
+def rician_mean(length: FloatArray, sigma: float) -> FloatArray:
+    """Mean of R, (n,).
+
+    Args:
+        length: nu, (n,), zero or more.
+        sigma: s, zero or more, in the same unit.
+    """
+    if sigma == 0.0:
+        return np.array(length)
+    x = 0.25 * (length / sigma) ** 2
+    return np.asarray(sigma * np.sqrt(0.5 * np.pi) * ((1.0 + 2.0 * x) * i0e(x) + 2.0 * x * i1e(x)))
+
+
+def rician_slope(length: FloatArray, sigma: float) -> FloatArray:
+    """Derivative of the mean by the length, (n,): 0 in the noise, 1 far above it.
+
+    Args:
+        length: nu, (n,), zero or more.
+        sigma: s, zero or more, in the same unit.
+    """
+    if sigma == 0.0:
+        return np.ones(length.size)
+    x = 0.25 * (length / sigma) ** 2
+    return np.asarray(np.sqrt(0.5 * np.pi * x) * (i0e(x) + i1e(x)))
+
+
+def rician_rise(length: FloatArray, sigma: float) -> FloatArray:
+    """Derivative of the mean by s^2, (n,): 1/(2 nu) far above the noise.
+
+    Args:
+        length: nu, (n,), zero or more.
+        sigma: s, zero or more, in the same unit.
+    """
+    if sigma == 0.0:
+        return 0.5 / np.maximum(length, 1e-9 * float(np.max(length)))
+    x = 0.25 * (length / sigma) ** 2
+    return np.asarray(np.sqrt(np.pi / 8.0) / sigma * i0e(x))
+
+
+def rician_deviation(ratio: FloatArray) -> FloatArray:
+    """Standard deviation of R over s, (n,), of 0.66 to 1.
+
+    Args:
+        ratio: nu/s, (n,), zero or more.
+    """
+    near = np.minimum(ratio, 1e4)  # beyond, the difference would cancel
+    mean = rician_mean(near, 1.0)
+    return np.asarray(np.sqrt(2.0 + near**2 - mean**2))
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Noise s of each quadrature, deviations of amplitudes over it, (n,), less in the noise.
+
+    ``drowns``: somewhere the phasor is smaller than its noise, which is seen there by itself.
+    """
+
+    noise: float
+    weights: FloatArray
+    drowns: bool
+
+
+def scatter_of(values: FloatArray) -> Scatter:
+    """What the scatter of amplitudes tells of their noise.
+
+    In every stretch the mean square, nu^2 + 2 s^2, and the variance from sample to sample tell s;
+    with the median of these the mean squares tell nu/s. The variances over what they then should
+    be give s anew, from all samples alike.
+
+    Args:
+        values: amplitudes, (n,), evenly sampled.
+    """
+    count = max(1, min(STRETCHES, values.size // STRETCH))
+    edges = np.linspace(0, values.size, count + 1).astype(int)
+    parts = [values[a:b] for a, b in itertools.pairwise(edges)]
+    power = np.array([float(np.mean(part**2)) for part in parts])
+    bends = [np.diff(part, 2) for part in parts]
+    variance = np.array([float(bend @ bend) / (6.0 * bend.size) for bend in bends])
+    logs = np.linspace(np.log(FAINT), np.log(LOUD), KNOTS)
+    shares = rician_deviation(np.exp(logs)) ** 2
+    rising = np.log((np.exp(2.0 * logs) + 2.0) / shares)
+    smallest = np.finfo(float).tiny
+    seen = np.log(np.maximum(power, smallest) / np.maximum(variance, smallest))
+    noise = float(np.median(variance / np.exp(np.interp(seen, rising, np.log(shares)))))
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    for _ in range(ROUNDS):
+        squares = np.maximum(power / max(noise, smallest) - 2.0, FAINT**2)
+        expected = rician_deviation(np.minimum(np.sqrt(squares), LOUD)) ** 2
+        noise = float(np.mean(variance / expected))
+    ratios = np.exp(0.5 * np.interp(np.arange(values.size), middles, np.log(squares)))
+    return Scatter(
+        noise=float(np.sqrt(noise)),
+        weights=rician_deviation(np.minimum(ratios, LOUD)),
+        drowns=bool(np.min(squares) < 1.0),
+    )

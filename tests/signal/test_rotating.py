@@ -1,0 +1,93 @@
+"""Demodulated free responses, and lengths of phasors in noise, against closed forms and scipy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import rice
+
+from fitting.signal.rician import (
+    rician_deviation,
+    rician_mean,
+    rician_rise,
+    rician_slope,
+    scatter_of,
+)
+from fitting.signal.rotating import reference, rotating_responses
+
+F_HZ = 1.2345678e6
+
+
+@pytest.mark.parametrize("quality", [1e3, 1e8])
+@pytest.mark.parametrize("apart", [pytest.param(0.0, id="meeting"), pytest.param(2.5, id="apart")])
+def test_a_pulse_s_response_spans_what_a_demodulator_shows(quality: float, apart: float) -> None:
+    """Two lines whose frequencies meet or lie apart, and one elsewhere that is not looked at."""
+    width = F_HZ / quality
+    beside = np.array([-1.0 + 0.6j, -1.3 + 1j * (0.6 + 2.0 * apart)])
+    rates = np.pi * width * beside + 2j * np.pi * F_HZ
+    elsewhere = -1.0 * width + 2j * np.pi * 0.37 * F_HZ
+    samples, spacing = 120, 2.0 / (np.pi * width) / 120
+    found = reference(F_HZ, spacing)
+    shifts = np.unique(np.round(np.geomspace(1.0, 60.0, 15))).astype(np.intp)
+    count = (samples - 1) * found.between + 1 + int(shifts[-1])
+    t = np.arange(count) * spacing / found.between
+    decay = sum(
+        (part * np.exp(rate * t)).real
+        for part, rate in zip((1.0, 0.4 - 0.7j, 0.3j), (*rates, elsewhere), strict=True)
+    )
+    columns = rotating_responses(np.asarray(decay), shifts, found, samples, 2)
+    z = np.exp((rates - 2j * np.pi * F_HZ) * (np.arange(samples) * spacing)[:, None])
+
+    def left(values: np.ndarray) -> float:
+        rest = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+        return float(np.linalg.norm(rest) / np.linalg.norm(values))
+
+    rounding = 1e-6 if quality > 1e6 else 1e-10  # phases of 1e8 turns
+    assert left(z @ np.array([0.3 + 1.0j, -0.8])) < rounding
+    assert left(np.conj(z) @ np.array([0.3 + 1.0j, -0.8])) > 0.1
+
+
+def test_fewer_lines_than_are_asked_for_leave_columns_of_zeros() -> None:
+    found = reference(1e3, 0.01)
+    t = np.arange(100 * found.between) * 0.01 / found.between
+    decay = np.exp(-3.0 * t) * np.cos(2.0 * np.pi * 1e3 * t)
+    shifts = np.arange(8, dtype=np.intp)
+    columns = rotating_responses(decay, shifts, found, 90, 2)
+    assert np.count_nonzero(np.linalg.norm(columns, axis=0)) == 1
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 4.0, 30.0])
+def test_lengths_of_phasors_in_noise_follow_rice(ratio: float) -> None:
+    sigma, nu = 0.7, np.array([0.7 * ratio])
+    assert rician_mean(nu, sigma) == pytest.approx(rice.mean(ratio, scale=sigma), rel=1e-9)
+    assert rician_deviation(np.array([ratio])) == pytest.approx(rice.std(ratio), rel=1e-6)
+    step = 1e-3
+    slope = (rice.mean(ratio + step) - rice.mean(abs(ratio - step))) / (2.0 * step)
+    assert rician_slope(nu, sigma) == pytest.approx(slope, abs=1e-4)
+    ends = [
+        rice.mean(ratio * sigma / s, scale=s)
+        for s in (np.sqrt(sigma**2 + step), np.sqrt(sigma**2 - step))
+    ]
+    assert rician_rise(nu, sigma) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
+
+
+def test_without_noise_a_length_is_itself() -> None:
+    nu = np.array([0.0, 1.0, 2.0])
+    assert rician_mean(nu, 0.0) == pytest.approx(nu)
+    assert rician_slope(nu, 0.0) == pytest.approx(1.0)
+    assert rician_rise(nu, 0.0)[1:] == pytest.approx([0.5, 0.25])
+
+
+def test_scatter_tells_where_amplitudes_drown_in_noise() -> None:
+    """A decay from 100 times the noise into it: deviations of 1 above, of 0.655 within."""
+    rng = np.random.default_rng(4)
+    t = np.linspace(0.0, 20.0, 2000)
+    z = 2.0 * np.exp(-t) + 0.02 * (rng.standard_normal(2000) + 1j * rng.standard_normal(2000))
+    found = scatter_of(np.abs(z))
+    weights = found.weights
+    assert found.drowns
+    assert found.noise == pytest.approx(0.02, rel=0.1)
+    assert not scatter_of(np.abs(z[:200])).drowns
+    truth = [rice.std(min(ratio, 30.0)) for ratio in 100.0 * np.exp(-t[::50])]
+    assert weights[::50] == pytest.approx(truth, abs=0.1)
+    assert float(np.mean(weights[1000:])) == pytest.approx(rice.std(0.0), rel=0.05)
