@@ -141,7 +141,8 @@ def test_both_alternatives_are_listed_and_their_tie_is_told(result: Result) -> N
     assert [a.reported for a in result.alternatives] == [True, False]
     assert all(a.equal_to_best for a in result.alternatives)
     assert any("do not tell the alternatives apart" in said for said in result.warnings)
-    assert all(len(a.starts) == 3 for a in result.alternatives)
+    # three are followed; one that ends in a known minimum gives its place to another
+    assert all(3 <= len(a.starts) <= 5 for a in result.alternatives)
 
 
 def test_deviations_are_those_of_the_peaks(result: Result) -> None:
