@@ -62,8 +62,8 @@ class FmuVariable:
 class FmuDescription:
     """What an FMU file says of itself; ``variables`` by name in the order of the file.
 
-    ``step_s`` is the step that it was made for: of its own solver where it tells that, else of its
-    default experiment; None where it tells neither.
+    ``step_s`` is the step that it was made for: of its own solver where it tells that
+    (``fixed_step``), else of its default experiment; None where it tells neither.
     """
 
     path: Path
@@ -79,6 +79,7 @@ class FmuDescription:
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
     step_s: float | None = None
+    fixed_step: bool = False
 
     @property
     def seen(self) -> tuple[FmuVariable, ...]:
@@ -140,6 +141,7 @@ def read_description(path: Path | str) -> FmuDescription:
         needs_execution_tool=bool(model.coSimulation.needsExecutionTool),
         variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
         step_s=_own_step_s(path, model),
+        fixed_step=getattr(model.coSimulation, "fixedInternalStepSize", None) is not None,
     )
 
 

@@ -60,6 +60,7 @@ class RunRequest(NamedTuple):
     step_s: float = 0.0
     segments: tuple[Segment, ...] = ()
     held: HeldSignal | None = None
+    longest_step_s: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -128,6 +129,7 @@ class RunRequests:
             step_s=signal.step_s if signal else 0.0,
             segments=run.segments,
             held=held,
+            longest_step_s=run.longest_step_s,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
