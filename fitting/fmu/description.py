@@ -63,7 +63,9 @@ class FmuDescription:
     """What an FMU file says of itself; ``variables`` by name in the order of the file.
 
     ``step_s`` is the step that it was made for: of its own solver where it tells that
-    (``fixed_step``), else of its default experiment; None where it tells neither.
+    (``fixed_step``), else of its default experiment; None where it tells neither. ``exchange`` are
+    the numbers of states and event indicators where it offers model exchange alone: its equations
+    are then integrated here.
     """
 
     path: Path
@@ -80,6 +82,7 @@ class FmuDescription:
     variables: Mapping[str, FmuVariable] = field(repr=False)
     step_s: float | None = None
     fixed_step: bool = False
+    exchange: tuple[int, int] | None = None
 
     @property
     def seen(self) -> tuple[FmuVariable, ...]:
@@ -104,12 +107,14 @@ class FmuDescription:
 
 
 def read_description(path: Path | str) -> FmuDescription:
-    """Description of an FMU that this machine can run by FMI 2.0 or 3.0 co-simulation.
+    """Description of an FMU that this machine can run by FMI 2.0 or 3.0.
+
+    One that offers both co-simulation and model exchange is taken for co-simulation.
 
     Args:
         path: of the file.
 
-    Raises BadInput if the file is no FMU, has no co-simulation, or no binary for this platform.
+    Raises BadInput if the file is no FMU, has neither, or no binary for this platform.
     """
     import fmpy  # slow to load, and the other names of this module are wanted by many
 
@@ -123,9 +128,13 @@ def read_description(path: Path | str) -> FmuDescription:
         raise BadInput(f"{path}: is not an FMU ({error})") from error
     if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
         raise BadInput(f"{path}: is an FMU of FMI {model.fmiVersion}, wanted FMI 2.0 or 3.0")
-    if model.coSimulation is None:
-        raise BadInput(f"{path}: offers no co-simulation, wanted an FMU that does")
-    identifier = model.coSimulation.modelIdentifier
+    interface = model.coSimulation or model.modelExchange
+    if interface is None:
+        raise BadInput(
+            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
+            "of them (scheduled execution alone cannot be driven)"
+        )
+    identifier = interface.modelIdentifier
     _require_binary(path, model.fmiVersion, identifier, names)
     return FmuDescription(
         path=path,
@@ -137,10 +146,11 @@ def read_description(path: Path | str) -> FmuDescription:
         generation_tool=model.generationTool or "",
         description=model.description or "",
         platforms=_platforms(names),
-        one_instance_per_process=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
-        needs_execution_tool=bool(model.coSimulation.needsExecutionTool),
+        one_instance_per_process=bool(interface.canBeInstantiatedOnlyOncePerProcess),
+        needs_execution_tool=bool(interface.needsExecutionTool),
         variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
         step_s=_own_step_s(path, model),
+        exchange=None if model.coSimulation else _sizes(model),
         fixed_step=getattr(model.coSimulation, "fixedInternalStepSize", None) is not None,
     )
 
@@ -154,6 +164,10 @@ def validation_problems(path: Path | str) -> list[str]:
     from fmpy.validation import validate_fmu
 
     return [str(problem) for problem in validate_fmu(str(path))]
+
+
+def _sizes(model: Any) -> tuple[int, int]:
+    return int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
 
 
 def _own_step_s(path: Path, model: Any) -> float | None:

@@ -200,6 +200,7 @@ class FmuWorkers:
             model_identifier=d.model_identifier,
             folder=folder,
             one_instance_per_process=d.one_instance_per_process,
+            exchange=d.exchange,
         )
         try:
             worker = WorkerProcess(fmu, self._verdicts[number], home, f"worker{number}")
