@@ -44,6 +44,8 @@ OTHER_STARTS = 12
 WORTH_REACHING = 0.3
 #: Share of an interval by which a point that fits lies beyond it; how often it is gone on from one.
 BEYOND, EXTENSIONS = 0.02, 2
+#: Share of an interval by which two ends are one and the same.
+SAME_PLACE = 1e-6
 #: Points from which an end is tried once more where a branch lost its way.
 NEAREST = 2
 #: Strides towards an end of a range that is known to fit: they only show what is between.
@@ -371,7 +373,10 @@ def _gone_on(
     reached = more.points[-1].value if math.isnan(more.at_95) else more.at_95
     end = branch.points[-1].value if branch.points else quantity.best
     end = end if math.isnan(branch.at_95) else branch.at_95
-    if direction * (reached - end) <= 0.0:
+    gone = direction * (reached - end)
+    if abs(gone) <= SAME_PLACE * abs(end - quantity.best):
+        return branch
+    if gone < 0.0:
         return replace(branch, end="lost")
     return replace(more, points=branch.points + more.points, at_68=branch.at_68)
 
