@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
@@ -62,17 +63,23 @@ def init(
         raise BadInput(f"init: found {unknown[0]!r} told, wanted any of {', '.join(KEYS)}")
     with results_folder(Path(out), "init", (CAMPAIGN,)):
         recordings = recordings_of(paths) if fmu is not None else ()
-        looked_at = None if recordings else files_of(paths, columns or Columns())
-        name = model_for(looked_at) if looked_at is not None and fmu is None else str(fmu)
-        with Fmu(name, 1) as held:
-            source = Source(name, name.isidentifier(), held.workers)
-            if looked_at is None:
+        if fmu is not None and recordings:
+            with _source(fmu) as source:
                 draft = trace_draft_of(recordings, source, answers, Path(out))
-            else:
+        else:
+            looked_at = files_of(paths, columns or Columns())
+            with _source(fmu or model_for(looked_at)) as source:
                 draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
     return path, draft.said
+
+
+@contextmanager
+def _source(fmu: str | Path) -> Iterator[Source]:
+    """The FMU, with a worker for as long as the context lasts."""
+    with Fmu(fmu, 1) as held:
+        yield Source(str(fmu), isinstance(fmu, str) and fmu.isidentifier(), held.workers)
 
 
 def _names(value: str | Sequence[str]) -> tuple[str, ...]:
