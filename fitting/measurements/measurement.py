@@ -310,6 +310,28 @@ class Measurement(Protocol):
         ...
 
 
+class AtOnePlace:
+    """Answers of a record that is measured at one place: a base class beside its own."""
+
+    label: str
+    settings: Mapping[str, Scalar]
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings."""
+        return ((self.label, self.settings),)
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """None: settings are variables of the FMU."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """None beside the FMU's."""
+        return ()
+
+
 class MeasurementKind:
     """Answers for what a kind of measurement does not care about: a base class for its record.
 

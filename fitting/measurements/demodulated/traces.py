@@ -10,34 +10,30 @@ as those of the record, a few between two: a decay over 1e8 periods costs what o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 from scipy.linalg import block_diag, lstsq
 
 from fitting.campaign import Setup
-from fitting.campaign.parameters import Parameter
 from fitting.measurements.demodulated.amplitude import solved_amplitude
 from fitting.measurements.demodulated.figure import demodulated_figure
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
-from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Values
-from fitting.measurements.plan import Plan
+from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
 from fitting.measurements.tones import PLATEAU
-from fitting.measurements.traces.survey import Survey
+from fitting.measurements.traces.together import TracesTogether
 from fitting.measurements.traces.traces import SMALLEST_MISFIT, SolvedTraces
 from fitting.signal.rotating import line_columns, rotating_responses
-from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.simulate.batch import Batch
+from fitting.text.arrays import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class DemodulatedTrace(DemodulatedRecord):
+class DemodulatedTrace(DemodulatedRecord, AtOnePlace):
     """A free decay of one output of the FMU, demodulated at a frequency.
 
     Args:
@@ -72,21 +68,6 @@ class DemodulatedTrace(DemodulatedRecord):
     setup: Setup
     series: str = ""
 
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings."""
-        return ((self.label, self.settings),)
-
-    @property
-    def control_units(self) -> Mapping[str, str]:
-        """None: settings are variables of the FMU."""
-        return {}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """None beside the FMU's."""
-        return ()
-
     def within(self, setup: Setup, series: str) -> DemodulatedTraces:
         """The measurement, as part of a series that is driven so.
 
@@ -98,34 +79,14 @@ class DemodulatedTrace(DemodulatedRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemodulatedTraces(MeasurementKind):
+class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
     """One or several demodulated traces that are fitted together.
 
     Raises:
         BadInput: no trace, or two of one name.
     """
 
-    setup: Setup
-    traces: tuple[DemodulatedRecord, ...]
-    series: str = ""
-
-    def __post_init__(self) -> None:
-        labels = [trace.label for trace in self.traces]
-        if not labels or len(set(labels)) < len(labels):
-            raise BadInput(
-                f"demodulated traces: labels {', '.join(labels) or 'of no trace'}; wanted one "
-                "trace at least, each with a name of its own"
-            )
-
-    @property
-    def settles(self) -> bool:
-        """Its runs begin with the record."""
-        return False
-
-    @property
-    def is_curve(self) -> bool:
-        """Its values follow each other."""
-        return True
+    NOUN = "demodulated traces"
 
     @property
     def rows(self) -> int:
@@ -137,38 +98,6 @@ class DemodulatedTraces(MeasurementKind):
         """Standard deviation of every row, (rows,); zero where unknown."""
         return np.concatenate([np.full(x.rows, x.sigma / x.largest) for x in self.traces])
 
-    @property
-    def solved_inside(self) -> int:
-        """Factors, offsets and noise of all traces."""
-        return sum(trace.solved_inside for trace in self.traces)
-
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings of every trace."""
-        return tuple((trace.label, trace.settings) for trace in self.traces)
-
-    @property
-    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
-        """Declared standard deviations of settings, by label."""
-        return {trace.label: trace.setting_sigma for trace in self.traces}
-
-    def named(self, label: str) -> Self:
-        """The same with a label for the trace that has none.
-
-        Args:
-            label: of the trace.
-        """
-        traces = tuple(x if x.label else replace(x, label=label) for x in self.traces)
-        return replace(self, traces=traces)
-
-    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
-        """The plan with the communication step of every trace."""
-        plan = model.plan
-        for trace in self.traces:
-            survey = Survey(self, trace, replace(model, plan=plan), workers)
-            plan = survey.planned(points)
-        return plan
-
     def key(self, trace: DemodulatedRecord) -> str:
         """What the plan knows a trace by.
 
@@ -176,14 +105,6 @@ class DemodulatedTraces(MeasurementKind):
             trace: one of them.
         """
         return f"{self.series}/demodulated/{trace.label}"
-
-    def output(self, trace: DemodulatedRecord) -> str:
-        """The FMU's output that a trace shows.
-
-        Args:
-            trace: one of them.
-        """
-        return trace.output or self.setup.output
 
     def ask(
         self, model: DrivenModel, trace: DemodulatedRecord, p: FloatArray, batch: Batch, owner: int
@@ -225,10 +146,6 @@ class DemodulatedTraces(MeasurementKind):
         pairs = zip(self.traces, self._split(prediction.values), strict=True)
         return np.concatenate([trace.rows_of(values - trace.y) for trace, values in pairs])
 
-    def scaled(self, prediction: Prediction, chi: float) -> Values:
-        """S itself: the factors are in it."""
-        return prediction.values
-
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by what is solved inside."""
         if not isinstance(prediction, SolvedTraces):
@@ -251,15 +168,6 @@ class DemodulatedTraces(MeasurementKind):
     def _split(self, values: Values) -> list[ComplexArray]:
         ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
         return list(np.split(np.asarray(values, dtype=complex), ends))
-
-    def within(self, setup: Setup, series: str) -> Self:
-        """The same as part of a series, whose name its labels carry."""
-        traces = self.traces
-        if series and series != self.series:
-            traces = tuple(
-                replace(x, label=f"{series}/{x.label}") if x.label else x for x in traces
-            )
-        return replace(self, setup=setup, series=series, traces=traces)
 
 
 def solved(trace: DemodulatedRecord, decay: FloatArray) -> tuple[ComplexArray, FloatArray]:

@@ -19,10 +19,10 @@ from scipy.constants import Boltzmann
 from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
-from fitting.campaign.parameters import Parameter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
+    AtOnePlace,
     Estimated,
     MeasurementKind,
     Predicting,
@@ -54,7 +54,7 @@ class SolvedSpectra(Prediction):
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseSpectrum(NoiseRecord):
+class NoiseSpectrum(NoiseRecord, AtOnePlace):
     """A power spectral density of one output of the FMU under a random force.
 
     Args:
@@ -91,21 +91,6 @@ class NoiseSpectrum(NoiseRecord):
     def rows(self) -> int:
         """Number of residual rows: one for each point."""
         return int(self.y.size)
-
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings."""
-        return ((self.label, self.settings),)
-
-    @property
-    def control_units(self) -> Mapping[str, str]:
-        """None: settings are variables of the FMU."""
-        return {}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """None beside the FMU's."""
-        return ()
 
     def within(self, setup: Setup, series: str) -> NoiseSpectra:
         """The measurement, as part of a series that is driven so.

@@ -11,27 +11,23 @@ these. A ringdown is a trace without an input whose start is unknown.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
-from fitting.campaign.parameters import Parameter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
-from fitting.measurements.measurement import MeasurementKind, Predicting, Prediction, Values
-from fitting.measurements.plan import Plan
+from fitting.measurements.measurement import AtOnePlace, Predicting, Prediction, Values
 from fitting.measurements.tones import PLATEAU
 from fitting.measurements.traces.figure import trace_figure
 from fitting.measurements.traces.record import FIT, UNKNOWN, TraceRecord
-from fitting.measurements.traces.survey import Survey
-from fitting.simulate.batch import Batch, Workers
-from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.measurements.traces.together import TracesTogether
+from fitting.simulate.batch import Batch
+from fitting.text.arrays import FloatArray
 
 #: Residuals below this share of the largest value are no misfit.
 SMALLEST_MISFIT = 1e-3
@@ -45,7 +41,7 @@ class SolvedTraces(Prediction):
 
 
 @dataclass(frozen=True, eq=False)
-class Trace(TraceRecord):
+class Trace(TraceRecord, AtOnePlace):
     """A time series of one output of the FMU, under a recorded or declared input, or none.
 
     Args:
@@ -89,21 +85,6 @@ class Trace(TraceRecord):
         """Number of residual rows: one for each sample."""
         return int(self.y.size)
 
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings."""
-        return ((self.label, self.settings),)
-
-    @property
-    def control_units(self) -> Mapping[str, str]:
-        """None: settings are variables of the FMU."""
-        return {}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """None beside the FMU's."""
-        return ()
-
     def within(self, setup: Setup, series: str) -> Traces:
         """The measurement, as part of a series that is driven so.
 
@@ -115,34 +96,14 @@ class Trace(TraceRecord):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Traces(MeasurementKind):
+class Traces(TracesTogether[TraceRecord]):
     """One or several traces that are fitted together, a row for each sample.
 
     Raises:
         BadInput: no trace, or two of one name.
     """
 
-    setup: Setup
-    traces: tuple[TraceRecord, ...]
-    series: str = ""
-
-    def __post_init__(self) -> None:
-        labels = [trace.label for trace in self.traces]
-        if not labels or len(set(labels)) < len(labels):
-            raise BadInput(
-                f"traces: labels {', '.join(labels) or 'of no trace'}; wanted one trace at least, "
-                "each with a name of its own"
-            )
-
-    @property
-    def settles(self) -> bool:
-        """Its runs begin with the record."""
-        return False
-
-    @property
-    def is_curve(self) -> bool:
-        """Its values follow each other."""
-        return True
+    NOUN = "traces"
 
     @property
     def rows(self) -> int:
@@ -153,38 +114,6 @@ class Traces(MeasurementKind):
     def sigma(self) -> FloatArray:
         """Standard deviation of every row, (rows,); zero where unknown."""
         return np.concatenate([np.full(x.y.size, x.sigma / x.largest) for x in self.traces])
-
-    @property
-    def solved_inside(self) -> int:
-        """Gains, offsets and states of all traces."""
-        return sum(trace.solved_inside for trace in self.traces)
-
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings of every trace."""
-        return tuple((trace.label, trace.settings) for trace in self.traces)
-
-    @property
-    def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
-        """Declared standard deviations of settings, by label."""
-        return {trace.label: trace.setting_sigma for trace in self.traces}
-
-    def named(self, label: str) -> Self:
-        """The same with a label for the trace that has none.
-
-        Args:
-            label: of the trace.
-        """
-        traces = tuple(x if x.label else replace(x, label=label) for x in self.traces)
-        return replace(self, traces=traces)
-
-    def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
-        """The plan with the communication step of every trace."""
-        plan = model.plan
-        for trace in self.traces:
-            survey = Survey(self, trace, replace(model, plan=plan), workers)
-            plan = survey.planned(points)
-        return plan
 
     def key(self, trace: TraceRecord) -> str:
         """What the plan knows a trace by.
@@ -212,14 +141,6 @@ class Traces(MeasurementKind):
             )
             for each in asked
         ]
-
-    def output(self, trace: TraceRecord) -> str:
-        """The FMU's output that a trace shows.
-
-        Args:
-            trace: one of them.
-        """
-        return trace.output or self.setup.output
 
     def ask(
         self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
@@ -274,10 +195,6 @@ class Traces(MeasurementKind):
         pairs = zip(self.traces, self._split(prediction.values), strict=True)
         return np.concatenate([(values - trace.y) / trace.largest for trace, values in pairs])
 
-    def scaled(self, prediction: Prediction, chi: float) -> Values:
-        """S itself: the gain is in it."""
-        return prediction.values
-
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by gains, offsets and states."""
         if not isinstance(prediction, SolvedTraces):
@@ -300,15 +217,6 @@ class Traces(MeasurementKind):
     def _split(self, values: Values) -> list[FloatArray]:
         ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
         return list(np.split(np.asarray(values.real, dtype=float), ends))
-
-    def within(self, setup: Setup, series: str) -> Self:
-        """The same as part of a series, whose name its labels carry."""
-        traces = self.traces
-        if series and series != self.series:
-            traces = tuple(
-                replace(x, label=f"{series}/{x.label}") if x.label else x for x in traces
-            )
-        return replace(self, setup=setup, series=series, traces=traces)
 
 
 def _projected(design: FloatArray, values: FloatArray) -> FloatArray:
