@@ -19,11 +19,10 @@ import numpy as np
 
 from fitting.lab.names import LOCK_IN, TRUTH_NAME
 from fitting.lab.string import TwoModes, steady_state
-from fitting.lab.time_series import FEW_LEVELS, LEAST_SAMPLES, normal_modes, parameter
+from fitting.lab.time_series import FEW_LEVELS, normal_modes, parameter, refuse_impossible
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, csv_text
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.errors import BadInput
 from fitting.text.toml import toml_text
 
 
@@ -57,25 +56,7 @@ class StringPhasors:
     noise: float = 0.01
 
     def __post_init__(self) -> None:
-        signed = ("theta_rad", "offset_v", "noise", "before_s")
-        for name, value in asdict(self).items():
-            if not isinstance(value, str) and not (
-                math.isfinite(value) and (name in signed or value > 0.0)
-            ):
-                wanted = "a number" if name in signed else "a number above zero"
-                raise BadInput(f"synthesize: {name}: found {value!r}, wanted {wanted}")
-        for name, value in (("noise", self.noise), ("before_s", self.before_s)):
-            if value < 0.0:
-                raise BadInput(f"synthesize: {name}: found {value}, wanted zero or more")
-        if not self.eta_plus_hz < self.eta_minus_hz:
-            raise BadInput(
-                f"synthesize: eta_plus_hz: found {self.eta_plus_hz}, wanted less than eta_minus_hz "
-                f"({self.eta_minus_hz})"
-            )
-        if self.times_s().size < LEAST_SAMPLES:
-            raise BadInput(
-                f"synthesize: length_s: found {self.length_s}, wanted {LEAST_SAMPLES} samples"
-            )
+        refuse_impossible(asdict(self), lambda: self.times_s().size)
 
     @property
     def modes(self) -> TwoModes:

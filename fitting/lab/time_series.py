@@ -10,7 +10,7 @@ generator holds u. Nothing here is the FMU. Noise is Gaussian and white.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -29,6 +29,38 @@ TIME, OUTPUT, SOURCE = "time (ms)", "string (mV)", "source (m/s2)"
 #: Levels of the regularisation: the start is near.
 FEW_LEVELS = {"nu_start": 1e-6, "beta": 0.01, "iterations": 1, "misfit": "squares", "starts": 1}
 LEAST_SAMPLES = 64
+#: Numbers that need not be above zero, and those of them that are not below it.
+SIGNED, NOT_NEGATIVE = ("theta_rad", "offset_v", "noise", "before_s"), ("noise", "before_s")
+
+
+def refuse_impossible(numbers: Mapping[str, Any], samples: Callable[[], int]) -> None:
+    """Refuse numbers that no string over time has.
+
+    Args:
+        numbers: of the laboratory, by name; words are passed over.
+        samples: how many samples they make, asked once they are sound.
+
+    Raises:
+        BadInput: names the number.
+    """
+    for name, value in numbers.items():
+        if isinstance(value, str):
+            continue
+        if not math.isfinite(value) or not (name in SIGNED or value > 0.0):
+            wanted = "a number" if name in SIGNED else "a number above zero"
+            raise BadInput(f"synthesize: {name}: found {value!r}, wanted {wanted}")
+    for name in NOT_NEGATIVE:
+        if numbers[name] < 0.0:
+            raise BadInput(f"synthesize: {name}: found {numbers[name]}, wanted zero or more")
+    if not numbers["eta_plus_hz"] < numbers["eta_minus_hz"]:
+        raise BadInput(
+            f"synthesize: eta_plus_hz: found {numbers['eta_plus_hz']}, wanted less than "
+            f"eta_minus_hz ({numbers['eta_minus_hz']})"
+        )
+    if samples() < LEAST_SAMPLES:
+        raise BadInput(
+            f"synthesize: length_s: found {numbers['length_s']}, wanted {LEAST_SAMPLES} samples"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,25 +96,7 @@ class StringTrace:
     noise: float = 0.01
 
     def __post_init__(self) -> None:
-        for name, value in asdict(self).items():
-            if isinstance(value, str):
-                continue
-            signed = name in ("theta_rad", "offset_v", "noise", "before_s")
-            if not math.isfinite(value) or not (signed or value > 0.0):
-                wanted = "a number" if signed else "a number above zero"
-                raise BadInput(f"synthesize: {name}: found {value!r}, wanted {wanted}")
-        for name, value in (("noise", self.noise), ("before_s", self.before_s)):
-            if value < 0.0:
-                raise BadInput(f"synthesize: {name}: found {value}, wanted zero or more")
-        if not self.eta_plus_hz < self.eta_minus_hz:
-            raise BadInput(
-                f"synthesize: eta_plus_hz: found {self.eta_plus_hz}, wanted less than eta_minus_hz "
-                f"({self.eta_minus_hz})"
-            )
-        if self.times_s().size < LEAST_SAMPLES:
-            raise BadInput(
-                f"synthesize: length_s: found {self.length_s}, wanted {LEAST_SAMPLES} samples"
-            )
+        refuse_impossible(asdict(self), lambda: self.times_s().size)
 
     @property
     def modes(self) -> TwoModes:
