@@ -313,8 +313,9 @@ class _Walker:
             return None
         if not np.isfinite(merit):
             return Descent(self.here, reached=False)
+        free = self.damping == LEAST_DAMPING
         self.damping = LEAST_DAMPING
-        yield from self._taken(trial, as_foreseen=merit < left + KEPT_EXCESS)
+        yield from self._taken(trial, as_foreseen=free and merit < left + KEPT_EXCESS)
         return None
 
     def _lowered(self, trial: Expansion, promised: float, promise: float) -> Task[Descent | None]:
@@ -323,7 +324,8 @@ class _Walker:
         if gain > 0.0:
             self.damping = max(0.1 * self.damping, LEAST_DAMPING)
             free = self.damping == LEAST_DAMPING
-            yield from self._taken(trial, as_foreseen=gain > KEPT_SHARE * promised)
+            enough = max(KEPT_SHARE * promised, promised - KEPT_EXCESS)
+            yield from self._taken(trial, as_foreseen=gain > enough)
             small = gain < promise and promised < 10.0 * promise and free
             if small and not (yield from self.renewed()):
                 return Descent(self.here, reached=True)
