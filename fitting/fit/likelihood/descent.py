@@ -1,10 +1,10 @@
 """Least squares over the likelihood, as a search that runs beside others; the most likely point.
 
-Levenberg and Marquardt's method with bounds and forward differences. Slopes are carried on over a
-few good steps by Broyden's update, which takes an evaluation instead of n + 1; a minimum is only
-called one by slopes that were taken anew there. It moves along directions that the data see and
-stays where it is along those that they do not: what it finds there is where it began, never where
-rounding took it.
+Levenberg and Marquardt's method with bounds and forward differences. Where something is held, as
+along a profile, slopes are carried on over a few good steps by Broyden's update, which takes an
+evaluation instead of n + 1; a minimum is only called one by slopes that were taken there. It moves
+along directions that the data see and stays where it is along those that they do not: what it finds
+there is where it began, never where rounding took it.
 
 Source: J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630 (1978);
 C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Mathematics of
@@ -243,7 +243,8 @@ class _Walker:
         self.moved = constraint.index < 0
         self.steps = self.age = 0
         self.damping, self.hope, self.pace = LEAST_DAMPING, np.inf, _Pace(wanted)
-        self._oldest = CARRIED
+        # free descents are few, and which of several minima is the lowest hangs on their last step
+        self._oldest = 0 if constraint == UNCONSTRAINED else CARRIED
         self._led_by_carried = False
         self._sound = here, self.moved  # where slopes were taken last
 
