@@ -436,7 +436,7 @@ def test_phi_functions_of_any_size(size: float, angle: float) -> None:
 
 
 def test_what_a_step_misses_is_the_integral_of_the_cubic_through_its_points() -> None:
-    """s (s - 1/2) (s - 1) is zero where the parabola is exact; the probe is at its largest value."""
+    """s (s - 1/2) (s - 1) is zero where the parabola is exact, and largest at the probe."""
     cubic = np.polynomial.Polynomial.fromroots([0.0, 0.5, 1.0])
     assert cubic.deriv()(exponential.PROBE) == pytest.approx(0.0, abs=1e-15)
     whole = cubic.integ()
