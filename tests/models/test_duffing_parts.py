@@ -20,7 +20,7 @@ from fmu_src.duffing_exponential import phi, take_step, weights
 from fmu_src.duffing_orbit import averaged_orbit
 from fmu_src.duffing_rk4 import DuffingRungeKutta
 from fmu_src.duffing_slow import SlowModel
-from fmu_src.oscillator_equations import Parameters
+from fmu_src.oscillator_equations import ModelError, Parameters
 from tests.support import duffing_reference
 
 STRING = Parameters(
@@ -446,3 +446,12 @@ def test_what_a_step_misses_is_the_integral_of_the_cubic_through_its_points() ->
         slopes = (0.0**power, 2.0 * 0.5**power, 1.0)  # that at the middle is there twice
         there = sum(k * n for k, n in zip(exponential.PARABOLA, slopes, strict=True))
         assert there == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["alpha1", "alpha2", "kappa"])
+def test_each_cubic_term_by_itself_wants_tones_that_one_frame_holds(name: str) -> None:
+    p = small(u1=500.0, u2=1500.0)
+    one = Cubic(**{**dict.fromkeys(Cubic._fields, 0.0), name: 1e10})
+    with pytest.raises(ModelError, match="too far apart for one rotating frame"):
+        EnvelopeSolver(p, one, Settings(1e-6, False))
+    EnvelopeSolver(p, Cubic(*[0.0] * 3), Settings(1e-6, False))  # a linear motion wants none
