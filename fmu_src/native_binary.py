@@ -356,8 +356,8 @@ def differentiable(sources: Sequence[Path]) -> bool:
 class Interface:
     """What a native FMU offers its host: the version of FMI, derivatives in closed form."""
 
-    fmi: int = 2
-    derivatives: bool = False
+    fmi: int
+    derivatives: bool
 
 
 def description(

@@ -60,7 +60,8 @@ def line(
             shape (n,).
         unit: Of these values.
         within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
-        wiring: "transmission", "fano", "sloped", "notch" or "reflection"; empty: they are compared.
+        wiring: "transmission", "fano", "sloped", "notch" or "reflection", of amplitudes also
+            "offset", "floor" or "rice"; empty: they are compared.
         columns: Of a file, what it does not tell.
 
     Returns:

@@ -18,11 +18,12 @@ from fitting.draft.traces import Recording, traces_of
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
 from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, SLOPED
-from fitting.resonance.line import LineForm
+from fitting.resonance.line import Line, LineForm
+from fitting.signal.peaks import FLOOR, OFFSET, RICE
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
-from fitting.text.notation import hertz, listed, quantity
+from fitting.text.notation import hertz, listed, number, quantity
 from fitting.text.scratch import Scratch
 from fitting.text.units import same_kind
 
@@ -109,10 +110,29 @@ def _boxes(boxes: Sequence[Box]) -> list[str]:
 
 def _beside(form: LineForm) -> list[str]:
     """What was found beside the line, which the campaign has too."""
-    found = {FANO: "a complex constant", SLOPED: "a complex background that changes linearly"}
+    found = {
+        FANO: "a complex constant",
+        SLOPED: "a complex background that changes linearly",
+        OFFSET: "a constant that is added to its amplitude",
+        FLOOR: "noise whose power is added to its own",
+        RICE: "noise, of which amplitudes were averaged",
+    }
     beside = [found[form.name]] if form.name in found else []
     beside += ["the delay of a cable"] if form.delayed else []
     return [f"Beside the line, found by comparing: {listed(beside)}."] if beside else []
+
+
+def _beyond_fmu(line: Line) -> list[str]:
+    """What stands beside a line of amplitudes is in no FMU: what to do about it."""
+    cannot = "Amplitudes cannot be fitted with it through an FMU that has no background"
+    if line.forms[0].name in (FANO, RICE):
+        return [f"{cannot}: with phases, or X and Y, they could."]
+    size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
+    if line.forms[0].name == OFFSET:
+        return [f"{cannot}: with {size} taken off, they can."]
+    if line.forms[0].name == FLOOR:
+        return [f"{cannot}: with the square of {size} taken off their squares, they can."]
+    return []
 
 
 def _said(files: Files) -> list[str]:
@@ -126,11 +146,7 @@ def _said(files: Files) -> list[str]:
             width = quantity(sweep.line.width_hz, sweep.line.width_std_hz, "Hz")
             said.append(f"A sweep of {kind} with one line: f = {f}, width {width}.")
             said += _beside(sweep.line.forms[0])
-            if sweep.line.forms[0].name == FANO and not sweep.is_complex:
-                said.append(
-                    "Amplitudes cannot be fitted with it through an FMU that has no background: "
-                    "with phases, or X and Y, they could."
-                )
+            said += [] if sweep.is_complex else _beyond_fmu(sweep.line)
         elif sweep.two is not None and files.line is None:
             places = listed(
                 f"{hertz(f, digits=7)} ({hertz(w, digits=3)} wide)"

@@ -35,12 +35,19 @@ from fitting.text.notation import number
 RATIO, IMPROBABLE = 4.0, 1e-4
 
 
-def adequacy_of(optimum: Optimum) -> Adequacy:
+def adequacy_of(optimum: Optimum, closer: Adequacy | None = None) -> Adequacy:
     """Chi square of the rows of known noise at the most likely point, and whether it will do.
 
     Args:
         optimum: the most likely point and its likelihood.
+        closer: what another form of a line says of a sweep whose residuals tell its noise, where it
+            leaves far less.
     """
+    found = _of_known_noise(optimum)
+    return closer if closer is not None and found.describes else found
+
+
+def _of_known_noise(optimum: Optimum) -> Adequacy:
     likelihood, m = optimum.likelihood, optimum.likelihood.data_rows
     known = likelihood.objective.data.sigma > 0.0
     here = optimum.expansion
@@ -143,10 +150,15 @@ def misfit_advice(adequacy: Adequacy) -> str:
     Args:
         adequacy: of the rows of known noise.
     """
+    times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
+    if adequacy.against:
+        return (
+            f"What it leaves of the sweep is {times} (in squares) what {adequacy.against} leaves. "
+            "No value is called determined; wanted a sweep without that, phases, or another model."
+        )
     return (
-        "At the best parameters that were found χ² is "
-        f"{adequacy.chi_square / adequacy.freedom:.3g} times what the noise explains. No value is "
-        "called determined; wanted narrower boxes or a nearer start, if better parameters were "
+        f"At the best parameters that were found χ² is {times} what the noise explains. No value "
+        "is called determined; wanted narrower boxes or a nearer start, if better parameters were "
         "missed, else another model, another drift, or the noise that the data have."
     )
 

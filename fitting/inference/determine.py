@@ -38,7 +38,7 @@ from fitting.inference.likelihood.exploration import (
     explore,
     other_minima,
 )
-from fitting.inference.likelihood.knowledge import Effort, Equivalent, Knowledge
+from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.outside import beyond, beyond_sentences
 from fitting.inference.likelihood.profiles import ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
@@ -67,7 +67,8 @@ class InferenceOptions:
     sets are fitted anew, through `executor` if there is one. `only` names the values that are
     profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
     whether fits beyond the box are looked for. `widening`: by how much the noise of a sweep was
-    taken wider because its residuals hang together. `progress` is told the evaluations so far.
+    taken wider because its residuals hang together. `closer` is another form of a line that leaves
+    far less of a sweep than the model. `progress` is told the evaluations so far.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -85,6 +86,7 @@ class InferenceOptions:
     directions: bool = True
     beyond: bool = True
     widening: float = 1.0
+    closer: Adequacy | None = None
     progress: Callable[[int], None] = lambda evaluations: None
 
 
@@ -129,7 +131,7 @@ def determine(
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
-    adequacy = adequacy_of(optimum)
+    adequacy = adequacy_of(optimum, options.closer)
     basis = Basis(
         equivalents=equivalents,
         units=options.units,

@@ -21,6 +21,7 @@ from fitting.fit.solver.continuation import SAME_AMOUNT, SAME_SHARE
 from fitting.inference.adequacy import adequacy_of, misfit_advice
 from fitting.inference.alternatives import equal_fit
 from fitting.inference.budget import BUDGET
+from fitting.inference.closer_form import closer_form
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.ending import MISFIT, Ending, ending_of
@@ -258,6 +259,7 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             only=request.only or everything,
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
+            closer=closer_form(solution),
             progress=request.progress,
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
@@ -302,7 +304,7 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     except (FmuFailure, KeyboardInterrupt):
         return solution.final.parameters, None, solution.errors.inflation
     p = to_model(solution.parameters, optimum.expansion.x)
-    return p, adequacy_of(optimum), optimum.likelihood.inflation
+    return p, adequacy_of(optimum, closer_form(solution)), optimum.likelihood.inflation
 
 
 def _status(fit: Fit, adequacy: Adequacy | None) -> Status:

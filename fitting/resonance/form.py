@@ -4,8 +4,11 @@
     e    = exp(-i 2 pi (f - f0) tau)    g of `fitting.signal.peaks.mode_response`
 
 ``transmission`` is the line alone (b = b' = 0), ``fano`` has the constant b beside it, ``sloped``
-the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for. A notch and a
-reflection are curves of the form ``fano``: only what a and b mean is different there.
+the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for; but what knows no
+phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``floor`` is
+sqrt(|a g|^2 + c^2) (noise of which powers were averaged), ``rice`` the mean amplitude with the same
+noise. A notch and a reflection are curves of the form ``fano``: only what a and b mean is different
+there.
 """
 
 from __future__ import annotations
@@ -20,13 +23,23 @@ from fitting.measurements.complex.gain import SharedGain, Solved
 from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line, mean_delay
 from fitting.signal.least_squares import minimise_squares
-from fitting.signal.peaks import MIN_SWEEP_POINTS, Resonance, fit_resonance, mode_response
+from fitting.signal.peaks import (
+    FLOOR,
+    MIN_SWEEP_POINTS,
+    OFFSET,
+    RICE,
+    Resonance,
+    fit_resonance,
+    mode_response,
+)
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
+#: Of amplitudes, with the number of real unknowns.
+AMPLITUDE_FORMS = {TRANSMISSION: 3, OFFSET: 4, FLOOR: 4, RICE: 4, FANO: 5}
 #: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
 STEP = 1e-5
 #: Widths about a top or a bottom of which a line is guessed.
@@ -41,11 +54,12 @@ class FittedForm:
     They are half of a 68 % interval: Student's, as the residuals tell the noise.
 
     Attributes:
-        name: "transmission", "fano" or "sloped".
+        name: one of `FORMS`, or of `AMPLITUDE_FORMS`.
         frequency_hz: eigenfrequency of the mode, Hz, and its error.
         width_hz: full width at half of the power, Hz, and its error.
         q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
+        beside: the constant c of amplitudes, in their unit; zero in other forms.
         delay_s: of the cable, s, and its error; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
         freedom: degrees of freedom of the noise; points that hang together count as fewer.
@@ -67,6 +81,7 @@ class FittedForm:
     q_std: float
     amplitude: float
     amplitude_std: float
+    beside: float
     delay_s: float
     delay_std_s: float
     unknowns: int
@@ -87,16 +102,19 @@ def fit_amplitudes(
     Args:
         frequency_hz: rising, shape (n,), Hz.
         amplitude: shape (n,), any unit.
-        name: of the form, "transmission" or "fano".
+        name: of the form, one of `AMPLITUDE_FORMS`.
         source: of the data, for complaints.
 
     Raises:
         BadInput: too few points, no resonance among them, or one that they do not determine.
     """
-    if name == TRANSMISSION:
-        found = fit_resonance(frequency_hz, amplitude, source=source)
-    else:
+    if name == FANO:
         found = _peak_or_dip(frequency_hz, amplitude, source)
+    else:
+        background = "none" if name == TRANSMISSION else name
+        found = fit_resonance(frequency_hz, amplitude, background=background, source=source)
+    if name in (FLOOR, RICE) and found.background.real < 0.0:
+        raise BadInput(f"{source}: the noise beside its line would have a negative power")
     left = (found.curve - amplitude) / float(np.max(amplitude))
     return FittedForm(
         name=name,
@@ -108,9 +126,10 @@ def fit_amplitudes(
         q_std=found.q_std,
         amplitude=found.amplitude,
         amplitude_std=found.amplitude_std,
+        beside=0.0 if name == FANO else found.background.real,
         delay_s=math.nan,
         delay_std_s=math.nan,
-        unknowns=3 if name == TRANSMISSION else 5,
+        unknowns=AMPLITUDE_FORMS[name],
         freedom=found.freedom,
         squares=float(left @ left),
         residual=found.residual_rms,
@@ -334,6 +353,7 @@ class _ComplexFit:
             q_std=eta / width * math.sqrt(max(0.0, float(quality @ spread @ quality))),
             amplitude=self.top * abs(gain),
             amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
+            beside=0.0,
             delay_s=delay if self.delayed else math.nan,
             delay_std_s=math.sqrt(spread[2, 2]) / self.span if self.delayed else math.nan,
             unknowns=slopes.shape[1],

@@ -5,9 +5,9 @@ as the independent ones that they are worth,
 
     c = N/v ln(sum r^2/N) + 2 k + 2 k (k + 1)/(N/v - k - 1)
 
-N residuals, k unknowns, v the square of the widening (`residual_structure`) under the form of most
-unknowns. Source: H. Akaike, IEEE Trans. Autom. Control 19 (1974) 716; K. Burnham and D. Anderson,
-Model Selection and Multimodel Inference, section 2.5, for the inflation of counts.
+N residuals, k unknowns, v the square of the widening (`residual_structure`) under the form that
+leaves least. Source: H. Akaike, IEEE Trans. Autom. Control 19 (1974) 716; K. Burnham and
+D. Anderson, Model Selection and Multimodel Inference, section 2.5, for the inflation of counts.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from fitting.campaign.instruments import own_estimates
 from fitting.measurements.complex.curve import WIDTHS_FOR_DELAY
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading, dip_readings
 from fitting.resonance.form import (
+    AMPLITUDE_FORMS,
     FANO,
     FORMS,
     SLOPED,
@@ -36,16 +37,16 @@ from fitting.resonance.form import (
 )
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
-from fitting.signal.peaks import MIN_SWEEP_POINTS
+from fitting.signal.peaks import FLOOR, MIN_SWEEP_POINTS, OFFSET, RICE
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz
+from fitting.text.notation import hertz, number
 
 #: What may be asked for: forms, and those of their readings that are no form of their own.
-WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED)
+WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, OFFSET, FLOOR, RICE)
 #: A resonance is there if noise alone were to look like one less often than this.
 SEEN_P = 1e-3
 
@@ -58,7 +59,7 @@ class LineForm:
     """A form of the line and what it gives; NaN where it could not be fitted (``message``).
 
     Attributes:
-        name: "transmission", "fano" or "sloped".
+        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor" or "rice", too.
         delayed: whether the delay of a cable is fitted, too.
         criterion: Akaike's, over the least of all forms; 10 is plainly worse.
         residual: root mean square of what is left, over the line's amplitude.
@@ -105,6 +106,7 @@ class Line:
         width_hz: full width at half of the power, Hz.
         q: their ratio.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
+        beside: the constant of "offset", "floor" and "rice", in ``unit``; zero in other forms.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
         delay_s: of the cable, s, and its error; NaN where none was found.
@@ -133,6 +135,7 @@ class Line:
     q_ci95: tuple[float, float]
     amplitude: float
     amplitude_std: float
+    beside: float
     unit: str
     wiring: str
     asked: bool
@@ -176,6 +179,8 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
     if wiring == SLOPED and not trace.is_complex:
         raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
+    if wiring in (OFFSET, FLOOR, RICE) and trace.is_complex:
+        raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
     try:
         return _line_of(_turned(trace), wiring)
     except BadInput as error:
@@ -208,6 +213,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         q_ci95=_interval(best.q, best.q_std, best.freedom),
         amplitude=best.amplitude,
         amplitude_std=best.amplitude_std,
+        beside=best.beside,
         unit=trace.unit,
         wiring=wiring or best.name,
         asked=bool(wiring),
@@ -299,9 +305,7 @@ def _tries(trace: Trace) -> list[tuple[tuple[str, bool], Callable[[], FittedForm
     f, source = trace.frequency_hz, trace.source
     if not trace.is_complex:
         a = trace.amplitude
-        return [
-            ((n, False), partial(fit_amplitudes, f, a, n, source)) for n in (TRANSMISSION, FANO)
-        ]
+        return [((n, False), partial(fit_amplitudes, f, a, n, source)) for n in AMPLITUDE_FORMS]
     if f.size < MIN_SWEEP_POINTS:
         raise BadInput(
             f"{source}: {f.size} points are too few for a resonance fit; wanted at least "
@@ -326,8 +330,8 @@ def _resolves_delay(trace: Trace, delayed: FittedForm) -> bool:
 
 def _criteria(found: Sequence[FittedForm], rows: int) -> FloatArray:
     """Akaike's criterion of every form, see the head of this file."""
-    richest = max(found, key=lambda form: form.unknowns)
-    count = rows / richest.structure.widening**2
+    closest = min(found, key=lambda form: form.squares)
+    count = rows / closest.structure.widening**2
     made = []
     for form in found:
         k = form.unknowns
@@ -385,10 +389,17 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
         raise TwoResonances(
             f"{trace.source}: shows two resonances, at {places} ({widths} wide); {way}", lines=two
         )
-    if _chance(trace, best) > SEEN_P:
+    if _chance(trace, best, 1.0) > SEEN_P:
         raise BadInput(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
             "points as well"
+        )
+    if _chance(trace, best, best.structure.widening) > SEEN_P:
+        raise BadInput(
+            f"{trace.source}: shows nothing between {ends} that is surely a resonance: what the "
+            f"best form of a line leaves hangs together, so that its {f.size} points are worth "
+            f"{number(best.structure.points / (2.0 if trace.is_complex else 1.0), 2)} independent "
+            "ones"
         )
     left, right = best.frequency_hz - f[0], f[-1] - best.frequency_hz
     if min(left, right) < 0.5 * best.width_hz:
@@ -400,8 +411,10 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
         )
 
 
-def _chance(trace: Trace, best: FittedForm) -> float:
+def _chance(trace: Trace, best: FittedForm, widening: float) -> float:
     """Probability that noise gains as much by a line over a straight one, at any of its points.
+
+    The noise is white with `widening` 1, else it hangs together as that says.
 
     Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares), with
     Bonferroni's bound.
@@ -418,7 +431,7 @@ def _chance(trace: Trace, best: FittedForm) -> float:
     if best.squares <= rows * SMALLEST_RESIDUAL**2:
         return 0.0 if before > best.squares else 1.0
     more = max(1, best.unknowns - (4 if trace.is_complex else 2))
-    freedom = max(1.0, (rows - best.unknowns) / best.structure.widening**2)
+    freedom = max(1.0, (rows - best.unknowns) / widening**2)
     gain = max(0.0, (before - best.squares) / more * freedom / best.squares)
     return min(1.0, f.size * float(fdtrc(more, freedom, gain)))
 

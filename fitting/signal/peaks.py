@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ive
 
 from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
 from fitting.signal.residual_tests import Structure, residual_structure
@@ -20,6 +21,14 @@ from fitting.text.notation import hertz
 
 FLOOR_KINDS = ("robust", "mean", "none")
 BACKGROUNDS = ("none", "complex")
+#: And what else amplitudes may carry: a constant that is added to them, or noise, of which powers
+#: or amplitudes were averaged.
+OFFSET, FLOOR, RICE = "offset", "floor", "rice"
+#: Unknowns of a line alone, and of what may stand beside it.
+LINE = 3
+BESIDE = {"none": 0, "complex": 2, OFFSET: 1, FLOOR: 1, RICE: 1}
+#: Power of a line over that of noise from which two terms of a series are exact to rounding.
+RICE_LARGE = 1e8
 
 # |n| of complex Gaussian noise with sigma per quadrature is Rayleigh distributed.
 RAYLEIGH_MEAN = math.sqrt(math.pi / 2.0)
@@ -62,8 +71,8 @@ class Resonance:
     of the noise, which the residuals tell; infinite where it is known. They are Student's.
     ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
-    complex constant (0 without), ``residual_rms`` relative to the amplitude, ``correlation``
-    between eta and width, ``curve`` (n,) the fitted amplitudes.
+    constant (0 without; of noise its root mean square), ``residual_rms`` relative to the amplitude,
+    ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes.
     """
 
     eta_hz: float
@@ -267,7 +276,10 @@ def fit_resonance(
 
     ``b`` is zero, or with background="complex" one complex constant (direct crosstalk of the
     drive). Magnitudes fix eta, width and ``|b|``, but not which of two mirrored pairs (A, b) it
-    is: with a background the amplitude is one of two candidates. ``sigma_v`` is the noise of a
+    is: with a background the amplitude is one of two candidates. What knows no phase is not added
+    to the line but to its amplitude: "offset" is ``|A g(f)| + c`` (a detector's zero), "floor" is
+    ``sqrt(|A g(f)|^2 + c^2)`` (noise of that root mean square, powers averaged), "rice" the mean
+    amplitude of the same noise, see :func:`rice_mean`. ``sigma_v`` is the noise of a
     point if known, otherwise the residual tells it. Errors are those of the linearised problem
     times the widening that structured residuals ask for, see
     `fitting.signal.residual_tests.residual_structure`.
@@ -283,9 +295,9 @@ def fit_resonance(
     Raises:
         BadInput: too few points, no resonance within the sweep, or one that the points do not hold.
     """
-    if background not in BACKGROUNDS:
-        raise ValueError(f"background {background!r}, wanted one of {BACKGROUNDS}")
-    unknowns = 5 if background == "complex" else 3
+    if background not in BESIDE:
+        raise ValueError(f"background {background!r}, wanted one of {tuple(BESIDE)}")
+    unknowns = LINE + BESIDE[background]
     if frequency_hz.size < max(MIN_SWEEP_POINTS, unknowns + 1):
         raise BadInput(
             f"{source}: {frequency_hz.size} points are too few for a resonance fit; "
@@ -295,20 +307,73 @@ def fit_resonance(
 
     def curve(x: FloatArray) -> FloatArray:
         wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
-        if unknowns == 5:
-            wave = wave + (x[3] + 1j * x[4])
-        return np.asarray(height * np.abs(wave), dtype=float)
+        return height * _amplitudes(wave, x[3:], background)
 
-    start = np.zeros(unknowns)
-    start[2] = 1.0
-    if dip and unknowns == 5:  # g is -i at eta: what it is taken from
-        start[2], start[4] = 1.0 - float(np.min(amplitude_v)) / height, 1.0
+    start = _start(amplitude_v / height, background, dip=dip)
     fit = minimise_squares(
         lambda x: (curve(x) - amplitude_v) / height,
         start,
         residual_sigma=None if sigma_v is None else sigma_v / height,
     )
-    return _as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
+    beside = height * _constant(fit.values[3:], background)
+    found = _as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
+    return replace(found, background=beside)
+
+
+def _amplitudes(wave: ComplexArray, beside: FloatArray, background: str) -> FloatArray:
+    """Amplitudes (n,) of a line with what stands beside it; noise is given by its power."""
+    if background == "complex":
+        wave = wave + complex(*beside)
+    size = np.abs(wave)
+    if background == OFFSET:
+        return np.asarray(size + beside[0])
+    if background == FLOOR:
+        return np.asarray(np.sqrt(np.maximum(size**2 + beside[0], 0.0)))
+    if background == RICE:
+        return rice_mean(size, math.sqrt(abs(beside[0])))
+    return np.asarray(size)
+
+
+def rice_mean(amplitude: FloatArray, noise: float) -> FloatArray:
+    """Mean of |a + n| with complex Gaussian noise n of root mean square c, (n,), unit of a.
+
+        (c/2) sqrt(pi) ((1 + x) I0(x/2) + x I1(x/2)) exp(-x/2)        x = a^2/c^2
+
+    Args:
+        amplitude: a, shape (n,).
+        noise: c.
+
+    Source: S. O. Rice, Bell Syst. Tech. J. 24 (1945) 46, equation 3.10-12.
+    """
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        x = (amplitude / noise) ** 2 if noise > 0.0 else np.full(amplitude.shape, np.inf)
+        above = amplitude * (1.0 + 0.25 / x)  # to order 1/x^2, where the functions below overflow
+    x = np.minimum(x, RICE_LARGE)
+    laguerre = (1.0 + x) * ive(0, 0.5 * x) + x * ive(1, 0.5 * x)
+    return np.where(x < RICE_LARGE, 0.5 * math.sqrt(math.pi) * noise * laguerre, above)
+
+
+def _start(shares: FloatArray, background: str, *, dip: bool) -> FloatArray:
+    """Where a fit begins: shift, logarithm of the width, height and what is beside the line."""
+    least = float(np.min(shares))
+    if background == OFFSET:
+        return np.array([0.0, 0.0, 1.0 - least, least])
+    if background in (FLOOR, RICE):
+        return np.array([0.0, 0.0, math.sqrt(max(0.0, 1.0 - least**2)), least**2])
+    if background == "none":
+        return np.array([0.0, 0.0, 1.0])
+    if dip:  # g is -i at eta: what it is taken from
+        return np.array([0.0, 0.0, 1.0 - least, 0.0, 1.0])
+    return np.array([0.0, 0.0, 1.0, 0.0, 0.0])
+
+
+def _constant(beside: FloatArray, background: str) -> complex:
+    """What stands beside the line, over its height; of noise the root of its power."""
+    if background == "complex":
+        return complex(*beside)
+    if background in (FLOOR, RICE):
+        return complex(math.copysign(math.sqrt(abs(beside[0])), beside[0]))
+    return complex(*beside) if beside.size else 0j
 
 
 def _first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
@@ -370,7 +435,7 @@ def _as_resonance(
         q_std=q * math.sqrt(max(0.0, q_variance)),
         amplitude=height * abs(float(x[2])),
         amplitude_std=height * math.sqrt(variance[2]),
-        background=height * complex(x[3], x[4]) if x.size == 5 else 0j,
+        background=0j,
         residual_rms=float(np.sqrt(np.mean(fit.residuals**2))) / abs(float(x[2])),
         correlation=correlation,
         curve=curve,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -130,6 +131,23 @@ def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None
     path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")
     assert tomllib.loads(path.read_text("utf-8"))["sweep"]["background"] == "complex"
     assert any("an FMU that has no background" in sentence for sentence in said)
+
+
+@pytest.mark.parametrize("constant", ["complex constant", "added to its amplitude"])
+def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
+    constant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nobody told the noise: what the line with the constant leaves tells it."""
+    line = mode(F, ETA, WIDTH)
+    seen = np.abs(line + (0.3 - 0.2j)) if "complex" in constant else np.abs(line) + 0.3
+    rough = seen + noise(F.size, 2e-3, 1).real
+    _, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough), out=tmp_path / "o")
+    assert any(f"{constant}." in sentence for sentence in said)
+    campaign, quick = str(tmp_path / "o" / "campaign.toml"), ["--no-report", "--no-profiles"]
+    assert main(["reconstruct", campaign, "--out", str(tmp_path / "r"), *quick]) == 4
+    told = " ".join(capsys.readouterr().out.split())
+    assert re.search(f"times \\(in squares\\) what a line .*{constant} leaves", told)
+    assert "no verdict" in told
 
 
 def test_the_fmu_of_somebody_else_is_looked_at_and_fitted(

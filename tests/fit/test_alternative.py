@@ -90,6 +90,24 @@ def test_two_starts_are_the_campaigns_own_and_one_more() -> None:
         assert outcome.chains[1].steps[-1].x[0] == pytest.approx(-3.0, abs=1e-2)
 
 
+def test_minima_as_likely_as_the_lowest_are_lowered_whatever_their_misfit() -> None:
+    """Chi square of 8 in all three: one row of 2.8 sigmas at -2, 8 rows of one each at 2 and 5.
+
+    2.8 times the misfit of the campaign's own, as an error that all peaks share makes it.
+    """
+
+    def rows(p: FloatArray) -> FloatArray:
+        along = (p[0] + 2.0) * (p[0] - 9.0) / -28.0  # 0 at -2; 1 at 2 and 5
+        well = 300.0 * (p[0] + 2.0) * (p[0] - 2.0) * (p[0] - 5.0)
+        return np.array([well, 8.0**0.5 * (1.0 - along), *([along] * 8)])
+
+    objective = whitened(rows, parameter("p", -4.0, 7.0, start=-2.4, reference=0.0))
+    schedule = Schedule(nu_start=1e-8, levels=1, starts=3)
+    outcome = run_alternative(Course(objective=objective, schedule=schedule, settings=SETTINGS))
+    assert sorted(round(end) for end in ends(outcome)) == [-2, 2, 5]
+    assert outcome.best is outcome.chains[0]
+
+
 def test_further_starts_join_what_is_known_or_are_chains_of_their_own() -> None:
     own = course(9.0, 5.0, -3.0, starts=1)
     outcome = run_alternative(own)

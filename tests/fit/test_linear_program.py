@@ -156,6 +156,20 @@ def test_a_curved_valley_is_followed_in_long_steps() -> None:
     assert end.steps <= 12
 
 
+def test_a_step_knows_the_bounds_and_does_not_run_into_them() -> None:
+    """10 |x - y| + |x - 3| along x = y, x <= 1: steps of 0.1, 0.3 and the 0.6 that are left."""
+    for side in (1.0, -1.0):
+        box = sorted((-5.0 * side, 1.0 * side))
+        evaluator = rows_evaluator(
+            lambda p, side=side: np.array([10.0 * (p[0] - p[1]), p[0] - 3.0 * side]),
+            [box[0], -5.0],
+            [box[1], 5.0],
+        )
+        end = follow(evaluator, np.zeros(2), 0.0, 1e-9)
+        assert end.x == pytest.approx([side, side])
+        assert end.steps == 3
+
+
 def test_a_bound_that_is_met_holds() -> None:
     """|x + y - 4| + |x - y| with x <= 1: least at 2 on 1 <= y <= 3, x = 1."""
     evaluator = rows_evaluator(

@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fmu_src import duffing_exponential as exponential
 from fmu_src.duffing_envelope import EnvelopeSolver, Settings
 from fmu_src.duffing_equations import Cubic, find_root, shift, solve, steady_squares
 from fmu_src.duffing_exponential import phi, take_step, weights
 from fmu_src.duffing_orbit import averaged_orbit
 from fmu_src.duffing_rk4 import DuffingRungeKutta
 from fmu_src.duffing_slow import SlowModel
-from fmu_src.oscillator_equations import Parameters
+from fmu_src.oscillator_equations import ModelError, Parameters
 from tests.support import duffing_reference
 
 STRING = Parameters(
@@ -432,3 +433,25 @@ def test_phi_functions_of_any_size(size: float, angle: float) -> None:
             wanted.append((wanted[-1] - 1 / mp.factorial(k)) / mp.mpc(z))
         for a, b in zip(phi(z), wanted, strict=True):
             assert abs(a - b) <= 1e-13 * max(abs(b), abs(wanted[0]) * 1e-3)
+
+
+def test_what_a_step_misses_is_the_integral_of_the_cubic_through_its_points() -> None:
+    """s (s - 1/2) (s - 1) is zero where the parabola is exact, and largest at the probe."""
+    cubic = np.polynomial.Polynomial.fromroots([0.0, 0.5, 1.0])
+    assert cubic.deriv()(exponential.PROBE) == pytest.approx(0.0, abs=1e-15)
+    whole = cubic.integ()
+    missed = (whole(0.5) - whole(0.0)) / cubic(exponential.PROBE)
+    assert missed == pytest.approx(exponential.MISSED, rel=1e-14)
+    for power, value in enumerate((1.0, exponential.PROBE, exponential.PROBE**2)):
+        slopes = (0.0**power, 2.0 * 0.5**power, 1.0)  # that at the middle is there twice
+        there = sum(k * n for k, n in zip(exponential.PARABOLA, slopes, strict=True))
+        assert there == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["alpha1", "alpha2", "kappa"])
+def test_each_cubic_term_by_itself_wants_tones_that_one_frame_holds(name: str) -> None:
+    p = small(u1=500.0, u2=1500.0)
+    one = Cubic(**{**dict.fromkeys(Cubic._fields, 0.0), name: 1e10})
+    with pytest.raises(ModelError, match="too far apart for one rotating frame"):
+        EnvelopeSolver(p, one, Settings(1e-6, False))
+    EnvelopeSolver(p, Cubic(*[0.0] * 3), Settings(1e-6, False))  # a linear motion wants none

@@ -382,3 +382,44 @@ def test_a_line_is_drawn_into_given_axes_as_it_was_measured(
             ff.plot.line(found, number=wrong, ax=axes)
     with pytest.raises(ff.BadInput, match=r"found a int, wanted what fitting\.line returns"):
         ff.plot.line(1)  # type: ignore[arg-type]
+
+
+def with_zero(line: ComplexArray) -> FloatArray:
+    return np.asarray(np.abs(line) + 0.6)
+
+
+def with_power(line: ComplexArray) -> FloatArray:
+    return np.asarray(np.hypot(np.abs(line), 0.6))
+
+
+@pytest.mark.parametrize(
+    ("seen", "forms"),
+    [(with_zero, {"offset"}), (with_power, {"floor", "fano"})],
+    ids=["offset", "floor"],
+)
+def test_what_is_added_to_an_amplitude_is_found_and_told(
+    seen: Callable[[ComplexArray], FloatArray], forms: set[str]
+) -> None:
+    """A constant in quadrature adds its power, too, but for its slope: either of them is true."""
+    chosen, pulls = [], []
+    for seed in range(6):
+        found = ff.line(F, seen(line_alone(F)) + noise(F.size, 0.01, seed).real, unit="V")
+        chosen.append(found.wiring)
+        pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
+    assert set(chosen) <= forms
+    assert chosen.count(min(forms, key=lambda form: form == "fano")) >= 4
+    assert float(np.mean(np.square(pulls))) < 3.0
+    by_name = ff.line(F, seen(line_alone(F)) + noise(F.size, 0.01, 0).real, wiring=chosen[0])
+    assert by_name.beside == pytest.approx(0.6, rel=0.05) or by_name.wiring == "fano"
+
+
+def test_a_line_that_no_form_describes_is_not_called_a_straight_one() -> None:
+    """A triangle of half a span: every form of a line leaves what hangs together."""
+    shape = np.maximum(0.0, 1.0 - np.abs(F - ETA) / 40.0) + 0.4 * np.sin(F / 4.0)
+    with pytest.raises(ff.BadInput, match=r"worth .* independent ones|two resonances"):
+        ff.line(F, np.abs(shape) + 0.3)
+
+
+def test_noise_added_to_complex_values_is_no_wiring() -> None:
+    with pytest.raises(ff.BadInput, match="offset wants amplitudes alone"):
+        ff.line(F, line_alone(F), wiring="offset")

@@ -101,6 +101,19 @@ def test_two_lines_are_told_as_such_beside_what_they_look_like(
     assert all(each.two_lines for each in found)
 
 
+@pytest.mark.parametrize(
+    ("times", "apart", "height"), [(0.1, 0.0, -0.1j), (5.0, 3.0, 0.05), (7.0, 1.0, 0.05j)]
+)
+def test_the_second_line_may_be_narrower_or_wider(
+    times: float, apart: float, height: complex
+) -> None:
+    wide, beside, f = times * WIDTH_HZ, ETA_HZ + apart * WIDTH_HZ, FREQUENCY_HZ
+    second = height * wide * beside / (beside**2 - f**2 + 1j * wide * f)
+    found = sweep_faults(f, np.abs(line() + second) + noise(1))
+    assert found
+    assert all(each.two_lines for each in found)
+
+
 def test_a_bad_point_is_no_second_line() -> None:
     measured = np.abs(line()) + noise(3)
     measured[70] += 0.1

@@ -25,12 +25,15 @@ class Adequacy:
     At the most likely point, against its degrees of `freedom`; `p_value` the probability that noise
     alone gives as much (NaN where there is nothing to judge by). `describes` is False where it is
     several times its degrees of freedom and too improbable (`fitting.inference.adequacy`).
+    `against` names the form of a line whose residuals the noise was taken from, where they are a
+    sweep's own (`fitting.inference.closer_form`); empty where the noise is known.
     """
 
     chi_square: float
     freedom: float
     p_value: float
     describes: bool
+    against: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

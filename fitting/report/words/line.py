@@ -9,6 +9,7 @@ from fitting.report.table import Column, Table, tabulate
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import FANO, SLOPED, TRANSMISSION
 from fitting.resonance.line import Line, LineForm
+from fitting.signal.peaks import FLOOR, OFFSET, RICE
 from fitting.text.notation import listed, number, percent, prefixed, quantity, with_error
 
 #: What each form is, in words.
@@ -16,6 +17,9 @@ FORMS = {
     TRANSMISSION: "the line alone",
     FANO: "the line and a complex constant beside it",
     SLOPED: "the line and a complex background beside it that changes linearly with frequency",
+    OFFSET: "the line and a constant that is added to its amplitude",
+    FLOOR: "the line and noise whose power is added to its own",
+    RICE: "the line and noise, of which amplitudes were averaged",
 }
 #: What each wiring is, in words.
 WIRINGS = {
@@ -57,6 +61,7 @@ def sentences(line: Line) -> list[str]:
         _taken(line),
         *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_delay(line)}."]),
         *(_reading(line, reading) for reading in line.readings),
+        *_beside(line),
         *_dependence(line),
         *_widening(line),
         *(fault_sentence(fault) for fault in line.faults),
@@ -75,6 +80,17 @@ def _taken(line: Line) -> str:
     if line.forms[0].criterion > 0.0:
         best += " but for one with the delay of a cable, which these points do not plainly show"
     return f"Taken: {line.wiring}, {FORMS[line.wiring]}, {best}; {left}."
+
+
+def _beside(line: Line) -> list[str]:
+    """How large the constant of amplitudes is, and what may make it."""
+    if line.beside == 0.0:
+        return []
+    factor, unit = prefixed(line.beside, "" if line.unit == "1" else line.unit)
+    size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
+    if line.wiring in (FLOOR, RICE):
+        return [f"The noise beside the line is {size} (rms), the same at every frequency."]
+    return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
 
 
 def _delay(line: Line) -> str:
@@ -111,11 +127,18 @@ def _dependence(line: Line) -> list[str]:
     said = []
     for form in line.forms[1:]:
         near = form.criterion - chosen.criterion < AS_GOOD
-        shift = form.frequency_hz - line.frequency_hz
-        if near and abs(shift) > MOVES * line.frequency_std_hz:
+        moved = [
+            f"{what} by {number(there - here, 2)} Hz"
+            for what, there, here, std in (
+                ("the line", form.frequency_hz, line.frequency_hz, line.frequency_std_hz),
+                ("its width", form.width_hz, line.width_hz, line.width_std_hz),
+            )
+            if abs(there - here) > MOVES * std
+        ]
+        if near and moved:
             said.append(
-                f"{form.name} describes the points as well and moves the line by "
-                f"{number(shift, 2)} Hz: the data do not tell which it is."
+                f"{form.name} describes the points as well and moves {listed(moved)}: the data do "
+                "not tell which it is."
             )
     return said
 
