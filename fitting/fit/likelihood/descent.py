@@ -243,8 +243,10 @@ class _Walker:
         self.moved = constraint.index < 0
         self.steps = self.age = 0
         self.damping, self.hope, self.pace = LEAST_DAMPING, np.inf, _Pace(wanted)
-        # free descents are few, and which of several minima is the lowest hangs on their last step
-        self._oldest = 0 if constraint == UNCONSTRAINED else CARRIED
+        # free descents are few, and which of several minima is the lowest hangs on their last step;
+        # nodes of what belongs to single experiments share most runs with their point's own
+        shared = any(p.experiments for p in likelihood.parameters)
+        self._oldest = 0 if shared or constraint == UNCONSTRAINED else CARRIED
         self._led_by_carried = False
         self._sound = here, self.moved  # where slopes were taken last
 
