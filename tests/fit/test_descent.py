@@ -271,6 +271,79 @@ def test_a_descent_whose_slopes_are_false_ends_where_it_began() -> None:
     assert end.reached  # less than one of chi square was promised
 
 
+# --- slopes that are carried on
+
+
+def held_at_three(
+    evaluator: LikelihoodEvaluator, count: int, output: bool = False
+) -> tuple[Descent, int]:
+    """Where a descent from zero ends that holds x0 (or the output) at 3, and what it evaluated."""
+    begin = begun(evaluator, np.zeros(count))
+    before = evaluator.evaluations
+    constraint = Constraint(3.0, output=0, weight=100.0) if output else Constraint(3.0, index=0)
+    [end] = run_in_lockstep([lower(evaluator.likelihood, begin, constraint)], evaluator)
+    assert end is not None
+    return end, evaluator.evaluations - before
+
+
+def bent(p: FloatArray) -> FloatArray:
+    """x0/2, and how far the other five are from x0^2/50."""
+    return np.append(0.5 * p[0], p[1:] - 0.02 * p[0] ** 2)
+
+
+@pytest.mark.parametrize("output", [False, True])
+def test_slopes_are_carried_over_good_steps_and_are_those_of_the_end_where_it_ends(
+    output: bool,
+) -> None:
+    """At x0 = 3 the others are 0.18, chi^2 = 1.5^2, and their rows have the slope -0.12 in x0.
+
+    With slopes at each of its points it would take two times seven evaluations.
+    """
+    evaluator = box(bent, 6, itself=lambda p: float(p[0]))
+    end, evaluations = held_at_three(evaluator, 6, output)
+    assert end.reached
+    assert evaluations <= 7 + 3
+    assert end.end.x == pytest.approx([3.0, *[0.18] * 5], abs=2e-3)
+    assert end.chi_square == pytest.approx(2.25, abs=1e-2 if output else 1e-4)
+    slopes = np.eye(6)
+    slopes[0, 0], slopes[1:, 0] = 0.5, -0.12
+    assert end.end.matrix[:6] == pytest.approx(slopes, abs=2e-3)
+    assert end.end.outward.shape == ((1, 6) if output else (0, 6))
+
+
+@pytest.mark.parametrize(("stiff", "bend", "most"), [(2.0, 0.08, 5), (3.0, 0.2, 7)])
+def test_carried_slopes_lead_as_near_to_the_minimum_as_new_ones(
+    stiff: float, bend: float, most: int
+) -> None:
+    """s (y + b y^2 - 0.4 x) at x = 3: of the first, carried slopes leave 1.5e-3 of chi square, less
+    than what a step is worth, and a step by slopes taken there follows; of the second, slopes that
+    are not mended on the way take nine evaluations.
+    """
+    evaluator = box(
+        lambda p: np.array([stiff * (p[1] + bend * p[1] ** 2 - 0.4 * p[0]), 0.5 * p[0]]), 2
+    )
+    end, evaluations = held_at_three(evaluator, 2)
+    assert end.reached
+    assert evaluations <= most
+    assert end.chi_square == pytest.approx(2.25, abs=1e-5)
+    y = ((1.0 + 4.8 * bend) ** 0.5 - 1.0) / (2.0 * bend)
+    assert end.end.x[1] == pytest.approx(y, abs=1e-3)
+
+
+def test_nothing_is_reached_where_the_model_has_no_slopes() -> None:
+    """Beyond x0 = 2 it answers next to x2 = 0 alone: a step along x2 fails, whichever way."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        whole = np.append(bent(p), 0.0)
+        return np.full(7, np.nan) if p[0] > 2.0 and abs(p[2]) > 1e-6 else whole
+
+    evaluator = box(lambda p: rows(np.array([p[0], p[1], p[2], *[0.02 * p[0] ** 2] * 3])), 3)
+    end, _ = held_at_three(evaluator, 3)
+    assert not end.reached
+    assert end.end.x == pytest.approx(np.zeros(3))
+    assert end.chi_square == 0.0
+
+
 # --- the most likely point
 
 

@@ -289,8 +289,12 @@ def vanishing(power: float) -> Profile:
 
 
 def test_a_limit_beyond_which_nothing_changes_leaves_the_end_to_the_data() -> None:
-    """p <= 1.2 + 1.96 sigma, however far q goes; q as a power of 1/4 lets p go on and on."""
-    found = vanishing(1.5)
+    """p <= 1.2 + 1.96 sigma, however far q goes; q as a power of 1/4 lets p go on and on.
+
+    Of q^-1.5 the limit would gain 0.06 of chi square at the crossing, less than what holds: whether
+    it is tried beyond then hangs on how far out the last point of the walk happens to lie.
+    """
+    found = vanishing(1.3)
     assert found.ends[1] == "crossed"
     assert found.interval95[1] == pytest.approx(1.2 + 0.1 * Z95, rel=0.02)
     assert found.interval95[1] >= 1.2 + 0.1 * Z95

@@ -1,11 +1,14 @@
 """Least squares over the likelihood, as a search that runs beside others; the most likely point.
 
-Levenberg and Marquardt's method with bounds and forward differences. One round asks for a point
-with its stencil, so a good step needs no second batch. It moves along directions that the data see
-and stays where it is along those that they do not: what it finds there is where it began, never
-where rounding took it.
+Levenberg and Marquardt's method with bounds and forward differences. Where something is held, as
+along a profile, slopes are carried on over a few good steps by Broyden's update, which takes an
+evaluation instead of n + 1; a minimum is only called one by slopes that were taken there. It moves
+along directions that the data see and stays where it is along those that they do not: what it finds
+there is where it began, never where rounding took it.
 
-Source: J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630 (1978).
+Source: J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630 (1978);
+C. G. Broyden, "A class of methods for solving nonlinear simultaneous equations", Mathematics of
+Computation 19 (1965) 577.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ from fitting.text.errors import BadInput
 #: A descent ends where a linearised step promises less than this of chi square.
 PROMISE = 2e-3
 ITERATIONS = 30
+#: Share of that from which a step by new slopes is still tried where carried ones led to an end.
+WORTH_A_LOOK = 1e-4
 #: Steps whose pace tells whether a descent comes to where it is wanted, and how often that pace it
 #: may still take up.
 PACED, SPEEDUP = 3, 2.0
@@ -38,6 +43,9 @@ LEAST_DAMPING, MOST_DAMPING = 0.1, 1e8
 STALLED = 1.0
 #: Chi square beyond what the linearised step foresees from which it went astray.
 ASTRAY = 20.0
+#: Steps at most over which slopes are carried on; share of the promise of a step that it must gain,
+#: and chi square beyond what it foresees that it may end at, for them to be good enough.
+CARRIED, KEPT_SHARE, KEPT_EXCESS = 3, 0.7, 1.0
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
 #: Gain in chi square for which the most likely point may leave the box of the campaign.
@@ -106,7 +114,9 @@ class Constraint:
 UNCONSTRAINED = Constraint(0.0)
 
 
-def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) -> Task[Expansion]:
+def expansion_at(
+    likelihood: Likelihood, x: FloatArray, outputs: bool = True, known: Sample | None = None
+) -> Task[Expansion]:
     """A point with its slopes, in one round; without those of the outputs if not wanted.
 
     Where the model fails a step away, as it may beyond the box, the step is taken the other way.
@@ -115,9 +125,13 @@ def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) ->
         likelihood: whose stencil is evaluated.
         x: search vector, shape (n,).
         outputs: whether their slopes are wanted.
+        known: the point itself, if it has been evaluated.
     """
     around = forward(x, likelihood.objective.steps, likelihood.upper)
-    samples = yield Request(around.nodes, outputs=outputs)
+    if known is None:
+        samples = yield Request(around.nodes, outputs=outputs)
+    else:
+        samples = [known, *(yield Request(around.nodes[1:], outputs=outputs))]
     failed = [i for i in range(x.size) if not np.all(np.isfinite(samples[i + 1].rows))]
     if failed and np.all(np.isfinite(samples[0].rows)):
         around = around.turned(failed)
@@ -127,6 +141,24 @@ def expansion_at(likelihood: Likelihood, x: FloatArray, outputs: bool = True) ->
             samples[i + 1] = sample
     matrix = around.quotients([sample.rows for sample in samples])
     return Expansion(samples[0], matrix, around.quotients([sample.outputs for sample in samples]))
+
+
+def _carried(likelihood: Likelihood, here: Expansion, sample: Sample) -> Expansion:
+    """A point with the slopes of another one, mended along the way between them.
+
+    B' = B + (dr - B dx) dx^T W/(dx^T W dx), W the inverse squares of the widths of the box.
+    """
+    way = sample.x - here.x
+    weighted = way / likelihood.widths**2
+    along = weighted / max(float(way @ weighted), 1e-300)
+
+    def mended(slopes: FloatArray, change: FloatArray) -> FloatArray:
+        return np.asarray(slopes + np.outer(change - slopes @ way, along))
+
+    outward = np.empty((0, way.size))
+    if sample.outputs.size:
+        outward = mended(here.outward, sample.outputs - here.sample.outputs)
+    return Expansion(sample, mended(here.matrix, sample.rows - here.sample.rows), outward)
 
 
 @dataclass(frozen=True)
@@ -187,36 +219,150 @@ def lower(
     """
     if not np.isfinite(here.chi_square):
         return Descent(here, reached=False)
-    damping, hope, pace = LEAST_DAMPING, np.inf, _Pace(wanted)
-    moved = constraint.index < 0  # a held parameter must first be brought to its value
-    for _ in range(ITERATIONS):
-        step, promised, left = _proposed(likelihood, here, constraint, damping)
-        hope = min(hope, promised) if damping > LEAST_DAMPING else promised
-        if moved and (promised < promise or _merit(here, constraint) <= enough):
+    walker = _Walker(likelihood, here, constraint, wanted)
+    while walker.steps < ITERATIONS:
+        ended = yield from walker.go(promise, enough)
+        if ended is not None:
+            return ended
+    yield from walker.renewed()
+    return Descent(walker.here, reached=False)
+
+
+class _Walker:
+    """Where a descent stands, how many steps it took, how they are damped, how old its slopes are.
+
+    `moved`: whether a held parameter has been brought to its value, if there is one; `age`: steps
+    over which slopes were carried, zero where they were taken; `hope`: least that a damped step
+    promised by slopes that were taken.
+    """
+
+    def __init__(
+        self, likelihood: Likelihood, here: Expansion, constraint: Constraint, wanted: float
+    ) -> None:
+        self.likelihood, self.here, self.constraint = likelihood, here, constraint
+        self.moved = constraint.index < 0
+        self.steps = self.age = 0
+        self.damping, self.hope, self.pace = LEAST_DAMPING, np.inf, _Pace(wanted)
+        # free descents are few, and which of several minima is the lowest hangs on their last step;
+        # nodes of what belongs to single experiments share most runs with their point's own
+        shared = any(p.experiments for p in likelihood.parameters)
+        self._oldest = 0 if shared or constraint == UNCONSTRAINED else CARRIED
+        self._led_by_carried = False
+        self._sound = here, self.moved  # where slopes were taken last
+
+    @property
+    def merit(self) -> float:
+        """What is lowered, here."""
+        return _merit(self.here, self.constraint)
+
+    def go(self, promise: float, enough: float) -> Task[Descent | None]:
+        """One step, or what it takes to see that there is none left; the end, once it is there.
+
+        Args:
+            promise: decrease of the merit that is no longer worth a step.
+            enough: merit that is low enough.
+        """
+        step, promised, left = _proposed(self.likelihood, self.here, self.constraint, self.damping)
+        if not self.age:
+            self.hope = min(self.hope, promised) if self.damping > LEAST_DAMPING else promised
+        if self.moved and (promised < promise or self.merit <= enough):
+            if (yield from self.renewed()):
+                return None
+            if self.merit > enough and promised > WORTH_A_LOOK * promise:
+                yield from self._looked_at(step)
             # a step that is damped promises little anywhere: what did any promise least? The free
             # step here would be stricter, but ends walks of profiles that do go on (q2, seed 70005)
-            return Descent(here, hope < STALLED or _merit(here, constraint) <= enough)
-        if moved and pace.is_hopeless(_merit(here, constraint)):
-            return Descent(here, reached=False)
-        trial = yield from expansion_at(likelihood, here.x + step, constraint.output >= 0)
-        merit = _merit(trial, constraint)
-        gain = _merit(here, constraint) - merit
-        if not moved:
-            if merit > left + ASTRAY and damping < MOST_DAMPING:
-                damping *= 1e3  # the free step threw the rest out of the valley
-                continue
-            if not np.isfinite(merit):
-                return Descent(here, reached=False)
-            here, moved, damping = trial, True, LEAST_DAMPING
-        elif gain > 0.0:
-            here, damping = trial, max(0.1 * damping, LEAST_DAMPING)
-            if gain < promise and promised < 10.0 * promise and damping == LEAST_DAMPING:
-                return Descent(here, reached=True)
+            return Descent(self.here, self.hope < STALLED or self.merit <= enough)
+        if self.moved and self.pace.is_hopeless(self.merit, ITERATIONS - self.steps):
+            return Descent(self.here, reached=False)
+        trial = yield from self._tried(step)
+        if not self.moved:
+            return (yield from self._brought(trial, left))
+        return (yield from self._lowered(trial, promised, promise))
+
+    def renewed(self) -> Task[bool]:
+        """Take the slopes here anew; False where they are.
+
+        Where the model fails a step away the point is none to stay at: back to the last one that
+        was, and from there on no slopes are carried.
+        """
+        if not self.age:
+            return False
+        here = yield from expansion_at(
+            self.likelihood, self.here.x, self.constraint.output >= 0, self.here.sample
+        )
+        self.age = 0
+        if np.isfinite(here.chi_square):
+            self._sound = here, True
         else:
-            damping *= 30.0
-            if damping > MOST_DAMPING:
-                return Descent(here, hope < STALLED)
-    return Descent(here, reached=False)
+            self._oldest = 0
+        self.here, self.moved = self._sound
+        return True
+
+    def _tried(self, step: FloatArray) -> Task[Expansion]:
+        """The point a step away, with slopes that are carried on as long as that may be."""
+        self.steps += 1
+        x, outputs = self.here.x + step, self.constraint.output >= 0
+        if self.age == self._oldest:
+            return (yield from expansion_at(self.likelihood, x, outputs))
+        [sample] = yield Request((x,), outputs=outputs)
+        return _carried(self.likelihood, self.here, sample)
+
+    def _brought(self, trial: Expansion, left: float) -> Task[Descent | None]:
+        """Take a step that brings a held parameter to its value, or hold the rest back."""
+        merit = _merit(trial, self.constraint)
+        if merit > left + ASTRAY and self.damping < MOST_DAMPING:
+            self.damping *= 1e3  # the free step threw the rest out of the valley
+            return None
+        if not np.isfinite(merit):
+            return Descent(self.here, reached=False)
+        free = self.damping == LEAST_DAMPING
+        self.damping = LEAST_DAMPING
+        yield from self._taken(trial, as_foreseen=free and merit < left + KEPT_EXCESS)
+        return None
+
+    def _lowered(self, trial: Expansion, promised: float, promise: float) -> Task[Descent | None]:
+        """Take a step that gains, or damp the next one; the end where neither is of any use."""
+        gain = self.merit - _merit(trial, self.constraint)
+        if gain > 0.0:
+            self.damping = max(0.1 * self.damping, LEAST_DAMPING)
+            free = self.damping == LEAST_DAMPING
+            enough = max(KEPT_SHARE * promised, promised - KEPT_EXCESS)
+            yield from self._taken(trial, as_foreseen=gain > enough)
+            small = gain < promise and promised < 10.0 * promise and free
+            if small and not (yield from self.renewed()):
+                return Descent(self.here, reached=True)
+        elif (yield from self.renewed()):
+            self.steps -= 1  # old slopes led astray: no step of the descent, and no pace of it
+            self.pace.merits.pop()
+        else:
+            self.damping *= 30.0
+            if self.damping > MOST_DAMPING:
+                return Descent(self.here, self.hope < STALLED)
+        return None
+
+    def _taken(self, trial: Expansion, *, as_foreseen: bool) -> Task[None]:
+        """Go there; slopes that did not foresee what was found are taken anew."""
+        fresh = self.age == self._oldest
+        self._led_by_carried = self.age > 0
+        self.here, self.moved, self.age = trial, True, 0 if fresh else self.age + 1
+        if fresh:
+            self._sound = trial, True
+        elif not as_foreseen:
+            yield from self.renewed()
+
+    def _looked_at(self, step: FloatArray) -> Task[None]:
+        """Go a last short step by slopes of here, if carried ones led here and it is lower there.
+
+        A step by slopes of its own point leaves the square of what was to go, one by carried slopes
+        a share of it. The slopes here are those at its end, as far as anything can tell.
+        """
+        if not self._led_by_carried:
+            return
+        [sample] = yield Request((self.here.x + step,), outputs=self.constraint.output >= 0)
+        trial = Expansion(sample, self.here.matrix, self.here.outward)
+        if _merit(trial, self.constraint) < self.merit:
+            self.here = trial
 
 
 class _Pace:
@@ -229,17 +375,17 @@ class _Pace:
         self.wanted = wanted
         self.merits: list[float] = []
 
-    def is_hopeless(self, merit: float) -> bool:
+    def is_hopeless(self, merit: float, left: int) -> bool:
         """Whether it does not, not even at `SPEEDUP` times that pace.
 
         Args:
             merit: before its next step.
+            left: steps that it still has.
         """
         self.merits.append(merit)
         if not np.isfinite(self.wanted) or len(self.merits) <= PACED:
             return False
         pace = (self.merits[-1 - PACED] - merit) / PACED
-        left = ITERATIONS - len(self.merits) + 1
         return merit - SPEEDUP * pace * left > self.wanted
 
 
