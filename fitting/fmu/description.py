@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from fitting.fmu.archive import member_names
+from fitting.fmu.own_steps import OwnSteps
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
 from fitting.text.files import read_whole
@@ -62,8 +64,7 @@ class FmuVariable:
 class FmuDescription:
     """What an FMU file says of itself; ``variables`` by name in the order of the file.
 
-    ``step_s`` is the step that it was made for: of its own solver where it tells that, else of its
-    default experiment; None where it tells neither.
+    ``own_steps`` are the steps that it was made for.
     """
 
     path: Path
@@ -78,7 +79,12 @@ class FmuDescription:
     one_instance_per_process: bool
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
-    step_s: float | None = None
+    own_steps: OwnSteps = field(default_factory=OwnSteps)
+
+    @property
+    def step_s(self) -> float | None:
+        """The step that it was made for, s: of its own solver, else of its default experiment."""
+        return self.own_steps.step_s
 
     @property
     def seen(self) -> tuple[FmuVariable, ...]:
@@ -139,7 +145,7 @@ def read_description(path: Path | str) -> FmuDescription:
         one_instance_per_process=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
         needs_execution_tool=bool(model.coSimulation.needsExecutionTool),
         variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
-        step_s=_own_step_s(path, model),
+        own_steps=_own_steps(path, model),
     )
 
 
@@ -154,11 +160,19 @@ def validation_problems(path: Path | str) -> list[str]:
     return [str(problem) for problem in validate_fmu(str(path))]
 
 
-def _own_step_s(path: Path, model: Any) -> float | None:
-    fixed = getattr(model.coSimulation, "fixedInternalStepSize", None)
+def _own_steps(path: Path, model: Any) -> OwnSteps:
+    def step_s(text: str | None, key: str) -> float | None:
+        found = _number(text, f"{path}: {key}")
+        return found if found is not None and 0.0 < found < math.inf else None
+
+    cosimulation = model.coSimulation
+    fixed = getattr(cosimulation, "fixedInternalStepSize", None)
     usual = getattr(model.defaultExperiment, "stepSize", None)
-    found = _number(fixed or usual, f"{path}: step size")
-    return found if found is not None and found > 0.0 else None
+    return OwnSteps(
+        internal_s=step_s(fixed, "fixedInternalStepSize"),
+        usual_s=step_s(usual, "DefaultExperiment stepSize"),
+        of_any_length=bool(cosimulation.canHandleVariableCommunicationStepSize),
+    )
 
 
 def _platforms(names: Iterable[str]) -> tuple[str, ...]:

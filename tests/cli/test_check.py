@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-import zipfile
 from pathlib import Path
 
 import pytest
 
 from fitting.cli.main import main
-from tests.support.cfmu_build import build_c_fmu
+from tests.support.cfmu_build import build_c_fmu, reworded
 from tests.support.processes import Clock
 
 ROOT = Path(__file__).parents[2]
@@ -47,35 +46,22 @@ def test_a_reset_that_lies_is_told(
     assert "every run has a new instance" in capsys.readouterr().out
 
 
-def rewritten(fmu: Path, before: bytes, after: bytes) -> Path:
-    """The same FMU with other words in its description."""
-    path = fmu.with_name("rewritten.fmu")
-    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(path, "w") as target:
-        for name in source.namelist():
-            content = source.read(name)
-            if name == "modelDescription.xml":
-                assert before in content
-                content = content.replace(before, after)
-            target.writestr(name, content)
-    return path
-
-
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        (b'unit="N/m" ', b'unit="furlong" ', r"careful: The unit \"furlong\" .* is not defined"),
+        ('unit="N/m" ', 'unit="furlong" ', r"careful: The unit \"furlong\" .* is not defined"),
         (
-            b'<InitialUnknowns><Unknown index="5"/>',
-            b"<InitialUnknowns>",
+            '<InitialUnknowns><Unknown index="5"/>',
+            "<InitialUnknowns>",
             "cosmetic: ModelStructure/InitialUnknowns",
         ),
     ],
 )
 def test_rules_broken_are_told_by_how_much_they_matter(
-    before: bytes, after: bytes, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    before: str, after: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It runs all the same: no error of this command."""
-    assert main(["check", str(rewritten(build_c_fmu(tmp_path), before, after))]) == 0
+    assert main(["check", str(reworded(build_c_fmu(tmp_path), {before: after}))]) == 0
     told = capsys.readouterr()
     assert re.search(words, told.out)
     assert told.err == ""
@@ -86,7 +72,7 @@ def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A force of 1 N at 300 Hz: |x| = 1/|k - m w^2 + i c w| by hand."""
-    fmu = rewritten(build_c_fmu(tmp_path), b'causality="output"', b'causality="local"')
+    fmu = reworded(build_c_fmu(tmp_path), {'causality="output"': 'causality="local"'})
     assert main(["check", str(fmu)]) == 0
     text = capsys.readouterr().out
     assert "4 local variables (it has no output) are numbers" in text

@@ -49,6 +49,20 @@ def build_c_fmu(
     return path
 
 
+def reworded(fmu: Path, words: Mapping[str, str]) -> Path:
+    """The same FMU with other words in its description, beside it."""
+    path = fmu.with_name(f"{fmu.stem}_reworded.fmu")
+    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                for before, after in words.items():
+                    assert before.encode() in content
+                    content = content.replace(before.encode(), after.encode())
+            target.writestr(name, content)
+    return path
+
+
 def build_lag_fmu(folder: Path) -> Path:
     """The lag tau x' + x = gain u, y = x + through u as an FMU in ``folder``."""
     return _first_order(folder, "lag", ())
