@@ -23,9 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--step",
         type=positive_time("--step"),
-        default=1e-3,
         metavar="TIME",
-        help='length of the trial step, as "1 ms" (0.001 s)',
+        help='length of the trial step, as "1 ms" (one that suits the FMU, else 0.001 s)',
     )
     add_timeout(parser, 60.0, "longest run")
 

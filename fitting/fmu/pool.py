@@ -89,8 +89,9 @@ class FmuWorkers:
     ``timeout_name`` what the user calls the time limit, for the message when it is over.
 
     ``warnings`` collects the different warnings that the FMU logged, ``latest_warnings`` those of
-    the last call of ``run``. After an FmuFailure the object can be used on. Raises BadInput if the
-    FMU cannot be read.
+    the last call of ``run``; ``memory_bytes`` is the memory of the process that answered last, 0
+    where the system does not tell. After an FmuFailure the object can be used on. Raises BadInput
+    if the FMU cannot be read.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class FmuWorkers:
         self.counts = Counts()
         self.warnings: tuple[str, ...] = ()
         self.latest_warnings: tuple[str, ...] = ()
+        self.memory_bytes = 0
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
         self._requests = RunRequests(self.description)
@@ -144,6 +146,22 @@ class FmuWorkers:
         """A sentence: whether instances are reset and reused or new for every run, and why."""
         notes = {verdict.reused: verdict.note for verdict in self._verdicts}
         return notes.get(False) or notes.get(True) or notes[None]
+
+    @property
+    def reused(self) -> bool | None:
+        """Whether instances are reset and reused; None where nothing has decided that yet."""
+        found = {verdict.reused for verdict in self._verdicts}
+        return False if False in found else True if True in found else None
+
+    @property
+    def reset_lies(self) -> bool:
+        """Whether a reset that was called OK left something behind."""
+        return any(verdict.lied for verdict in self._verdicts)
+
+    @property
+    def resets_end(self) -> bool:
+        """Whether a reset ended the process, or never ended itself."""
+        return any(verdict.ended for verdict in self._verdicts)
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         """Results of the runs in their order, each (samples, outputs).
@@ -243,6 +261,7 @@ class FmuWorkers:
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
         self._verdicts[number] = reply.verdict
         self.counts += reply.counts
+        self.memory_bytes = reply.memory
         self.warnings = _added(self.warnings, reply.warnings)
         self.latest_warnings = _added(self.latest_warnings, reply.warnings)
         todo = job.todo[number]
@@ -285,10 +304,12 @@ class FmuWorkers:
     ) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
         run, in_trial = self._run_of(number, worker, job), worker.in_trial
+        if worker.is_freeing:
+            how = f"was to free an instance and {how}"
         self._kill(number)
         if not in_trial:
             raise self._failure(f"the FMU {how}", run, kind)
-        self._verdicts[number].refuse(f"after a reset the FMU {how}")
+        self._verdicts[number].refuse(f"after a reset the FMU {how}", ended=True)
         _log.info("worker %d: replaced, after a reset the FMU %s", number + 1, how)
         self._send(number, job)
 

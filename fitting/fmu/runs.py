@@ -115,6 +115,18 @@ class Segment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Handling:
+    """A new instance for one run alone, on which nothing is set that the run does not name.
+
+    ``before``: start values of a run that goes before on that instance, which is reset then; None:
+    there is none. ``freed``: the instance is freed behind the run, and that may fail.
+    """
+
+    before: Mapping[str, Scalar] | None = None
+    freed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """One simulation of an FMU.
 
@@ -125,6 +137,8 @@ class Run:
 
     ``start_values`` are set before initialisation; ``outputs`` are read at every sample.
     ``allow_nan``: an output that is not a finite number is handed back instead of being a failure.
+
+    ``handling``: how an instance is handled, where that is what is asked; None: as suits.
 
     ``segments`` go on from the last sample without a new start, so that a tone that is ``moved``
     keeps its phase and the state its branch; their samples follow in the result.
@@ -143,6 +157,7 @@ class Run:
     allow_nan: bool = False
     moved: str = ""
     segments: tuple[Segment, ...] = ()
+    handling: Handling | None = None
 
     @property
     def rows(self) -> int:
@@ -224,12 +239,14 @@ def row_times(run: Timed) -> list[float]:
 class Counts:
     """What the workers did: ``seconds`` were spent in the loops of FMI calls, summed over workers.
 
-    The runs and steps of the reset comparison are included.
+    ``processor_s`` is the processor time of it, which other programs do not lengthen. The runs and
+    steps of the reset comparison are included.
     """
 
     runs: int = 0
     steps: int = 0
     seconds: float = 0.0
+    processor_s: float = 0.0
     instances: int = 0
     processes: int = 0
 
@@ -238,6 +255,7 @@ class Counts:
             runs=self.runs + other.runs,
             steps=self.steps + other.steps,
             seconds=self.seconds + other.seconds,
+            processor_s=self.processor_s + other.processor_s,
             instances=self.instances + other.instances,
             processes=self.processes + other.processes,
         )

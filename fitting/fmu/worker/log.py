@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections import deque
 
+from fitting.text.controls import spelled_out
+
 KEPT = 50  # sentences of one run; the last ones tell why it failed
 WRITTEN = 200  # sentences of one run that go to the file
 SEVERE = 1  # fmi2Warning, fmi3Warning; below it is only chatter
@@ -34,7 +36,7 @@ class Log:
             status: FMI status of a call.
             message: bytes that the FMU logged, None for none.
         """
-        text = " ".join((message or b"").decode("utf-8", "replace").split())
+        text = spelled_out(" ".join((message or b"").decode("utf-8", "replace").split()))
         if not text:
             return
         self._kept.append((status, text))

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.run_requests import Handled, Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
 from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
-from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, open_pulse
 from fitting.fmu.worker.reuse import Instances, ReuseDecision, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
@@ -54,24 +54,43 @@ class _Holder:
         self._bindings: dict[int, Binding] = {}
         self._layouts: list[Layout] = []
         self._runs = self._steps = self._new_instances = 0
-        self._seconds = 0.0
+        self._seconds = self._processor_s = 0.0
 
     def do(self, layouts: list[Layout], request: RunRequest) -> FloatArray:
         self._layouts = layouts
+        if request.handled is not None:
+            return self._handled(request, request.handled)
         instances = Instances(self._fresh, self._again, self._tried)
         return run_with_reuse(self.verdict, layouts, request, instances)
 
     def take_counts(self) -> Counts:
         counts = Counts(
-            runs=self._runs, steps=self._steps, seconds=self._seconds, instances=self._new_instances
+            runs=self._runs,
+            steps=self._steps,
+            seconds=self._seconds,
+            processor_s=self._processor_s,
+            instances=self._new_instances,
         )
         self._runs = self._steps = self._new_instances = 0
-        self._seconds = 0.0
+        self._seconds = self._processor_s = 0.0
         return counts
 
     def close(self) -> None:
         if self._fmu is not None:
-            self._fmu.free()
+            self._free(self._fmu)
+
+    def _handled(self, request: RunRequest, handled: Handled) -> FloatArray:
+        result = self._fresh(handled.before or request)
+        if handled.before is not None:
+            result = self._again(request)
+        if handled.freed and self._fmu is not None:
+            self._free(self._fmu)
+        return result
+
+    def _free(self, fmu: FmuInstance) -> None:
+        self._pulse[FREEING] = 1
+        fmu.free()
+        self._pulse[FREEING] = 0
 
     def _fresh(self, request: RunRequest) -> FloatArray:
         if self._instances >= self._limit:
@@ -79,6 +98,7 @@ class _Holder:
         if self._fmu is None:
             self._fmu = load(self._unpacked, self.log)
         self.log.new_run()
+        self._free(self._fmu)
         self._pulse[BEGUN] += 1
         self._fmu.instantiate()
         self._instances += 1
@@ -98,21 +118,31 @@ class _Holder:
             return self._fresh(request)
         self._pulse[BEGUN] += 1
         self.log.new_run()
-        began = time.perf_counter()
+        began = _clocks()
         fmu.reset()
-        self._seconds += time.perf_counter() - began
+        self._count(began)
         return self._simulate(fmu, request)
 
     def _simulate(self, fmu: FmuInstance, request: RunRequest) -> FloatArray:
         binding = self._bindings.get(request.layout)
         if binding is None:
             binding = self._bindings[request.layout] = bind(fmu, self._layouts[request.layout])
-        began = time.perf_counter()
+        began = _clocks()
         result = simulate(fmu, binding, request)
-        self._seconds += time.perf_counter() - began
+        self._count(began)
         self._runs += 1
         self._steps += steps_of(request)
         return result
+
+    def _count(self, began: tuple[float, float]) -> None:
+        now = _clocks()
+        self._seconds += now[0] - began[0]
+        self._processor_s += now[1] - began[1]
+
+
+def _clocks() -> tuple[float, float]:
+    """The time, and the processor time of this process, s."""
+    return time.perf_counter(), time.process_time()
 
 
 def serve(pipe: connection.Connection) -> None:
@@ -134,7 +164,8 @@ def serve(pipe: connection.Connection) -> None:
         reply = _answer(holder, batch, pulse)
         memory = _memory()
         baseline = memory if baseline is None else baseline
-        reply = reply._replace(used_up=reply.used_up or memory - baseline > MOST_GROWTH)
+        used_up = reply.used_up or memory - baseline > MOST_GROWTH
+        reply = reply._replace(used_up=used_up, memory=memory)
         with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
             pipe.send(reply)
     # not by way of the interpreter's teardown, in which FMUs are known to crash

@@ -39,7 +39,7 @@ class Reply(NamedTuple):
     """Results of the first ``done`` requests, flat; the rest is left if ``used_up`` or ``failure``.
 
     ``used_up``: this process should do no more; ``failure``: why the one after the last done one
-    failed.
+    failed. ``memory`` of the process in bytes, 0 where the system does not tell.
     """
 
     results: FloatArray
@@ -49,3 +49,4 @@ class Reply(NamedTuple):
     warnings: tuple[str, ...]
     counts: Counts
     verdict: ReuseDecision
+    memory: int = 0

@@ -18,7 +18,7 @@ from typing import IO, Any, NamedTuple, cast
 from fitting.fmu.worker import main as worker_main
 from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.worker.printed import Printed
-from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, new_pulse
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, new_pulse
 from fitting.fmu.worker.reuse import ReuseDecision
 
 START_S = 120.0  # longest start of a process, before it touches the FMU
@@ -109,6 +109,11 @@ class WorkerProcess:
     def in_trial(self) -> bool:
         """Whether the FMU is only being tried after a reset."""
         return bool(self._pulse.numbers[IN_TRIAL])
+
+    @property
+    def is_freeing(self) -> bool:
+        """Whether the FMU is freeing an instance."""
+        return bool(self._pulse.numbers[FREEING])
 
     def is_late(self, timeout_s: float) -> bool:
         """Whether the process began something longer than that ago; its own start is not counted.
