@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 from fitting.api.fmu import Fmu, held_fmu
+from fitting.api.written import CHECK_FILES
 from fitting.campaign import Campaign
 from fitting.campaign.check import Check, check_fmu
 from fitting.measurements.kinds import read_campaign
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import remove_earlier, results_folder
 
 
 def check(
@@ -38,3 +41,24 @@ def check(
     if campaign is not None and not isinstance(campaign, Campaign):
         campaign = read_campaign(campaign)
     return check_fmu(held.workers, campaign, step_s)
+
+
+def write_check(found: Check, out: str | Path) -> Path:
+    """Write what was found as a page, report.html with its figure.
+
+    Args:
+        found: What `check` returned.
+        out: Folder, made where there is none.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        BadInput: the folder cannot be written, or holds files of these names that are not ours.
+    """
+    # matplotlib takes a second to import: only where something is drawn
+    report = importlib.import_module("fitting.report.check")
+    with results_folder(Path(out), "check", CHECK_FILES):
+        page: Path = report.write_report(found, Path(out))
+        remove_earlier(Path(out), CHECK_FILES)
+    return page

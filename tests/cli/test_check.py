@@ -111,6 +111,22 @@ def test_what_an_fmu_says_does_not_steer_the_terminal(
     assert not re.search("^fatal: ", text, re.MULTILINE)
 
 
+def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = build_c_fmu(tmp_path, marks={"NOISE": 1e-3})
+    out = tmp_path / "page"
+    assert main(["check", str(fmu), "--report", str(out)]) == 0
+    told = capsys.readouterr().out
+    page = (out / "report.html").read_text("utf-8")
+    [careful] = re.findall("^careful: (outputs repeat to .*)$", told, re.MULTILINE)
+    for words in (careful, "here a step takes about", "DrivenOscillator", "stiffness"):
+        assert words in told
+        assert words in page
+    assert "data:image/svg+xml" in page
+    assert (out / "figures" / "1_repeats.csv").exists()
+    assert main(["check", str(fmu), "--report", str(fmu)]) == 2  # a file is no folder
+    assert str(fmu) in capsys.readouterr().err
+
+
 def test_no_binary_for_this_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(build_c_fmu(tmp_path, platform="plan9"))]) == 2
     assert "no binary for this platform" in capsys.readouterr().err

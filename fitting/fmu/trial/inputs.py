@@ -92,5 +92,5 @@ def _tunable(
         )
 
     results = tried(workers, [moved_to(value) for value in values])
-    acts = None if results is None else not np.array_equal(*results, equal_nan=True)
+    acts = None if results is None else not np.array_equal(results[0], results[1], equal_nan=True)
     return InputEffect(name=variable.name, causality=variable.causality, acts=acts, at_once=None)

@@ -87,7 +87,7 @@ def _kept(workers: FmuWorkers, run: Run, others: Mapping[str, Scalar]) -> tuple[
         new = replace(run, start_values=given, handling=Handling())
         after = replace(new, handling=Handling(before={**given, **before}))
         found = tried(workers, [new, after])
-        return found is not None and not np.array_equal(*found, equal_nan=True)
+        return found is not None and not np.array_equal(found[0], found[1], equal_nan=True)
 
     if leaves({}):
         return ("",)  # the state itself stays, whatever was set

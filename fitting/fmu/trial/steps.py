@@ -168,7 +168,7 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
         output=real[k],
         own_step_s=_own_step_s(workers, run),
         outputs=real,
-        times_s=np.arange(steps + 1) * run.sample_step_s,
+        times_s=np.arange(steps + 1, dtype=np.float64) * run.sample_step_s,
         differences=np.abs(halves - whole),
     )
 

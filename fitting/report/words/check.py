@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from fitting.campaign.check import Check
+from fitting.campaign.check import Check, Suits
 from fitting.fmu import FmuDescription, FmuVariable
 from fitting.fmu.findings import Finding, Severity
 from fitting.fmu.trial.costs import Costs
@@ -68,13 +68,9 @@ def check_lines(found: Check) -> list[str]:
     Args:
         found: of the FMU.
     """
-    lines = [_finding(f) for f in found.findings if f.severity is not Severity.FATAL]
+    lines = [finding_words(f) for f in found.findings if f.severity is not Severity.FATAL]
     if found.suits is not None:
-        suits = found.suits
-        lines.append(
-            f"{suits.campaign}: suits this FMU; {suits.parameters} parameters to fit, "
-            f"{suits.experiments} experiments, output {suits.output}"
-        )
+        lines.append(suits_line(found.suits))
     lines += examination_lines(found)
     lines += [f"the FMU warns: {warning}" for warning in found.warnings]
     return [spelled_out(line) for line in lines]
@@ -94,7 +90,42 @@ def examination_lines(found: Check) -> list[str]:
     return [*lines, *([] if tried.costs is None else [costs_line(tried.costs)])]
 
 
-def _finding(finding: Finding) -> str:
+def suits_line(suits: Suits) -> str:
+    """What a campaign would do with the FMU.
+
+    Args:
+        suits: that it suits.
+    """
+    return (
+        f"{suits.campaign}: suits this FMU; {suits.parameters} parameters to fit, "
+        f"{suits.experiments} experiments, output {suits.output}"
+    )
+
+
+def described(description: FmuDescription) -> dict[str, str]:
+    """What an FMU says of itself, by what it says.
+
+    Args:
+        description: of the FMU.
+    """
+    d = description
+    return {
+        "file": str(d.path),
+        "FMI": d.fmi_version,
+        "platforms": ", ".join(d.platforms),
+        "guid": d.guid,
+        "sha256": d.sha256,
+        "made by": d.generation_tool or "a tool that does not tell",
+        "further": "; ".join((*_needs(d), *_step(d))) or "nothing",
+    }
+
+
+def finding_words(finding: Finding) -> str:
+    """A finding as a line.
+
+    Args:
+        finding: of the FMU.
+    """
     more = f" ({finding.count - 1} more of this kind)" if finding.count > 1 else ""
     return f"{finding.severity}: {finding.sentence}{more}"
 
