@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import sys
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from fitting.campaign.file import WrittenFmu
 from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.isolation import Isolation
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.tone_names import OtherTone, other_tones
@@ -120,6 +122,8 @@ class Fmu:
             any more.
         timeout_s: Longest time for one run, s; then the FMU counts as failed.
         timeout_name: What complaints call that time.
+        isolate: Whether its processes run with limits of memory, processor time, open files and
+            written bytes, in a folder of their own and without network; or these limits.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -131,13 +135,18 @@ class Fmu:
         workers: int = 2,
         timeout_s: float = 60.0,
         timeout_name: str = "timeout_s",
+        isolate: bool | Isolation = False,
     ) -> None:
         if not isinstance(source, str | PathLike):
             raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
         path = self._built(str(source)) if is_model else source
         self.workers = FmuWorkers(
-            path, workers=workers, timeout_s=timeout_s, timeout_name=timeout_name
+            path,
+            workers=workers,
+            timeout_s=timeout_s,
+            timeout_name=timeout_name,
+            isolation=_isolation(isolate),
         )
 
     def _built(self, model: str) -> Path:
@@ -485,6 +494,14 @@ class Fmu:
             if (v.kind, v.variability) == ("Real", "continuous"):
                 return (v.name,)
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
+
+
+def _isolation(isolate: bool | Isolation) -> Isolation | None:
+    if isolate is False:
+        return None
+    if sys.platform == "win32":
+        raise BadInput("isolate: Windows has no such limits, wanted Linux or macOS")
+    return Isolation() if isolate is True else isolate
 
 
 def _hertz(tones: Iterable[str | float]) -> tuple[float, ...]:

@@ -376,19 +376,23 @@ class Problem:
         return f"<Problem {self.record.title}: {', '.join(self.names)} from {rows} rows>"
 
 
-def fmu_of(campaigns: Sequence[Campaign], folder: str | Path, workers: int) -> Fmu:
+def fmu_of(
+    campaigns: Sequence[Campaign], folder: str | Path, workers: int, *, isolate: bool = False
+) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder.
 
     Args:
         campaigns: One or more that are fitted together.
         folder: Where it is built.
         workers: Number of processes, at least 1.
+        isolate: Whether they run isolated, see `Fmu`.
 
     Raises:
         BadInput: they name different ones, or one that is not there.
     """
     named = one_fmu(campaigns)
-    return Fmu(provide_fmu(named, Path(folder)), workers, named.timeout_s)
+    path = provide_fmu(named, Path(folder))
+    return Fmu(path, workers, named.timeout_s, isolate=isolate)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:

@@ -10,7 +10,7 @@ from fitting.api.written import CHECK_FILES
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
-from fitting.cli.words.drive import add_fmu, add_timeout, fmu_of
+from fitting.cli.words.drive import add_fmu, add_isolate, add_timeout, fmu_of
 from fitting.cli.words.values import positive_time
 
 NAME = "check"
@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report", type=Path, metavar="FOLDER", help="also write a page, FOLDER/report.html"
     )
     add_timeout(parser, 60.0, "longest run")
+    add_isolate(parser)
 
 
 def _out(args: argparse.Namespace) -> Path | None:

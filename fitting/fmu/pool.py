@@ -19,9 +19,10 @@ import numpy as np
 
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
+from fitting.fmu.isolation import Isolation
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
-from fitting.fmu.worker.messages import Batch, Reply, UnpackedFmu
+from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import ReuseDecision
 from fitting.text.arrays import FloatArray
@@ -86,7 +87,8 @@ class FmuWorkers:
 
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
     reset and reused where a repeated run is the same bit for bit, "never": a new one for each run;
-    ``timeout_name`` what the user calls the time limit, for the message when it is over.
+    ``timeout_name`` what the user calls the time limit, for the message when it is over;
+    ``isolation`` limits of what the FMU may take, None: those of the caller.
 
     ``warnings`` collects the different warnings that the FMU logged, ``latest_warnings`` those of
     the last call of ``run``; ``memory_bytes`` is the memory of the process that answered last, 0
@@ -102,6 +104,7 @@ class FmuWorkers:
         timeout_s: float = 60.0,
         reuse: Literal["auto", "never"] = "auto",
         timeout_name: str = "timeout_s",
+        isolation: Isolation | None = None,
     ) -> None:
         if not 1 <= workers <= MOST_WORKERS:
             raise BadInput(f"workers is {workers!r}, wanted 1 to {MOST_WORKERS}")
@@ -114,6 +117,7 @@ class FmuWorkers:
         self.memory_bytes = 0
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
+        self._isolation = isolation
         self._requests = RunRequests(self.description)
         self._open = _Open([None] * workers)
         self._finaliser = weakref.finalize(self, self._open.close)
@@ -220,7 +224,14 @@ class FmuWorkers:
             one_instance_per_process=d.one_instance_per_process,
         )
         try:
-            worker = WorkerProcess(fmu, self._verdicts[number], home, f"worker{number}")
+            worker = WorkerProcess(
+                Task(
+                    fmu=fmu,
+                    verdict=self._verdicts[number],
+                    pulse_path=str(home / f"worker{number}.pulse"),
+                    isolation=self._isolation,
+                )
+            )
         except OSError as error:
             raise FmuFailure(f"no worker process could be started: {error}", {}, d.path) from error
         self._open.processes[number] = worker
@@ -253,6 +264,8 @@ class FmuWorkers:
         for number, worker in pipes.values():
             if worker.is_gone:
                 self._ended(number, worker, job)
+            elif text := worker.written_too_much():
+                self._blame(number, worker, job, text, FmuFailure)
             elif worker.is_late(self._timeout_s):
                 text = f"gave no answer within {self._timeout_s:g} s and was stopped"
                 text += f"; {self._timeout_name} sets that limit"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
+from collections.abc import Iterable
 
 from fitting.text.controls import spelled_out
 
@@ -45,6 +46,14 @@ class Log:
             os.write(self._file, f"[{label(status)}] {text}\n".encode())
         if status == SEVERE and len(self._warned) <= KEPT:  # one more tells that there are more
             self._warned[text] = None
+
+    def warn(self, sentences: Iterable[str]) -> None:
+        """Count sentences of ours among the FMU's warnings.
+
+        Args:
+            sentences: on what it runs with.
+        """
+        self._warned.update(dict.fromkeys(sentences))
 
     def new_run(self) -> None:
         """Forget what was said before."""

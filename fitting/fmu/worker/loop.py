@@ -20,11 +20,12 @@ import numpy as np
 
 from fitting.fmu.run_requests import Handled, Layout, RunRequest
 from fitting.fmu.runs import Counts
+from fitting.fmu.worker.confinement import allow_processor_time, confine
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
-from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
-from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, open_pulse
-from fitting.fmu.worker.reuse import Instances, ReuseDecision, run_with_reuse
+from fitting.fmu.worker.messages import Batch, Reply, Task
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, OWN_MEMORY, open_pulse
+from fitting.fmu.worker.reuse import Instances, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
@@ -41,11 +42,11 @@ class _UsedUp(Exception):
 class _Holder:
     """The FMU of this process, its instance, and the account of what was done with it."""
 
-    def __init__(
-        self, fmu: UnpackedFmu, log: Log, verdict: ReuseDecision, pulse: memoryview
-    ) -> None:
-        self.verdict = verdict
+    def __init__(self, task: Task, log: Log, pulse: memoryview) -> None:
+        fmu = task.fmu
+        self.verdict = task.verdict
         self.log = log
+        self._isolation = task.isolation
         self._limit = 1 if fmu.one_instance_per_process else MOST_INSTANCES
         self._unpacked = fmu
         self._pulse = pulse
@@ -58,6 +59,8 @@ class _Holder:
 
     def do(self, layouts: list[Layout], request: RunRequest) -> FloatArray:
         self._layouts = layouts
+        if self._isolation is not None:
+            allow_processor_time(self._isolation)
         if request.handled is not None:
             return self._handled(request, request.handled)
         instances = Instances(self._fresh, self._again, self._tried)
@@ -145,16 +148,21 @@ def _clocks() -> tuple[float, float]:
     return time.perf_counter(), time.process_time()
 
 
-def serve(pipe: connection.Connection) -> None:
+def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
     """Take the task, answer batches until the caller sends None; leave when the caller is gone.
 
     Args:
         pipe: the worker's end.
+        has_network: whether the process is in the network of the machine.
     """
     messages = _messages(pipe)
     task: Task = messages.get()
     pulse = open_pulse(Path(task.pulse_path)).numbers
-    holder = _Holder(task.fmu, Log(sys.stderr.fileno()), task.verdict, pulse)
+    holder = _Holder(task, Log(sys.stderr.fileno()), pulse)
+    pulse[OWN_MEMORY] = _memory()
+    if task.isolation is not None:
+        # here and not earlier: the thread that reads messages clears up, and stays as it was
+        holder.log.warn(confine(task.isolation, Path.cwd(), has_network=has_network))
     baseline: int | None = None
     while True:
         batch: Batch | None = messages.get()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fitting.fmu.isolation import Isolation
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.reuse import ReuseDecision
@@ -21,11 +22,12 @@ class UnpackedFmu(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What a worker is there for: an FMU, what is known about its reuse, and its pulse."""
+    """What a worker is there for: an FMU, what is known about its reuse, its pulse and limits."""
 
     fmu: UnpackedFmu
     verdict: ReuseDecision
     pulse_path: str
+    isolation: Isolation | None = None
 
 
 class Batch(NamedTuple):

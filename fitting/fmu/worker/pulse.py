@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 #: Places: the run of the batch that is under way, a count of everything that was begun, whether a
-#: reset instance is only being tried, and whether an instance is being freed.
-AT_RUN, BEGUN, IN_TRIAL, FREEING = 0, 1, 2, 3
-PLACES = 4
+#: reset instance is only being tried, whether an instance is being freed, and the memory of the
+#: process in bytes before there is an FMU in it.
+AT_RUN, BEGUN, IN_TRIAL, FREEING, OWN_MEMORY = 0, 1, 2, 3, 4
+PLACES = 5
 SIZE = 8  # bytes of each
 
 

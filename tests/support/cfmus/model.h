@@ -18,7 +18,7 @@ enum { MISBEHAVE = 100, STEPS = 101, INVERTED = 200, LABEL = 300 };
 enum { GOOD, HANGS, CRASHES, NAN_OUTPUT, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, IS_PENDING,
        WARNS, HANGS_AT_START, PRINTS_AND_ABORTS, IS_KILLED, IS_KILLED_ONCE, FORKS,
        PRINTS_MUCH_AND_ABORTS, WRITES_FILE, FILLS_MEMORY, FILLS_DISK, OPENS_MANY, OPENS_SOCKET,
-       BURNS, ESCAPES };
+       ESCAPES };
 enum { RESET_WORKS, RESET_DOES_NOTHING, RESET_KEEPS_DERIVED, RESET_CRASHES, RESET_FAILS, RESET_HANGS,
        RESET_FREEZES_OUTPUT, RESET_KEEPS_PARAMETERS };
 #ifndef NOISE /* of the output, relative, another one at every step of another length or number */
@@ -163,18 +163,25 @@ static void model_befall(const Model *m) {
     case FILLS_MEMORY:
         for (size_t i = 1; i; i++) memset(malloc(1 << 24), (int)i, 1 << 24);
         break;
-    case FILLS_DISK:
-        file = fopen("much.bin", "w");
-        for (size_t i = 0; i < 100000; i++)
-            if (fwrite(file_block, sizeof file_block, 1, file) != 1 || fflush(file)) break;
-        fclose(file);
+    case FILLS_DISK: /* "many": in files of 1 MB, else in one */
+        for (int i = 0; i < 100000; i++) {
+            char name[32];
+            snprintf(name, sizeof name, "much%d.bin", strcmp(m->label, "many") ? 0 : i / 16);
+            file = fopen(name, "a");
+            if (!file || fwrite(file_block, sizeof file_block, 1, file) != 1) break;
+            fclose(file);
+        }
+        model_hang();
         break;
     case OPENS_MANY:
         for (int i = 0; i < 10000; i++)
             if (!fopen(m->label, "r")) fprintf(stderr, "no more files\n"), abort();
         break;
     case OPENS_SOCKET: model_connect(m->label); break;
-    case BURNS: model_hang(); break;
+    case ESCAPES:
+        if (!(file = fopen(m->label, "w"))) perror("cannot write there"), abort();
+        fclose(file);
+        break;
     case WRITES_FILE: file = fopen("trace.txt", "w"), fputs("a trace\n", file), fclose(file); break;
     }
 }
