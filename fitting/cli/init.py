@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "files",
         type=Path,
         nargs="*",
+        default=[],
         metavar="FILE",
         help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or "
         "recordings over time, of an output and perhaps an input; one may be the FMU (.fmu), "

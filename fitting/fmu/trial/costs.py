@@ -57,7 +57,7 @@ def measure_costs(workers: FmuWorkers, run: Run) -> Costs:
         FmuFailure: a run did not end in its time, or one that went well before now fails.
     """
     first = _spent(workers, [run])
-    anew = workers.reused is False
+    anew = workers.reused is not True
     most = MOST_NEW if anew else MOST_RUNS
     if anew and workers.description.one_instance_per_process:
         most = 1  # each is a process of its own
@@ -71,10 +71,10 @@ def measure_costs(workers: FmuWorkers, run: Run) -> Costs:
         memory.append(workers.memory_bytes)
     told = memory[0] > 0 and workers.counts.processes == processes
     left = min(b - a for a, b in pairwise(memory)) / count  # memory is taken in pages
-    each = max((first - start_s) / STEPS, 1e-7)
+    each = max((first - start_s) / (run.samples - 1), 1e-7)
     steps = min(MOST_STEPS, max(STEPS, int(BATCH_S / each)))
     before = workers.counts
-    long = tried(workers, [replace(run, samples=steps + 1)])  # it may leave where it is valid
+    long = tried(workers, [replace(run, samples=steps + 1)])  # it may end before that
     spent = workers.counts.processor_s - before.processor_s
     return Costs(
         step_s=max(0.0, (spent - start_s) / steps if long else each),

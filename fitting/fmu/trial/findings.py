@@ -8,6 +8,7 @@ from fitting.fmu.description import FmuDescription
 from fitting.fmu.findings import Finding, Severity
 from fitting.fmu.trial.examination import Examination
 from fitting.fmu.trial.resets import Resets
+from fitting.fmu.trial.runs import STEPS
 from fitting.fmu.trial.steps import Repeatability
 from fitting.text.notation import listed
 
@@ -27,12 +28,12 @@ def trial_findings(description: FmuDescription, found: Examination) -> tuple[Fin
         found: all that was tried.
     """
     fatal = [] if found.failure is None else [Finding(Severity.FATAL, str(found.failure))]
-    said = [] if found.resets is None else _of_resets(found.resets, found)
+    said = [] if found.resets is None else _of_resets(found.resets)
     said += [] if found.repeats is None else _of_repeats(found.repeats, description)
     for effect in found.effects:
         what = f"{effect.causality} {effect.name}"
         if effect.acts is False:
-            said.append(f"{what}: moved between steps, it changes no output")
+            said.append(f"{what}: moved between steps, it changes no output{_over(found)}")
         elif effect.acts is None:
             said.append(f"{what}: the FMU refuses to have it moved between steps")
     if found.costs is not None and found.costs.bytes_per_run > LEAK:
@@ -41,10 +42,17 @@ def trial_findings(description: FmuDescription, found: Examination) -> tuple[Fin
     return (*fatal, *(Finding(Severity.CAREFUL, sentence) for sentence in said))
 
 
-def _of_resets(resets: Resets, found: Examination) -> list[str]:
-    if not resets.true and "" in resets.kept:
+def _over(found: Examination) -> str:
+    resets = found.resets
+    return "" if resets is None else f" over {resets.steps} steps of {resets.step_s:g} s"
+
+
+def _of_resets(resets: Resets) -> list[str]:
+    if "" in resets.kept:
         return ["a reset is called OK and does not bring the FMU back to its start"]
     said = []
+    if resets.steps < STEPS:
+        said.append(f"it ends, or fails, before {STEPS} steps of {resets.step_s:g} s")
     if resets.kept:
         names = listed(resets.kept[:6]) + (" and others" if len(resets.kept) > 6 else "")
         said.append(

@@ -9,7 +9,7 @@ import numpy as np
 from fitting.fmu.description import FmuVariable
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import HeldSignal, Run, Segment
-from fitting.fmu.trial.runs import STEPS, VARIED, moved, tried
+from fitting.fmu.trial.runs import VARIED, moved, tried
 from fitting.text.arrays import Scalar
 
 
@@ -55,10 +55,10 @@ def _input(
     workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[float, float]
 ) -> InputEffect:
     """Half of the steps at another value; and the last sample alone."""
-    held = np.full((STEPS, 1), values[0])
-    seen = np.full((STEPS + 1, 1), values[0])
+    held = np.full((run.samples - 1, 1), values[0])
+    seen = np.full((run.samples, 1), values[0])
     pushed, last = held.copy(), seen.copy()
-    pushed[STEPS // 2 :] = last[-1] = values[1]
+    pushed[len(held) // 2 :] = last[-1] = values[1]
 
     def signal(over: np.ndarray, at: np.ndarray) -> Run:
         made = HeldSignal((variable.name,), run.sample_step_s, over, at)
@@ -77,7 +77,7 @@ def _tunable(
     workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[Scalar, Scalar]
 ) -> InputEffect:
     """The second half of the steps at another value."""
-    half = STEPS // 2
+    half = max(1, (run.samples - 1) // 2)
 
     def moved_to(value: Scalar) -> Run:
         then = Segment(

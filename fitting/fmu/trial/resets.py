@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Handling, Run
-from fitting.fmu.trial.runs import STEPS, VARIED, moved, tried
+from fitting.fmu.trial.runs import VARIED, moved, tried
 from fitting.text.arrays import Scalar
 
 
@@ -60,7 +60,7 @@ def try_resets(workers: FmuWorkers, run: Run) -> Resets:
         unvaried=tuple(refused),
         idle=tuple(idle),
         step_s=run.sample_step_s,
-        steps=STEPS,
+        steps=run.samples - 1,
     )
 
 
