@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
+from time import sleep
 from typing import IO, Any, NamedTuple, cast
 
 from fitting.fmu.isolation import MB
@@ -22,9 +23,8 @@ from fitting.fmu.worker.printed import Printed
 from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, OWN_MEMORY, new_pulse
 
 START_S = 120.0  # longest start of a process, before it touches the FMU
-ENDING_S = 10.0  # longest end of a process that has closed its pipe
-#: Time between two looks whether it has, s.
-ENDED_S = 0.01
+#: Looks whether a process has ended that has closed its pipe, and the time between them, s.
+ENDED_LOOKS, ENDED_S = 1000, 0.01
 #: Share of its memory that an FMU has taken which wanted more.
 NEARLY = 0.8
 #: Signals from outside that end a process; whatever else ends it is the FMU's doing.
@@ -137,9 +137,10 @@ class WorkerProcess:
 
     def death(self) -> Death:
         """How the process ended, whose pipe has."""
-        until = time.monotonic() + ENDING_S
-        while self._poll() is None and time.monotonic() < until:
-            time.sleep(ENDED_S)
+        for _ in range(ENDED_LOOKS):
+            if self._poll() is not None:
+                break
+            sleep(ENDED_S)
         code = self._process.returncode
         name = _signal_name(code)
         if code is None:
