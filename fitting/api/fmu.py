@@ -31,10 +31,10 @@ from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, pairs_table
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.frf import DIRECTIONS, USUAL_SWEEP_ACCURACY, SweepResponse
+from fitting.simulate.frf import DIRECTIONS, SweepResponse
 from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
-from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan_drive, respond
+from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.unsteady import Sideband, sideband_of
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -189,7 +189,7 @@ class Fmu:
                 are set; None: the FMU does, as its start values say.
             outputs: Names of outputs; none: the first continuous one.
             accuracy: Wanted largest relative error of every amplitude, between 0 and 1, or an
-                `Accuracy` with more to keep to; None: 1e-6.
+                `Accuracy` with more to keep to; None: 1e-6, or what the FMU can give.
 
         Returns:
             ``peaks`` (tones, outputs) in the outputs' units, spectrum, traces, and the plan with
@@ -252,7 +252,8 @@ class Fmu:
             output: The output that is read; empty: the first continuous one.
             directions: Any of "up" and "down".
             accuracy: Wanted largest error relative to the largest amplitude, between 0 and 1, or
-                an `Accuracy` with the time to settle at every point; None: 1e-4.
+                an `Accuracy` with the time to settle at every point; None: 1e-4, or what the FMU
+                can give.
 
         Returns:
             ``curves`` of amplitudes (n,) by direction, in the output's unit, and their jumps.
@@ -282,8 +283,7 @@ class Fmu:
             output=self._outputs(output, "output")[0],
             directions=directions,
         )
-        relative = USUAL_SWEEP_ACCURACY if asked.relative is None else asked.relative
-        return sweep_through(self.workers, wanted, relative, settle_s=asked.settle_s)
+        return sweep_through(self.workers, wanted, asked.relative, settle_s=asked.settle_s)
 
     def other_tones(
         self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
@@ -378,7 +378,7 @@ class Fmu:
         return plan_drive(
             self.workers,
             drive,
-            USUAL_ACCURACY if asked.relative is None else asked.relative,
+            asked.relative,
             settle_s=asked.settle_s,
             annotation=asked.annotation,
             shown=Shown(asked.window_s, asked.samples),

@@ -126,7 +126,8 @@ class Problem:
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
-            bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+            asked = {"accuracy": accuracy, "usual_accuracy": False}
+            bound = [replace(b, setup=replace(b.setup, **asked)) for b in bound]
         if start is not None:
             bound = started(bound, start)
         record = problem_of(bound)

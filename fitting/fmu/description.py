@@ -87,6 +87,11 @@ class FmuDescription:
         return self.own_steps.step_s
 
     @property
+    def fixed_step(self) -> bool:
+        """Whether it tells the fixed step of its own solver."""
+        return self.own_steps.internal_s is not None
+
+    @property
     def seen(self) -> tuple[FmuVariable, ...]:
         """Outputs that are numbers; of an FMU without any, its local variables that move."""
         numbers = [v for v in self.variables.values() if v.kind in ("Real", "Integer", "Boolean")]

@@ -69,6 +69,7 @@ class RunRequest(NamedTuple):
     segments: tuple[Segment, ...] = ()
     held: HeldSignal | None = None
     handled: Handled | None = None
+    longest_step_s: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -140,6 +141,7 @@ class RunRequests:
             segments=run.segments,
             held=held,
             handled=self._handled(run),
+            longest_step_s=run.longest_step_s,
         )
 
     def _handled(self, run: Run) -> Handled | None:

@@ -140,6 +140,9 @@ class Run:
 
     ``handling``: how an instance is handled, where that is what is asked; None: as suits.
 
+    No communication step is longer than ``longest_step_s`` (0: as long as samples are apart), which
+    is for FMUs that take one step of their solver in each; with a signal its steps are all.
+
     ``segments`` go on from the last sample without a new start, so that a tone that is ``moved``
     keeps its phase and the state its branch; their samples follow in the result.
 
@@ -158,6 +161,7 @@ class Run:
     moved: str = ""
     segments: tuple[Segment, ...] = ()
     handling: Handling | None = None
+    longest_step_s: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -175,6 +179,8 @@ class Run:
             raise BadInput(f"samples is {self.samples!r}, wanted at least 1")
         if self.samples > 1 and not (math.isfinite(self.sample_step_s) and self.sample_step_s > 0):
             raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
+        if not (math.isfinite(self.longest_step_s) and self.longest_step_s >= 0):
+            raise BadInput(f"longest_step_s is {self.longest_step_s!r}, wanted at least 0")
         if not math.isfinite(self.start_time_s):
             raise BadInput(f"start_time_s is {self.start_time_s!r}, wanted a finite time")
         if not self.outputs or len(set(self.outputs)) != len(self.outputs):
@@ -233,6 +239,38 @@ def row_times(run: Timed) -> list[float]:
         first = times[-1] + segment.settle_s
         times += [first + j * segment.sample_step_s for j in range(segment.samples)]
     return times
+
+
+class Stepped(Timed, Protocol):
+    """What the communication steps of a run without a signal follow from."""
+
+    @property
+    def longest_step_s(self) -> float: ...  # noqa: D102
+
+
+def parts(span_s: float, longest_s: float) -> int:
+    """Into how many equal communication steps a time is divided.
+
+    Args:
+        span_s: the time, s.
+        longest_s: of a step, s; 0: any.
+    """
+    return max(1, math.ceil(span_s / longest_s * (1.0 - WHOLE))) if longest_s else 1
+
+
+def communication_steps(run: Stepped) -> int:
+    """Communication steps of a run without a signal.
+
+    Args:
+        run: with settling, step and number of samples.
+    """
+    stretches = [(run.settle_s, run.sample_step_s, run.samples)]
+    stretches += [(s.settle_s, s.sample_step_s, s.samples) for s in run.segments]
+    return sum(
+        (parts(settle_s, run.longest_step_s) if settle_s else 0)
+        + (samples - 1) * parts(step_s, run.longest_step_s)
+        for settle_s, step_s, samples in stretches
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

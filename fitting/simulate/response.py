@@ -149,7 +149,7 @@ class DriveResponse:
 def plan_drive(
     workers: FmuLike,
     drive: Drive,
-    accuracy: float = USUAL_ACCURACY,
+    accuracy: float | None = None,
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
@@ -160,7 +160,7 @@ def plan_drive(
     Args:
         workers: processes that run the FMU.
         drive: tones and amplitudes that drive.
-        accuracy: relative error that is wanted.
+        accuracy: relative error that is wanted; None: the usual one, or what the FMU can give.
         settle_s: time before the first sample, s.
         annotation: what the FMU says of its own accuracy.
         shown: the window that is kept as samples, None for none.
@@ -171,15 +171,17 @@ def plan_drive(
         settle_s=settle_s,
         longest_settle_s=longest_s,
         fixed=frozenset(drive.start_values),
+        usual=accuracy is None,
     )
     known = knowledge_of(workers.description, annotation)
-    return plan_drives((drive,), accuracy, workers, known, options)
+    wanted = USUAL_ACCURACY if accuracy is None else accuracy
+    return plan_drives((drive,), wanted, workers, known, options)
 
 
 def simulate(
     workers: FmuLike,
     drive: Drive,
-    accuracy: float = USUAL_ACCURACY,
+    accuracy: float | None = None,
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
@@ -190,7 +192,8 @@ def simulate(
     Args:
         workers: the running FMU, `fitting.fmu.FmuWorkers`.
         drive: start values in the FMU's units, tones in Hz, outputs; what it sets is left as it is.
-        accuracy: wanted largest relative error of an amplitude, between 0 and 1.
+        accuracy: wanted largest relative error of an amplitude, between 0 and 1; None: 1e-6, or
+            what the FMU can give.
         settle_s: time before sampling in s; None: found by watching the amplitudes. What a given
             time leaves of the transient is a part of the promise.
         annotation: how the FMU is told to be accurate, and reductions to force or forbid, where it

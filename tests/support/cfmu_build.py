@@ -83,6 +83,24 @@ def _first_order(folder: Path, name: str, options: Sequence[str]) -> Path:
     return path
 
 
+def build_own_step_fmu(
+    folder: Path, kind: str = "STANDS_BETWEEN", *, told: bool = False, step_s: float = 1e-3
+) -> Path:
+    """The driven oscillator that advances in steps of its own as an FMU in ``folder``.
+
+    ``kind`` one of the names in own_step.h; ``told``: the step stands in its description.
+    """
+    library = folder / f"own_step{fmpy.sharedLibraryExtension}"
+    compile_library(SOURCES / "own_step2.c", library, [f"-DKIND={kind}", f"-DSTEP={step_s!r}"])
+    experiment = f'<DefaultExperiment stepSize="{step_s!r}"/>' if told else ""
+    description = (SOURCES / "own_step2.xml").read_text("utf-8")
+    path = folder / f"own_step_{kind.lower()}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", description.replace("@EXPERIMENT@", experiment))
+        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    return path
+
+
 def compile_library(source: Path, library: Path, options: Sequence[str] = ()) -> None:
     """Shared library of one C file, with the compiler that ``cc`` is here."""
     compiler = shutil.which("cc") or sysconfig.get_config_var("CC").split()[0]
