@@ -126,8 +126,10 @@ class Problem:
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
-            asked = {"accuracy": accuracy, "usual_accuracy": False}
-            bound = [replace(b, setup=replace(b.setup, **asked)) for b in bound]
+            bound = [
+                replace(b, setup=replace(b.setup, accuracy=accuracy, usual_accuracy=False))
+                for b in bound
+            ]
         if start is not None:
             bound = started(bound, start)
         record = problem_of(bound)

@@ -31,9 +31,7 @@ def _window(
     """A window, planned once: the same ones come back in every evaluation."""
     mixtures_hz = mixed_hz(tones_hz, order)
     if grid.step_s:
-        found = window_on(
-            grid, read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz
-        )
+        found = window_on(grid, read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
     else:
         found = plan_window(read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
     return replace(found, longest_s=grid.longest_s)

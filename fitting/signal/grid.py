@@ -6,6 +6,7 @@ is old: amplitudes then repeat to the part of a period that a step is, however l
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from fitting.signal.tones import common_period, exact, tone_design
+from fitting.signal.spectrum import Band, plan_band
+from fitting.signal.tones import common_period, exact, tone_design, tones_in_words
 from fitting.signal.window import (
     LARGEST_CONDITION,
     LONGEST_WINDOW_S,
@@ -32,6 +34,8 @@ from fitting.text.notation import hertz
 MOST_PERIODS = 8
 #: Sampling steps that are tried for tones without a common period.
 TRIED_STEPS = 400
+#: Samples of a spectrum, at least.
+SHOWN = 64
 #: A time is at a step where it is no further from one than this part of it.
 AT_STEP = 1e-9
 
@@ -141,6 +145,45 @@ def window_on(
             f"told apart by samples at whole steps of {grid.step_s:g} s"
         )
     return _window(grid, _fitted(grid, tones, settle_s, least + 4), samples_per_period)
+
+
+def band_on(
+    grid: Grid, tones_hz: Sequence[float], longest_s: float, wanted: Band, chosen: bool
+) -> Band:
+    """A spectrum of known tones with every sample on a grid, about as long and fine as another one.
+
+    Args:
+        grid: at which times the FMU is asked.
+        tones_hz: frequencies of the tones, Hz.
+        longest_s: longest window, s.
+        wanted: the spectrum where samples may be at any times.
+        chosen: whether the user has chosen its window or its samples, which are then kept to.
+
+    Raises:
+        BadInput: no samples on the grid show the tones so.
+    """
+    common, h = grid.whole_s(tones_hz), exact(grid.step_s)
+    window = common * math.ceil(wanted.window_s / common)
+    if chosen:
+        window = wanted.window_s
+    steps = window / h
+    least = wanted.samples if chosen else min(wanted.samples, SHOWN)
+    if float(window) <= max(longest_s, float(wanted.window_s)) and steps.denominator == 1:
+        most = least if chosen else int(steps)
+        for samples in range(least, most + 1):
+            if steps.numerator % samples:
+                continue
+            with contextlib.suppress(BadInput):
+                found = plan_band(
+                    tones_hz, longest_s=math.inf, window_s=float(window), samples=samples
+                )
+                if found is not None:
+                    return found
+    raise BadInput(
+        f"{tones_in_words(tones_hz)}: no spectrum up to {longest_s:g} s holds whole periods of "
+        f"them in samples at whole steps of {grid.step_s:g} s, the FMU's own; wanted tones that "
+        "have one"
+    )
 
 
 def _divided(common: Fraction, step_s: Fraction, least: int) -> Iterator[tuple[int, int]]:

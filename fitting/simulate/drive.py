@@ -116,9 +116,8 @@ class Drive:
         own_s = self.grid.step_s
         if own_s:
             step_s = max(round(step_s / own_s), 1) * own_s
-        held_s = step_s / math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
-        if own_s:
-            held_s = own_s
+        per_sample = math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
+        held_s = own_s or step_s / per_sample
         if self.input is not None:
             settle_s = whole_steps(settle_s, held_s)
         else:

@@ -18,7 +18,7 @@ from fitting.signal.grid import Grid
 from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.simulate.probe import Probe
 from fitting.simulate.settling import SAFETY
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import IntArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
 
 #: Looks at a period, from this many samples in it on and this much finer each time, and the
@@ -30,7 +30,7 @@ STILL, LEAST_STEPS = 0.2, 8
 #: Samples of a closer look at a step, and in one step.
 CLOSER, PER_STEP = 4096, 3.3
 #: Steps that are tried where an FMU refuses some: so many in a period of the fastest tone.
-FEWEST, MOST = 4.0, 1e6
+FEWEST, MOST = 4.0, 1e4
 #: The first communication steps of an FMU that integrates by them, in a period, and the change of
 #: an amplitude at which a step may be called one that it can be integrated by.
 FIRST, COARSE = 16, 0.1
@@ -125,7 +125,7 @@ def simplest(step_s: float, within: float) -> tuple[float, ...]:
 
 def _moves(
     probe: Probe, settings: Mapping[str, Scalar], spacing_s: float, samples: int
-) -> FloatArray:
+) -> IntArray:
     """Numbers of the samples at which any output differs from the sample before."""
     drive = probe.drives[0]
     pushed = {} if drive.input is None else {drive.input: drive.amplitude}
@@ -148,7 +148,8 @@ def accepted_grid(
 ) -> Grid | None:
     """The grid of an FMU that refuses steps which are no multiple of its own; None: it takes none.
 
-    Its own step where it tells one, else the shortest of 1, 2 and 5 times the powers of ten.
+    Its own step where it tells one, else the shortest of 1, 2 and 5 times the powers of ten before
+    one that it refuses: every refusal is the end of a process.
 
     Args:
         step_s: step that the FMU was made for, s; None: it tells none.
@@ -156,13 +157,17 @@ def accepted_grid(
         settings: values of FMU variables, by name.
     """
     highest_s, lowest_s = (1.0 / (n * probe.fastest_hz) for n in (FEWEST, MOST))
-    powers = range(math.floor(math.log10(lowest_s)), math.ceil(math.log10(highest_s)) + 1)
-    tried = [float(f"{digit}e{power}") for power in powers for digit in (1, 2, 5)]
-    told = [] if step_s is None else [step_s]
-    for each in (*told, *(t for t in tried if lowest_s <= t <= highest_s)):
-        if each * probe.fastest_hz < 0.5 and _takes(probe, settings, each):
-            return Grid(step_s=each)
-    return None
+    if step_s is not None and step_s * probe.fastest_hz < 0.5 and _takes(probe, settings, step_s):
+        return Grid(step_s=step_s)
+    powers = range(math.ceil(math.log10(highest_s)), math.floor(math.log10(lowest_s)) - 1, -1)
+    found = None
+    for tried in (float(f"{digit}e{power}") for power in powers for digit in (5, 2, 1)):
+        if lowest_s <= tried <= highest_s:
+            if _takes(probe, settings, tried):
+                found = Grid(step_s=tried)
+            elif found is not None:
+                break
+    return found
 
 
 def _takes(probe: Probe, settings: Mapping[str, Scalar], step_s: float) -> bool:

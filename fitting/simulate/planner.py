@@ -70,6 +70,8 @@ HOPELESS = 20.0
 FIRST_PERIODS = 10.0
 #: Of what a run may cost, the part that is spent on an accuracy that nobody has asked for.
 BEARABLE = 0.05
+#: How much longer they may settle at such steps than they were seen to without these.
+SOON = 64.0
 #: Amplitudes repeat better at an FMU's own steps where they do so by this factor.
 BETTER = 0.1
 #: What bounds rest on that no other setting of a plan makes smaller.
@@ -256,7 +258,10 @@ class _Planner:
         """What settles, asked at steps of the FMU's own where amplitudes repeat only at these."""
         if not settled.repeats or self.probe.drives[0].grid != ANY_TIME:
             return settled
-        free, step_s = self.probe, self.known.step_s
+        free, step_s, limits = self.probe, self.known.step_s, self.limits
+        # where samples are at the right times, amplitudes stand still soon
+        longest_s = SOON * max(settled.settle_s, FIRST_PERIODS / free.fastest_hz)
+        self.limits = replace(limits, longest_s=min(limits.longest_s, longest_s))
         for grid in grids(step_s, free, settings):
             self.probe = free.on(grid)
             self._settled.clear()
@@ -268,8 +273,9 @@ class _Planner:
                 told = grid.step_s == step_s
                 numbers = {"repeats": settled.repeats, "told": told}
                 self._add(grid_decision(grid, Basis.OWN_STEP, numbers))
+                self.limits = limits
                 return found
-        self.probe = free
+        self.probe, self.limits = free, limits
         self._settled.clear()
         return settled
 
@@ -377,7 +383,9 @@ class _Planner:
                 break
             chosen, here = self.probe.drives, better
         self.probe.go_on(chosen)
-        steps = max(drive.steps_per_period for drive in chosen)
+        steps = self.probe.held_per_period(settle_s)
+        if steps is None:  # over steps of the FMU's own, between which it sees no input
+            return
         self._add(
             Decision(
                 kind=Kind.INPUT,

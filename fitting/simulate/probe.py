@@ -202,6 +202,19 @@ class Probe:
         self.go_on(tuple(replace(d, steps_per_period=2 * d.steps_per_period) for d in self.drives))
         return True
 
+    def held_per_period(self, settle_s: float) -> int | None:
+        """Held steps in a period of the fastest tone, at most; None: as many as the FMU has itself.
+
+        Args:
+            settle_s: time before the first sample, s.
+        """
+        if not self.drives[0].grid.step_s:
+            return max(drive.steps_per_period for drive in self.drives)
+        windows = [d.window(settle_s, 1, self.longest_s) for d in self.drives if d.input]
+        if all(w.input_step_s <= d.grid.step_s for w, d in zip(windows, self.drives, strict=True)):
+            return None
+        return max(int(1.0 / (w.input_step_s * max(w.tones_hz))) for w in windows)
+
     def on(self, grid: Grid) -> Probe:
         """The same drives, asked at the times of a grid.
 

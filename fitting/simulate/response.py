@@ -13,6 +13,7 @@ import numpy as np
 from fitting.fmu import Run, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
+from fitting.signal.grid import band_on
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
 from fitting.signal.tones import exact, fit_tones, tones_in_words, unit_hint
 from fitting.signal.window import LONGEST_WINDOW_S
@@ -274,7 +275,11 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
         window_s=shown.window_s,
         samples=shown.samples,
     )
-    return (band, True) if band is not None else (_rounded_band(drive.tones_hz, shown), False)
+    coherent, found = band is not None, band or _rounded_band(drive.tones_hz, shown)
+    if not drive.grid.step_s:
+        return found, coherent
+    chosen = shown != Shown()
+    return band_on(drive.grid, drive.tones_hz, LONGEST_WINDOW_S, found, chosen), True
 
 
 def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:

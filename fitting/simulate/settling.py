@@ -76,7 +76,8 @@ class Settled:
 def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: Limits) -> Settled:
     """Double the time until amplitudes stand still: twice in a row, and dying away.
 
-    That ends where they repeat no better, however long the FMU runs. Errors are relative as the probe tells; `wanted` is the largest that may be left.
+    That ends where they repeat no better, however long the FMU runs. Errors are relative as the
+    probe tells; `wanted` is the largest that may be left.
 
     Args:
         probe: trial runs of the FMU, remembered.

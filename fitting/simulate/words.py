@@ -383,7 +383,11 @@ def _usual(decision: Decision) -> str:
 
 
 def _other_steps(decision: Decision) -> str:
-    told = "the one that it was made for" if decision.numbers["told"] else "the shortest it takes"
+    told = (
+        "the one that it was made for"
+        if decision.numbers["told"]
+        else "the shortest tried that it takes"
+    )
     return f"the FMU refuses other steps; this is {told}"
 
 
@@ -407,8 +411,8 @@ _REASONS: Mapping[Basis, Callable[[Decision], str]] = {
         "amplitudes still change by half as much when the time is doubled: not steady"
     ),
     Basis.REPEATED: lambda d: (
-        f"this FMU repeats amplitudes and phases only to {float(d.numbers['repeats']):.1e}, however "
-        "long it runs: at times a hundredth of a period apart they differ by that"
+        f"this FMU repeats amplitudes and phases only to {float(d.numbers['repeats']):.1e}, "
+        "however long it runs: at times a hundredth of a period apart they differ by that"
     ),
     Basis.OWN_STEP: _own_step,
     Basis.FIXED_STEP: lambda d: "the fixed step of the FMU's solver, as it declares",

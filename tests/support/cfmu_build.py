@@ -84,20 +84,29 @@ def _first_order(folder: Path, name: str, options: Sequence[str]) -> Path:
 
 
 def build_own_step_fmu(
-    folder: Path, kind: str = "STANDS_BETWEEN", *, told: bool = False, step_s: float = 1e-3
+    folder: Path,
+    kind: str = "STANDS_BETWEEN",
+    *,
+    told: bool = False,
+    step_s: float = 1e-3,
+    fmi: int = 2,
 ) -> Path:
     """The driven oscillator that advances in steps of its own as an FMU in ``folder``.
 
-    ``kind`` one of the names in own_step.h; ``told``: the step stands in its description.
+    ``kind`` one of the names in own_step.h; ``told``: the step stands in its description, in FMI 3
+    as the fixed one of its solver.
     """
     library = folder / f"own_step{fmpy.sharedLibraryExtension}"
-    compile_library(SOURCES / "own_step2.c", library, [f"-DKIND={kind}", f"-DSTEP={step_s!r}"])
-    experiment = f'<DefaultExperiment stepSize="{step_s!r}"/>' if told else ""
-    description = (SOURCES / "own_step2.xml").read_text("utf-8")
+    options = [f"-DKIND={kind}", f"-DSTEP={step_s!r}"]
+    compile_library(SOURCES / f"own_step{fmi}.c", library, options)
+    usual = f'<DefaultExperiment stepSize="{step_s!r}"/>'
+    experiment = (usual if fmi == 2 else f'fixedInternalStepSize="{step_s!r}"') if told else ""
+    description = (SOURCES / f"own_step{fmi}.xml").read_text("utf-8")
+    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     path = folder / f"own_step_{kind.lower()}.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", description.replace("@EXPERIMENT@", experiment))
-        archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+        archive.write(library, f"binaries/{platform}/{library.name}")
     return path
 
 

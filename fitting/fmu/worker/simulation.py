@@ -140,7 +140,8 @@ def _stride_with_input(
     lead, each = _whole_steps(request)
     values = held_values(request.tones, start, step, steps_of(request) + 1).tolist()
     # an output that sees the input at once would show what was held over the step before
-    seen = seen_values(request.tones, start + step * (lead + each * np.arange(request.samples)))
+    at = np.arange(request.samples, dtype=np.float64)
+    seen = seen_values(request.tones, np.asarray(start + step * (lead + each * at)))
     fmu.set(drive, (seen[0] if lead == 0 else values[0],))
     fmu.leave_initialisation()
     if lead == 0:
