@@ -291,19 +291,19 @@ class _Planner:
 
     def _agreed(self, budget: Budget) -> Budget:
         """The budget, with what this FMU can give where nobody has asked for an accuracy."""
-        own = (Kind.SETTLING, Kind.STEP)
+        own = (Kind.SETTLING, Kind.STEP, Kind.INPUT)
         limits = [d for d in budget.decisions if d.kind in own and d.basis in LIMITED_BY_FMU]
         if not self.options.usual or budget.kept or sum(d.bound for d in limits) <= budget.wanted:
             return budget
         given = float(f"{1.05 * budget.promised:.1e}")
         if given >= 1.0:
             return budget
-        by_steps = max(limits, key=lambda d: d.bound).kind == Kind.STEP
+        limit = max(limits, key=lambda d: d.bound)
         usual = Decision(
             kind=Kind.ACCURACY,
             basis=Basis.USUAL,
             bound=0.0,
-            numbers={"usual": budget.wanted, "given": given, "by_steps": by_steps},
+            numbers={"usual": budget.wanted, "given": given, "by": str(limit.kind)},
         )
         return Budget(given, (usual, *budget.decisions))
 

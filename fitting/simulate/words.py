@@ -377,8 +377,10 @@ def _own_step(decision: Decision) -> str:
 
 def _usual(decision: Decision) -> str:
     usual = f"none was asked for, and the usual {float(decision.numbers['usual']):.0e}"
-    if decision.numbers["by_steps"]:
+    if decision.numbers["by"] == Kind.STEP:
         return f"{usual} would take many more steps (--accuracy asks for it)"
+    if decision.numbers["by"] == Kind.INPUT:
+        return f"{usual} would want an input that is held over shorter steps"
     return f"{usual} is beyond this FMU"
 
 

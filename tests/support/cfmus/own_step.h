@@ -34,12 +34,13 @@ static double force_at(const Model *m, double t) {
     return m->reals[GAIN] * m->reals[LEVEL] * cos(2 * pi * m->reals[TONE] * t) + m->reals[FORCE];
 }
 
-/* the closed solution under a constant force */
+/* the closed solution under a constant force; s is the square of the damped frequency, of either sign */
 static void inner_step(Model *m, double h, double force) {
     const double pi = 3.14159265358979323846;
-    double w0 = 2 * pi * m->reals[EIGENFREQUENCY], g = pi * m->reals[LINE_WIDTH];
-    double w = sqrt(w0 * w0 - g * g), c = cos(w * h), d = sin(w * h) / w, left = exp(-g * h);
-    double x = m->x - force, v = m->v;
+    double w0 = 2 * pi * m->reals[EIGENFREQUENCY], g = pi * m->reals[LINE_WIDTH], left = exp(-g * h);
+    double s = w0 * w0 - g * g, w = sqrt(fabs(s)), c = 1, d = h, x = m->x - force, v = m->v;
+    if (s > 0) c = cos(w * h), d = sin(w * h) / w;
+    if (s < 0) c = cosh(w * h), d = sinh(w * h) / w;
     m->x = force + left * (x * (c + g * d) + v * d);
     m->v = left * (v * (c - g * d) - x * w0 * w0 * d);
 }
