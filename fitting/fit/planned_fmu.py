@@ -79,7 +79,10 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
     told = workers.description
     series = {
         name: replace(
-            problem.planned_together(name), own_step_s=told.step_s, fixed_step=told.fixed_step
+            problem.planned_together(name),
+            own_step_s=told.step_s,
+            fixed_step=told.fixed_step,
+            exchange=told.exchange is not None,
         )
         for name in problem.data.series
     }

@@ -222,6 +222,7 @@ class FmuWorkers:
             model_identifier=d.model_identifier,
             folder=folder,
             one_instance_per_process=d.one_instance_per_process,
+            exchange=d.exchange,
         )
         try:
             worker = WorkerProcess(

@@ -38,7 +38,7 @@ class Series:
 
     `alternative` are start values of one discrete alternative; `seed` that of points of the box;
     `own_step_s` the step that the FMU was made for, None where it tells none, and `fixed_step`
-    whether its solver takes no other.
+    whether its solver takes no other; `exchange`: its equations are integrated here.
     """
 
     measurements: tuple[Measurement, ...]
@@ -48,6 +48,7 @@ class Series:
     seed: int = 1
     own_step_s: float | None = None
     fixed_step: bool = False
+    exchange: bool = False
 
     @property
     def setup(self) -> Setup:
@@ -148,7 +149,13 @@ def measured_plan(
         drives,
         setup.accuracy,
         workers,
-        Knowledge(annotation, variables, step_s=series.own_step_s, fixed_step=series.fixed_step),
+        Knowledge(
+            annotation,
+            variables,
+            step_s=series.own_step_s,
+            fixed_step=series.fixed_step,
+            exchange=series.exchange,
+        ),
         PlanOptions(examples=True, usual=setup.usual_accuracy),
     )
     settle_s = _settle_s(series, found, draft)

@@ -148,6 +148,7 @@ class _Planner:
             substep=self.annotation.substep,
             tolerance=self.annotation.tolerance,
             of_largest=options.of_largest,
+            exchange=known.exchange,
         )
         self.budget = Budget(accuracy)
         self.known = known
@@ -372,8 +373,8 @@ class _Planner:
 
     def _input(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
         """How long a generated input is held: images of the staircase fold onto the tones."""
-        if all(drive.input is None for drive in self.probe.drives):
-            return
+        if self.known.exchange or all(drive.input is None for drive in self.probe.drives):
+            return  # in model exchange it is no staircase
         share, chosen, bound = self._share(Kind.INPUT), self.probe.drives, math.inf
         here = self.probe.read(settings, settle_s)
         while bound > share and self.probe.finer_input(MOST_HELD):

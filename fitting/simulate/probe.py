@@ -37,6 +37,9 @@ TOLERANCES = 1e-3, 1e-9
 #: What a period of the fastest tone counts where substeps are not known: compiled code takes some
 #: tens of them in the time of a tenth of a communication step, and an adaptive solver far fewer.
 UNNAMED = 0.1
+#: What a period counts where equations are integrated here, in Python: some 15 steps of twelve
+#: evaluations, a few thousandths of a second.
+EXCHANGED = 300.0
 #: What a beat of the tones adds where a solver chooses its steps, as these have to follow it: some
 #: fifty steps of seven evaluations. Averaged equations of two modes in Python were measured to
 #: take as long as 280 substeps at a tolerance of 2e-6.
@@ -96,9 +99,9 @@ def _largest(values: FloatArray) -> float:
 class Probe:
     """Runs of some drives; answers are kept for who asks again.
 
-    `substep` and `tolerance` name the parameters that bound the FMU's substep and error. With
-    `of_largest` errors are
-    relative to the largest amplitude of all drives, else to each amplitude.
+    `substep` and `tolerance` name the parameters that bound the FMU's substep and error;
+    `exchange`: its equations are integrated here. With `of_largest` errors are relative to the
+    largest amplitude of all drives, else to each amplitude.
     """
 
     drives: tuple[Drive, ...]
@@ -107,6 +110,7 @@ class Probe:
     substep: str | None = None
     tolerance: str | None = None
     of_largest: bool = False
+    exchange: bool = False
     longest_s: float = LONGEST_WINDOW_S
     _kept: dict[object, list[Reading]] = field(default_factory=dict)
     _acting: dict[object, bool] = field(default_factory=dict)
@@ -300,6 +304,8 @@ class Probe:
         own_s = self.drives[0].grid.step_s
         if own_s:
             return 1.0 / own_s
+        if self.exchange:
+            return EXCHANGED * self.fastest_hz
         if self.substep is not None:
             coarse = 1.0 / (SUBSTEPS * self.drives[0].fastest_hz)
             if self._acts(settings, self.substep, (coarse, 0.5 * coarse)):

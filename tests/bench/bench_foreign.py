@@ -21,7 +21,12 @@ import numpy as np
 import fitting as ff
 from fitting.simulate.budget import Kind
 from fitting.simulate.words import decision_in_words
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_own_step_fmu
+from tests.support.cfmu_build import (
+    build_c_fmu,
+    build_exchange_fmu,
+    build_lag_fmu,
+    build_own_step_fmu,
+)
 from tests.support.own_step import phasor
 
 NOISE = 0.01
@@ -96,6 +101,14 @@ CASES = (
         output="y",
     ),
     Case(
+        "model exchange alone",
+        build_exchange_fmu,
+        lambda f: 1.0 / abs(4e3 - 1e-3 * (2.0 * math.pi * f) ** 2 + 4j * math.pi * f),
+        input="force",
+        values={"damping": 2.0},
+        tone_hz=300.0,
+    ),
+    Case(
         "a lag by Euler's method",
         build_lag_fmu,
         lambda f: abs(1.0 / (1.0 + 2j * math.pi * f * 2e-3)),
@@ -141,7 +154,7 @@ def laboratory(
     measured = true * (1.0 + NOISE * rng.standard_normal(true.size))
     drive = ff.Drive(frequency_names=("tone",), amplitude_names=("level",))
     asked = {"usual_accuracy": True} if accuracy is None else {"accuracy": accuracy}
-    setup = ff.Setup(drive, "displacement", line_width_hz=4.0, **asked)  # type: ignore[arg-type]
+    setup = ff.Setup(drive, "displacement", line_width_hz=4.0, **asked)
     wanted = (
         ff.Parameter("eigenfrequency", 31.0, bounds=(29.0, 33.0), unit="Hz"),
         ff.Parameter("line_width", 4.0, bounds=(1.0, 12.0), unit="Hz"),
@@ -163,7 +176,7 @@ def coverage(kind: str, count: int, first: int, profiles: bool) -> None:
         found = [laboratory(fmu, kind, first + k, profiles) for k in range(count)]
     for name in found[0]:
         held = sum(low <= true <= high for true, (low, high), _ in (f[name] for f in found))
-        width = float(np.median([f[name][2] for f in found]))
+        width = float(np.nanmedian([f[name][2] for f in found]))
         print(f"{kind}: {name}: {held} of {count} intervals hold the truth, error {width:.2g} Hz")
 
 

@@ -110,6 +110,18 @@ def build_own_step_fmu(
     return path
 
 
+def build_exchange_fmu(folder: Path, fmi: int = 2) -> Path:
+    """m x'' = force + weight - c x' - k x, with a wall or without, of model exchange alone."""
+    library = folder / f"exchange{fmpy.sharedLibraryExtension}"
+    compile_library(SOURCES / f"exchange{fmi}.c", library)
+    path = folder / f"exchange{fmi}.fmu"
+    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(SOURCES / f"exchange{fmi}.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{platform}/{library.name}")
+    return path
+
+
 def compile_library(source: Path, library: Path, options: Sequence[str] = ()) -> None:
     """Shared library of one C file, with the compiler that ``cc`` is here."""
     compiler = shutil.which("cc") or sysconfig.get_config_var("CC").split()[0]

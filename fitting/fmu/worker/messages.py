@@ -12,13 +12,18 @@ from fitting.text.arrays import FloatArray
 
 
 class UnpackedFmu(NamedTuple):
-    """What it takes to load an FMU; ``folder`` is where it is unpacked."""
+    """What it takes to load an FMU; ``folder`` is where it is unpacked.
+
+    ``exchange``: numbers of states and event indicators of an FMU of model exchange, None for one
+    of co-simulation.
+    """
 
     fmi_version: str
     guid: str
     model_identifier: str
     folder: str
     one_instance_per_process: bool
+    exchange: tuple[int, int] | None = None
 
 
 class Task(NamedTuple):

@@ -65,7 +65,7 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     fmu.enter_initialisation(request.start_time_s)
     if request.held is not None:
         _stride_in_steps(fmu, binding.input, request, read)
-    elif binding.input is None:
+    elif binding.input is None or fmu.follow(binding.input, request.tones):
         fmu.leave_initialisation()
         now = _stride(fmu, request, read)
         if binding.moved is not None:
