@@ -69,7 +69,7 @@ class WrittenFmu(Keys):
     model: Text | None = None
     """A model of this project, built on demand; either this or file."""
     file: FileName | None = None
-    """An FMU (FMI 2.0 or 3.0, co-simulation)."""
+    """An FMU (FMI 2.0 or 3.0, co-simulation or model exchange)."""
     timeout_s: Positive = 60.0
     """Longest simulation run, then the FMU counts as failed, s."""
     start: Mapping[str, Value] = field(default_factory=dict)
