@@ -146,7 +146,7 @@ def quietly(*words: str) -> tuple[int, str]:
     ):
         code = fmu_fit(list(words))
     said = [line for line in err.getvalue().splitlines() if line.startswith("fmu-fit: ")]
-    return code, " ".join(said)
+    return code, " ".join(said).replace("|", "/")
 
 
 def built(kinds: list[Quirk], root: Path) -> Iterator[tuple[Quirk, Path, Path]]:

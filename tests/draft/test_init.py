@@ -15,8 +15,14 @@ from fitting.api.init import Question, init
 from fitting.cli.main import main
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_wall_fmu
+from tests.support.cfmu_build import (
+    build_c_fmu,
+    build_lag_fmu,
+    build_own_step_fmu,
+    build_wall_fmu,
+)
 from tests.support.lines import mode, noise, write_csv
+from tests.support.own_step import phasor
 
 ETA, WIDTH = 30_000.0, 25.0
 F = ETA + np.linspace(-80.0, 80.0, 41)
@@ -227,6 +233,18 @@ def test_an_fmu_may_stand_among_the_files(cantilever: Path, tmp_path: Path) -> N
         init([cantilever], cantilever, out=tmp_path)
     with pytest.raises(ff.BadInput, match="neither an FMU nor a file"):
         init([], out=tmp_path)
+
+
+def test_a_parameter_called_eigenfrequency_is_fitted_from_where_the_line_is(tmp_path: Path) -> None:
+    """An FMU of somebody else that has steps of its own, and tells nothing in its descriptions."""
+    f_hz = np.arange(25.0, 37.1)
+    volt = 0.37 * np.array([abs(phasor(float(f), 1e-3, 31.2, 3.0)) for f in f_hz])
+    write_csv(tmp_path / "mine.csv", "frequency (Hz),R (V)", f_hz, volt)
+    path, _ = init(tmp_path / "mine.csv", build_own_step_fmu(tmp_path), out=tmp_path)
+    drafted = {p["name"]: p for p in tomllib.loads(path.read_text("utf-8"))["parameters"]}
+    assert list(drafted) == ["eigenfrequency", "line_width"]
+    assert drafted["eigenfrequency"]["start"] == pytest.approx(31.2, abs=0.03)
+    assert drafted["line_width"]["start"] == pytest.approx(3.0, rel=0.02)
 
 
 def test_a_person_is_asked_only_what_no_file_tells(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """FMUs of others with their quirks: whether plans keep what they promise, and fits hold the truth.
 
-    python -m tests.bench.bench_foreign [--laboratories N] [--seed N] [--profiles] [--only KIND]
+    python -m tests.bench.bench_plans [--laboratories N] [--seed N] [--profiles] [--only KIND]
 
 A table over the C FMUs of `tests/support/cfmus`, against their own difference equation (matrices of
 scipy) or transfer function; then fits of synthetic sweeps with 1 % of noise through three of them:
