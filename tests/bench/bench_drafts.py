@@ -6,6 +6,7 @@ For each FMU a sweep with 0.1 % of noise is written to a file, of an amplitude i
 `fmu-fit init FMU FILE` makes a campaign, `fmu-fit reconstruct` fits it unedited, without profiles.
 A row tells the exit code of each, what was fitted, and how far it is from the truth. FMUs of a
 folder get a line in the middle of nowhere: there it counts that each command ends as it should.
+FMUs of model exchange are integrated here, in Python: each takes many minutes.
 """
 
 from __future__ import annotations
@@ -68,6 +69,13 @@ def _of_locals(folder: Path) -> Path:
     return reworded(build_c_fmu(folder), LOCALS)
 
 
+def _exchange(fmi: int) -> Callable[[Path], Path]:
+    """Damped as the line is: no output tells `init` how wide one of this FMU would be."""
+    return lambda folder: reworded(
+        build_exchange_fmu(folder, fmi), {'start="2e-2"': 'start="0.15"'}
+    )
+
+
 def _cases() -> list[Case]:
     mass = {"stiffness": 4100.0, "damping": 0.2}
     line = np.linspace(286.0, 358.0, 13)
@@ -90,10 +98,10 @@ def _cases() -> list[Case]:
         Case(
             "locals only", lambda d: reworded(build_c_fmu(d), LOCALS), line, _mass(4100, 0.2), mass
         ),
-        Case("model exchange alone, FMI 2.0", build_exchange_fmu, line, _mass(4100, 0.2), mass),
+        Case("model exchange alone, FMI 2.0", _exchange(2), line, _mass(4100, 0.2), mass),
         Case(
             "model exchange alone, FMI 3.0",
-            lambda d: build_exchange_fmu(d, 3),
+            _exchange(3),
             line,
             _mass(4100.0, 0.2),
             mass,
