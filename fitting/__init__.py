@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from fitting.campaign.laws import Laws
     from fitting.campaign.noise import Noise
     from fitting.campaign.setup import Drive, Setup
+    from fitting.fmu.isolation import Isolation
     from fitting.measurements.complex.curve import ComplexCurve
     from fitting.measurements.complex.sweep import ComplexSweep
     from fitting.measurements.complex.wiring import Wiring
@@ -62,6 +63,7 @@ _HOMES = {
     "campaign.arrays": ("Parameter", "Sweep", "Tones"),
     "campaign.setup": ("Drive", "Setup"),
     "campaign.laws": ("Laws",),
+    "fmu.isolation": ("Isolation",),
     "measurements.control.spectrum": ("ControlSpectrum",),
     "measurements.control.sweep": ("ControlSweep",),
     "measurements.demodulated.traces": ("DemodulatedTrace",),
@@ -93,6 +95,7 @@ __all__ = [
     "FmuFailure",
     "Goal",
     "Inference",
+    "Isolation",
     "Laws",
     "Limits",
     "Line",

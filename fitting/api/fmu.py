@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import sys
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from fitting.campaign.file import WrittenFmu
 from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.isolation import Isolation
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.tone_names import OtherTone, other_tones
@@ -29,10 +31,10 @@ from fitting.fmu.variables import READABLE, SETTABLE
 from fitting.report.table import Table, html_table, pairs_table
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.frf import DIRECTIONS, USUAL_SWEEP_ACCURACY, SweepResponse
+from fitting.simulate.frf import DIRECTIONS, SweepResponse
 from fitting.simulate.frf import Sweep as SweepRequest
 from fitting.simulate.frf import sweep as sweep_through
-from fitting.simulate.response import USUAL_ACCURACY, DriveResponse, Shown, plan_drive, respond
+from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
 from fitting.simulate.unsteady import Sideband, sideband_of
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -120,6 +122,8 @@ class Fmu:
             any more.
         timeout_s: Longest time for one run, s; then the FMU counts as failed.
         timeout_name: What complaints call that time.
+        isolate: Whether its processes run with limits of memory, processor time, open files and
+            written bytes, in a folder of their own and without network; or these limits.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -131,13 +135,18 @@ class Fmu:
         workers: int = 2,
         timeout_s: float = 60.0,
         timeout_name: str = "timeout_s",
+        isolate: bool | Isolation = False,
     ) -> None:
         if not isinstance(source, str | PathLike):
             raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
         path = self._built(str(source)) if is_model else source
         self.workers = FmuWorkers(
-            path, workers=workers, timeout_s=timeout_s, timeout_name=timeout_name
+            path,
+            workers=workers,
+            timeout_s=timeout_s,
+            timeout_name=timeout_name,
+            isolation=_isolation(isolate),
         )
 
     def _built(self, model: str) -> Path:
@@ -180,7 +189,7 @@ class Fmu:
                 are set; None: the FMU does, as its start values say.
             outputs: Names of outputs; none: the first continuous one.
             accuracy: Wanted largest relative error of every amplitude, between 0 and 1, or an
-                `Accuracy` with more to keep to; None: 1e-6.
+                `Accuracy` with more to keep to; None: 1e-6, or what the FMU can give.
 
         Returns:
             ``peaks`` (tones, outputs) in the outputs' units, spectrum, traces, and the plan with
@@ -243,7 +252,8 @@ class Fmu:
             output: The output that is read; empty: the first continuous one.
             directions: Any of "up" and "down".
             accuracy: Wanted largest error relative to the largest amplitude, between 0 and 1, or
-                an `Accuracy` with the time to settle at every point; None: 1e-4.
+                an `Accuracy` with the time to settle at every point; None: 1e-4, or what the FMU
+                can give.
 
         Returns:
             ``curves`` of amplitudes (n,) by direction, in the output's unit, and their jumps.
@@ -273,8 +283,7 @@ class Fmu:
             output=self._outputs(output, "output")[0],
             directions=directions,
         )
-        relative = USUAL_SWEEP_ACCURACY if asked.relative is None else asked.relative
-        return sweep_through(self.workers, wanted, relative, settle_s=asked.settle_s)
+        return sweep_through(self.workers, wanted, asked.relative, settle_s=asked.settle_s)
 
     def other_tones(
         self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
@@ -369,7 +378,7 @@ class Fmu:
         return plan_drive(
             self.workers,
             drive,
-            USUAL_ACCURACY if asked.relative is None else asked.relative,
+            asked.relative,
             settle_s=asked.settle_s,
             annotation=asked.annotation,
             shown=Shown(asked.window_s, asked.samples),
@@ -485,6 +494,14 @@ class Fmu:
             if (v.kind, v.variability) == ("Real", "continuous"):
                 return (v.name,)
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
+
+
+def _isolation(isolate: bool | Isolation) -> Isolation | None:
+    if isolate is False:
+        return None
+    if sys.platform == "win32":
+        raise BadInput("isolate: Windows has no such limits, wanted Linux or macOS")
+    return Isolation() if isolate is True else isolate
 
 
 def _hertz(tones: Iterable[str | float]) -> tuple[float, ...]:

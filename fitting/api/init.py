@@ -36,10 +36,12 @@ def init(
 ) -> tuple[Path, tuple[str, ...]]:
     """Write a first campaign.toml that runs as it is, from files of measurements and an FMU.
 
+    Of an FMU alone it is a skeleton, at whose end stands what is missing.
+
     Args:
         files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
             peaks or a spectrum each, and a sweep; or recordings over time, of an output and
-            perhaps an input, for an FMU that is named.
+            perhaps an input, for an FMU that is named. One of them may be the FMU (.fmu).
         fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
             where a sweep shows two lines.
         out: Folder for campaign.toml, made where there is none.
@@ -56,7 +58,9 @@ def init(
             holds another campaign.
         FmuFailure: the FMU failed with its own start values.
     """
-    paths = [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)]
+    paths, fmu = told_apart(
+        [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)], fmu
+    )
     answers = Answers({k: _names(v) for k, v in (told or {}).items()}, ask)
     unknown = [key for key in answers.told if key not in KEYS]
     if unknown:
@@ -73,6 +77,29 @@ def init(
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
     return path, draft.said
+
+
+def told_apart(
+    files: Sequence[Path], fmu: str | Path | None
+) -> tuple[list[Path], str | Path | None]:
+    """Files of measurements, and the FMU, which may stand among them.
+
+    Args:
+        files: measurements, and perhaps an FMU.
+        fmu: the FMU where it is told by itself.
+
+    Raises:
+        BadInput: two FMUs, or neither an FMU nor a file of measurements.
+    """
+    fmus = [path for path in files if path.suffix.lower() == ".fmu"]
+    if len(fmus) + (fmu is not None) > 1:
+        raise BadInput(f"init: found {len(fmus) + (fmu is not None)} FMUs, wanted one")
+    measured = [path for path in files if path not in fmus]
+    if fmus:
+        return measured, str(fmus[0])
+    if not measured and fmu is None:
+        raise BadInput("init: found neither an FMU nor a file, wanted one of them at least")
+    return measured, fmu
 
 
 @contextmanager

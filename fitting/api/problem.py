@@ -126,7 +126,10 @@ class Problem:
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
-            bound = [replace(b, setup=replace(b.setup, accuracy=accuracy)) for b in bound]
+            bound = [
+                replace(b, setup=replace(b.setup, accuracy=accuracy, usual_accuracy=False))
+                for b in bound
+            ]
         if start is not None:
             bound = started(bound, start)
         record = problem_of(bound)
@@ -376,19 +379,23 @@ class Problem:
         return f"<Problem {self.record.title}: {', '.join(self.names)} from {rows} rows>"
 
 
-def fmu_of(campaigns: Sequence[Campaign], folder: str | Path, workers: int) -> Fmu:
+def fmu_of(
+    campaigns: Sequence[Campaign], folder: str | Path, workers: int, *, isolate: bool = False
+) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder.
 
     Args:
         campaigns: One or more that are fitted together.
         folder: Where it is built.
         workers: Number of processes, at least 1.
+        isolate: Whether they run isolated, see `Fmu`.
 
     Raises:
         BadInput: they name different ones, or one that is not there.
     """
     named = one_fmu(campaigns)
-    return Fmu(provide_fmu(named, Path(folder)), workers, named.timeout_s)
+    path = provide_fmu(named, Path(folder))
+    return Fmu(path, workers, named.timeout_s, isolate=isolate)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:

@@ -29,7 +29,7 @@ from fitting.campaign.noise import (
 )
 from fitting.campaign.parameters import Parameter
 from fitting.campaign.places import Places, places_of_file
-from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.setup import USUAL_ACCURACY, Drive, Setup
 from fitting.campaign.stated import bind_sigmas, drift_priors, with_offsets
 from fitting.campaign.unnamed_tones import check_tones
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
@@ -74,7 +74,8 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
         start_values={name: binder.setting(name, w) for name, w in file.fmu.start.items()},
         steady_start=file.observe.steady_start,
         line_width_hz=file.observe.line_width,
-        accuracy=file.accuracy.amplitude,
+        accuracy=USUAL_ACCURACY if file.accuracy.amplitude is None else file.accuracy.amplitude,
+        usual_accuracy=file.accuracy.amplitude is None,
         annotation=bind_annotation(campaign, binder),
         laws=laws,
         source=top,

@@ -10,15 +10,9 @@ from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.data import Campaign
 from fitting.fmu import FmuDescription, FmuWorkers, validation_problems
 from fitting.fmu.findings import Finding, Severity, rule_findings
-from fitting.fmu.trial import (
-    HalvedStep,
-    Resets,
-    Trial,
-    halve_step,
-    pushed_run,
-    take_trial,
-    try_resets,
-)
+from fitting.fmu.trial.examination import Examination, examine
+from fitting.fmu.trial.findings import trial_findings
+from fitting.fmu.trial.runs import trial_step_s
 from fitting.text.errors import BadInput, FmuFailure
 
 
@@ -36,21 +30,23 @@ class Suits:
 class Check:
     """What was found of an FMU; ``sound`` sums it up.
 
-    ``findings`` are rules of FMI that it breaks, and its failure, by severity; ``trial``,
-    ``halved`` and ``resets`` are what came of a trial run, of half its step and of resets, None
-    where the FMU failed, of which ``failure`` tells; ``suits`` says that it suits the campaign,
-    ``unsuited`` why it does not; ``warnings`` are what the FMU logged.
+    ``findings`` are rules of FMI that it breaks, and what it does that a fit or another tool may
+    not expect, by severity; ``examination`` is what came of everything that was tried, ``failure``
+    what ended that, if anything did; ``suits`` says that it suits the campaign, ``unsuited`` why it
+    does not; ``warnings`` are what the FMU logged.
     """
 
     description: FmuDescription
     findings: tuple[Finding, ...]
-    trial: Trial | None
-    halved: HalvedStep | None
-    resets: Resets | None
-    failure: FmuFailure | None
+    examination: Examination
     suits: Suits | None
     unsuited: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def failure(self) -> FmuFailure | None:
+        """What ended the examination."""
+        return self.examination.failure
 
     @property
     def sound(self) -> bool:
@@ -59,13 +55,13 @@ class Check:
         return cosmetic and not self.unsuited
 
 
-def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> Check:
+def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float | None) -> Check:
     """Look at an FMU: what is wrong with it is told, not raised.
 
     Args:
         workers: processes that run the FMU.
         campaign: a campaign that it may suit; its start values hold for the trial run.
-        step_s: length of the trial step, s.
+        step_s: length of the trial step, s; None: one that suits the FMU.
 
     Raises:
         BadInput: it has neither an output nor a local variable that is a number.
@@ -78,25 +74,17 @@ def check_fmu(workers: FmuWorkers, campaign: Campaign | None, step_s: float) -> 
             bound = bind(campaign, description.variables)
         except BadInput as error:
             unsuited = tuple(map(str, error.args))
-    trial, halved, resets, failure = None, None, None, None
     values = bound.setup.start_values if bound else {}
-    try:
-        trial = take_trial(workers, step_s, values)
-        run = pushed_run(workers, step_s, values)
-        halved = halve_step(workers, run)
-        resets = try_resets(workers, run)
-    except FmuFailure as error:
-        failure = error
-    findings = rule_findings(validation_problems(description.path))
-    if failure is not None:
-        findings = (Finding(Severity.FATAL, str(failure)), *findings)
+    step_s = trial_step_s(description) if step_s is None else step_s
+    found = examine(workers, step_s, values)
+    findings = (
+        *trial_findings(description, found),
+        *rule_findings(validation_problems(description.path)),
+    )
     return Check(
         description=description,
-        findings=findings,
-        trial=trial,
-        halved=halved,
-        resets=resets,
-        failure=failure,
+        findings=tuple(sorted(findings, key=lambda f: f.severity.rank)),
+        examination=found,
         suits=None if bound is None else _suits(bound),
         unsuited=unsuited,
         warnings=workers.warnings,

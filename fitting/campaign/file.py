@@ -69,7 +69,7 @@ class WrittenFmu(Keys):
     model: Text | None = None
     """A model of this project, built on demand; either this or file."""
     file: FileName | None = None
-    """An FMU (FMI 2.0 or 3.0, co-simulation)."""
+    """An FMU (FMI 2.0 or 3.0, co-simulation or model exchange)."""
     timeout_s: Positive = 60.0
     """Longest simulation run, then the FMU counts as failed, s."""
     start: Mapping[str, Value] = field(default_factory=dict)
@@ -544,8 +544,8 @@ class WrittenAccuracy(Keys):
     `fitting.fmu.accuracy.AccuracyAnnotation` tells what the names mean.
     """
 
-    amplitude: Positive = 1e-06
-    """Wanted relative accuracy of simulated amplitudes, below 1."""
+    amplitude: Positive | None = None
+    """Wanted relative accuracy of simulated amplitudes, below 1; none: 1e-6, or the FMU's best."""
     tolerance: Text | None = None
     """FMU parameter that bounds its solver's relative error."""
     substep: Text | None = None
@@ -563,7 +563,8 @@ class WrittenAccuracy(Keys):
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
-            checked_accuracy(self.amplitude, "")
+            if self.amplitude is not None:
+                checked_accuracy(self.amplitude, "")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -69,6 +69,10 @@ class Drive:
         return "tones" if self.frequency_names else "none"
 
 
+#: Wanted relative accuracy of simulated amplitudes where none is asked for.
+USUAL_ACCURACY = 1e-6
+
+
 @dataclass(frozen=True)
 class Setup:
     """How a series of measurements drives the FMU and what it observes, in the FMU's units.
@@ -80,6 +84,8 @@ class Setup:
         steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
         line_width_hz: Width of the narrowest line, Hz, which tells how long settling takes.
         accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1.
+        usual_accuracy: Whether nobody has asked for it: then it is what the FMU can give, where
+            that is less.
         annotation: What is known of the FMU's accuracy, and of what it may leave out.
         laws: Formulas that variables of the FMU follow.
         source: What complaints name it by.
@@ -91,7 +97,8 @@ class Setup:
     start_values: Mapping[str, Scalar] = field(default_factory=dict)
     steady_start: bool = False
     line_width_hz: float | None = None
-    accuracy: float = 1e-6
+    accuracy: float = USUAL_ACCURACY
+    usual_accuracy: bool = False
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
     laws: Laws = field(default_factory=Laws)
     source: str = ""

@@ -6,9 +6,11 @@ import argparse
 from pathlib import Path
 
 import fitting as ff
+from fitting.api.written import CHECK_FILES
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
-from fitting.cli.words.drive import add_fmu, add_timeout, fmu_of
+from fitting.cli.running.results import writes
+from fitting.cli.words.drive import add_fmu, add_isolate, add_timeout, fmu_of
 from fitting.cli.words.values import positive_time
 
 NAME = "check"
@@ -23,20 +25,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--step",
         type=positive_time("--step"),
-        default=1e-3,
         metavar="TIME",
-        help='length of the trial step, as "1 ms" (0.001 s)',
+        help='length of the trial step, as "1 ms" (one that suits the FMU, else 0.001 s)',
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FOLDER", help="also write a page, FOLDER/report.html"
     )
     add_timeout(parser, 60.0, "longest run")
+    add_isolate(parser)
 
 
+def _out(args: argparse.Namespace) -> Path | None:
+    out: Path | None = args.report
+    return out
+
+
+@writes(NAME, *CHECK_FILES, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Check and tell; returns 0.
 
     Raises:
-        BadInput: the FMU cannot be read, or does not suit the campaign.
+        BadInput: the FMU cannot be read, or does not suit the campaign, or no page can be written.
         FmuFailure: the trial run failed.
     """
+    from fitting.api.check import write_check
     from fitting.report.documents import check_document
     from fitting.report.words.check import check_lines, description_lines
 
@@ -45,9 +57,14 @@ def run(args: argparse.Namespace) -> int:
         with status_line(NAME) as tell:
             tell("trial run and resets")
             found = ff.check(fmu, args.campaign, step_s=args.step)
+            if args.report is not None:
+                tell("writing")
+                written = write_check(found, args.report)
     hand_over(args, check_document(found))
     for line in check_lines(found):
         print(line)
+    if args.report is not None:
+        print(f"report: {written}")
     if found.failure is not None:
         raise found.failure
     if found.unsuited:

@@ -29,10 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "files",
         type=Path,
-        nargs="+",
+        nargs="*",
+        default=[],
         metavar="FILE",
         help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or "
-        "recordings over time, of an output and perhaps an input",
+        "recordings over time, of an output and perhaps an input; one may be the FMU (.fmu), "
+        "which alone gives a skeleton",
     )
     parser.add_argument(
         "--fmu", help="the FMU, or a model of this project (one mode: CoupledModes1)"
@@ -59,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: files or an FMU that cannot be used, or do not suit each other.
         FmuFailure: the FMU failed with its own start values.
     """
-    from fitting.api.init import init
+    from fitting.api.init import init, told_apart
     from fitting.report.table import terminal_text
 
     told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit")}
@@ -75,7 +77,13 @@ def run(args: argparse.Namespace) -> int:
     for line in said:
         print(terminal_text(line))
     print(path)
-    print(f"next: fmu-fit reconstruct {shlex.quote(str(path))}")
+    measured, fmu = told_apart(args.files, args.fmu)
+    if measured:
+        print(f"next: fmu-fit reconstruct {shlex.quote(str(path))}")
+    else:
+        print("missing: a measurement; the end of that file tells how to add one")
+        named = "--fmu " * (args.fmu is not None) + shlex.quote(str(fmu))
+        print(f"next: fmu-fit init {named} FILE --out {shlex.quote(str(args.out))}")
     return 0
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from fitting.api.choices import ESTIMATORS, MISFITS, STYLES
 from fitting.api.written import LEVELS_FILE, RESULT_FILES
 from fitting.cli.running.results import writes
+from fitting.cli.words.drive import add_isolate
 from fitting.cli.words.values import (
     folder_name,
     relative_accuracy,
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
     )
+    add_isolate(parser)
     parser.add_argument("--resume", action="store_true", help="go on from the last finished level")
     parser.add_argument(
         "--accuracy",

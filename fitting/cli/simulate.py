@@ -13,6 +13,7 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import (
     add_fmu,
+    add_isolate,
     add_timeout,
     complaints_of_options,
     fmu_of,
@@ -75,6 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--samples", type=whole_number(1), help="samples in the window (by the band)"
     )
     add_timeout(parser, 60.0, "longest run")
+    add_isolate(parser)
 
 
 def _add_plan_arguments(parser: argparse.ArgumentParser) -> None:

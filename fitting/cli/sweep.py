@@ -15,6 +15,7 @@ from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import (
     add_fmu,
+    add_isolate,
     add_timeout,
     complaints_of_options,
     fmu_of,
@@ -62,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(1e-4)",
     )
     add_timeout(parser, 600.0, "longest run, that is all points one way")
+    add_isolate(parser)
     parser.add_argument("--out", type=Path, required=True, help="folder for CSV file and figure")
 
 

@@ -31,6 +31,9 @@ CONTINUATION: Mapping[str, Any] = {
     "seed": 1,
 }
 
+#: Before each line of a table that is missing.
+MARK = "#: "
+
 Remarks = dict[tuple[str | int, ...], str]
 
 
@@ -97,12 +100,44 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
     remarks["continuation", "nu_start"] = "the prior only helps at the start"
     remarks["continuation", "starts"] = "3: also the lowest minima that a search finds"
     tables["accuracy"] = {"amplitude": _accuracy(choices.residual, held=bool(choices.driven))}
-    remarks["accuracy", "amplitude"] = "of the simulation, relative: well below the scatter"
+    well = ": well below the scatter" if choices.residual > 0.0 else ""
+    remarks["accuracy", "amplitude"] = f"of the simulation, relative{well}"
     head = (
-        "A first campaign, written by fmu-fit init from these files: it runs as it is.",
+        "A first campaign, written by fmu-fit init from these files: it runs as it is."
+        if files.sweeps or files.table
+        else "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end.",
         "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
     )
     return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
+
+
+def missing_text(fmu: str) -> str:
+    """What a campaign without measurements lacks, as remarks that become its table.
+
+    Args:
+        fmu: the FMU, as the command line takes it.
+    """
+    return f"""
+# MISSING: what was measured. With a file of it, all of this is found by itself:
+#     fmu-fit init {fmu} SWEEP.csv --out FOLDER
+# By hand: put the file beside this one, and take the marks from the lines below.
+{MARK}[sweep]
+{MARK}file = "sweep.csv" # a column of frequencies and one of amplitudes
+{MARK}layout = "csv"
+{MARK}amplitude = "V peak" # what the file means
+{MARK}use = "fit"
+{MARK}scale = "fit" # of measured over simulated amplitudes: by least squares
+{MARK}columns = {{ frequency = "frequency (Hz)", amplitude = "amplitude (V)" }}
+"""
+
+
+def completed(text: str) -> str:
+    """The campaign with the marks taken from what is missing.
+
+    Args:
+        text: of a campaign and `missing_text`.
+    """
+    return text.replace(f"\n{MARK}", "\n")
 
 
 def _accuracy(residual: float, *, held: bool) -> float:

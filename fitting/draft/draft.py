@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import shlex
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.campaign.binding import bind
-from fitting.draft.campaign import Choices, campaign_text, meaning
+from fitting.draft.campaign import Choices, campaign_text, completed, meaning, missing_text
 from fitting.draft.files import Files
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
@@ -38,6 +39,8 @@ BESIDE = {
 STRENGTH = "g2"
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
+#: A sweep, to see whether a campaign that has none yet can be read.
+EXAMPLE = "frequency (Hz),amplitude (V)\n" + "".join(f"{f},{1.0 + f % 3}\n" for f in range(1, 9))
 
 
 @dataclass(frozen=True)
@@ -94,8 +97,11 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
     said = _said(files)
     offer = offer_of(source.workers.description)
     choices = _chosen(files, source, offer, answers)
-    _check(campaign_text(choices, files, offer, None), source)
-    text = campaign_text(choices, files, offer, folder)
+    name = shlex.quote(source.name)
+    measured = files.sweeps or files.table
+    missing = "" if measured else missing_text(f"--fmu {name}" if source.is_model else name)
+    _check(campaign_text(choices, files, offer, None) + missing, source)
+    text = campaign_text(choices, files, offer, folder) + missing
     return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes)))
 
 
@@ -171,7 +177,9 @@ def _said(files: Files) -> list[str]:
 
 def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Choices:
     """Everything that is not told by the files, asked or guessed."""
-    if files.line is None and source.is_model and (files.two is None or len(offer.places) < 2):
+    measured = files.sweeps or files.table
+    one_line = files.two is None or len(offer.places) < 2
+    if measured and source.is_model and files.line is None and one_line:
         trouble = next((sweep.trouble for sweep in files.sweeps), "")
         raise BadInput(trouble or "wanted a sweep as well, which tells frequency and width")
     [output] = answers.of(_output(files, offer))
@@ -188,7 +196,8 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
     boxes = [_in_box(box) for box in boxes]
     return Choices(
-        title=", ".join(sweep.path.stem for sweep in files.sweeps) or str(files.table),
+        title=", ".join(sweep.path.stem for sweep in files.sweeps)
+        or (str(files.table) if files.table else offer.description.model_name),
         fmu=source.name,
         is_model=source.is_model,
         output=output,
@@ -337,7 +346,11 @@ def _fitted(files: Files, offer: Offer, more: tuple[str, ...]) -> Question:
     mark = place[0][-1:] if place else ""
     widths.sort(key=lambda name: name[-1:] != mark)
     default = (*place, *widths[:1])
-    why = "they set where the line is and how wide" if len(default) == PER_LINE else "a guess"
+    if not default:  # what has a value can be searched about it
+        known = offer.description.variables
+        default = tuple(n for n in offer.parameters if known[n].start)[:PER_LINE]
+    told = set(default) <= {*offer.places, *offer.widths} and len(default) == PER_LINE
+    why = "they set where the line is and how wide" if told else "a guess"
     if files.two is not None and min(len(offer.places), len(offer.widths)) >= 2:
         default = (*offer.places[:2], *offer.widths[:2], *more)
         why = "they set where the two lines are, how wide" + (" and how high" if more else "")
@@ -372,11 +385,15 @@ def _amplitude(files: Files, answers: Answers) -> str:
 
 
 def _check(text: str, source: Source) -> None:
-    """The draft read and bound as `reconstruct` will do it, before it is written anywhere."""
+    """The draft read and bound as `reconstruct` will do it, before it is written anywhere.
+
+    Where a measurement is missing, with one that is made up for this alone.
+    """
     tomllib.loads(text)
     with Scratch() as folder:
         path = folder / "campaign.toml"
-        write_whole(path, text)
+        write_whole(path, completed(text))
+        write_whole(folder / "sweep.csv", EXAMPLE)
         try:
             bind(read_campaign(path), source.workers.description.variables)
         except BadInput as error:

@@ -84,14 +84,12 @@ def files_of(paths: Sequence[Path], columns: Columns) -> Files:
     """Look at files.
 
     Args:
-        paths: of the files.
+        paths: of the files; without any there is no sweep.
         columns: what is told of the sweeps' columns.
 
     Raises:
         BadInput: a file that cannot be read; two tables; a table with too many spectra, or none.
     """
-    if not paths:
-        raise BadInput("no file of measurements, wanted one at least")
     tables = [table for table in map(_table, paths) if table is not None]
     if len(tables) > 1:
         names = ", ".join(str(table.path) for table in tables)

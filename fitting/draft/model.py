@@ -21,7 +21,8 @@ OTHER = re.compile(r"\b(pump|solver|substep|step|tolerance|depth|phase)\b")
 OTHER_NAMES = re.compile(r"\b(coupling|lambda|gain|readout|g)\b")
 WIDTH = re.compile(r"(damp\w*|gamma|loss\w*|width\w*|line_?width\w*|d|c|r|kappa)_?(\d*|plus|minus)")
 PLACE = re.compile(
-    r"(f|f0|eta|freq\w*|f_?res\w*|k|stiff\w*|spring\w*|cap\w*|omega)_?(\d*|plus|minus)"
+    r"(f|f0|eta|eigen_?freq\w*|freq\w*|f_?res\w*|k|stiff\w*|spring\w*|cap\w*|omega)"
+    r"_?(\d*|plus|minus)"
 )
 STEADY = re.compile(r"periodic|steady|stationary")
 #: Units that tell a damping, and what a resonance frequency follows from.

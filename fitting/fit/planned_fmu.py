@@ -76,9 +76,14 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
     """
-    own_step_s = workers.description.step_s
+    told = workers.description
     series = {
-        name: replace(problem.planned_together(name), own_step_s=own_step_s)
+        name: replace(
+            problem.planned_together(name),
+            own_step_s=told.step_s,
+            fixed_step=told.fixed_step,
+            exchange=told.exchange is not None,
+        )
         for name in problem.data.series
     }
     for each in series.values():

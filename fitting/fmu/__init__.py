@@ -1,7 +1,7 @@
 """FMUs in worker processes: describe a file, run batches of simulations, fail in sentences.
 
-The only part of `fitting` that knows fmpy. FMI 2.0 and 3.0, co-simulation. Its names are loaded
-when they are first used: a worker process needs few of them, and starts the sooner.
+The only part of `fitting` that knows fmpy. FMI 2.0 and 3.0, co-simulation and model exchange. Its
+names are loaded when they are first used: a worker process needs few of them, and starts sooner.
 """
 
 from __future__ import annotations

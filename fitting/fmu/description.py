@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from fitting.fmu.archive import member_names
+from fitting.fmu.own_steps import OwnSteps
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
 from fitting.text.files import read_whole
@@ -62,8 +64,8 @@ class FmuVariable:
 class FmuDescription:
     """What an FMU file says of itself; ``variables`` by name in the order of the file.
 
-    ``step_s`` is the step that it was made for: of its own solver where it tells that, else of its
-    default experiment; None where it tells neither.
+    ``own_steps`` are the steps that it was made for. ``exchange`` are the numbers of states and
+    event indicators where it offers model exchange alone: its equations are then integrated here.
     """
 
     path: Path
@@ -78,7 +80,18 @@ class FmuDescription:
     one_instance_per_process: bool
     needs_execution_tool: bool
     variables: Mapping[str, FmuVariable] = field(repr=False)
-    step_s: float | None = None
+    own_steps: OwnSteps = field(default_factory=OwnSteps)
+    exchange: tuple[int, int] | None = None
+
+    @property
+    def step_s(self) -> float | None:
+        """The step that it was made for, s: of its own solver, else of its default experiment."""
+        return self.own_steps.step_s
+
+    @property
+    def fixed_step(self) -> bool:
+        """Whether it tells the fixed step of its own solver."""
+        return self.own_steps.internal_s is not None
 
     @property
     def seen(self) -> tuple[FmuVariable, ...]:
@@ -103,12 +116,14 @@ class FmuDescription:
 
 
 def read_description(path: Path | str) -> FmuDescription:
-    """Description of an FMU that this machine can run by FMI 2.0 or 3.0 co-simulation.
+    """Description of an FMU that this machine can run by FMI 2.0 or 3.0.
+
+    One that offers both co-simulation and model exchange is taken for co-simulation.
 
     Args:
         path: of the file.
 
-    Raises BadInput if the file is no FMU, has no co-simulation, or no binary for this platform.
+    Raises BadInput if the file is no FMU, has neither, or no binary for this platform.
     """
     import fmpy  # slow to load, and the other names of this module are wanted by many
 
@@ -122,9 +137,13 @@ def read_description(path: Path | str) -> FmuDescription:
         raise BadInput(f"{path}: is not an FMU ({error})") from error
     if model.fmiVersion != "2.0" and not model.fmiVersion.startswith("3."):
         raise BadInput(f"{path}: is an FMU of FMI {model.fmiVersion}, wanted FMI 2.0 or 3.0")
-    if model.coSimulation is None:
-        raise BadInput(f"{path}: offers no co-simulation, wanted an FMU that does")
-    identifier = model.coSimulation.modelIdentifier
+    interface = model.coSimulation or model.modelExchange
+    if interface is None:
+        raise BadInput(
+            f"{path}: offers neither co-simulation nor model exchange, wanted an FMU that does one "
+            "of them (scheduled execution alone cannot be driven)"
+        )
+    identifier = interface.modelIdentifier
     _require_binary(path, model.fmiVersion, identifier, names)
     return FmuDescription(
         path=path,
@@ -136,10 +155,11 @@ def read_description(path: Path | str) -> FmuDescription:
         generation_tool=model.generationTool or "",
         description=model.description or "",
         platforms=_platforms(names),
-        one_instance_per_process=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
-        needs_execution_tool=bool(model.coSimulation.needsExecutionTool),
+        one_instance_per_process=bool(interface.canBeInstantiatedOnlyOncePerProcess),
+        needs_execution_tool=bool(interface.needsExecutionTool),
         variables={v.name: _variable(path, model.fmiVersion, v) for v in model.modelVariables},
-        step_s=_own_step_s(path, model),
+        own_steps=_own_steps(path, model),
+        exchange=None if model.coSimulation else _sizes(model),
     )
 
 
@@ -154,11 +174,24 @@ def validation_problems(path: Path | str) -> list[str]:
     return [str(problem) for problem in validate_fmu(str(path))]
 
 
-def _own_step_s(path: Path, model: Any) -> float | None:
-    fixed = getattr(model.coSimulation, "fixedInternalStepSize", None)
+def _sizes(model: Any) -> tuple[int, int]:
+    return int(model.numberOfContinuousStates), int(model.numberOfEventIndicators)
+
+
+def _own_steps(path: Path, model: Any) -> OwnSteps:
+    def step_s(text: str | None, key: str) -> float | None:
+        found = _number(text, f"{path}: {key}")
+        return found if found is not None and 0.0 < found < math.inf else None
+
+    cosimulation = model.coSimulation  # None: model exchange alone, whose steps are those asked
+    fixed = getattr(cosimulation, "fixedInternalStepSize", None)
     usual = getattr(model.defaultExperiment, "stepSize", None)
-    found = _number(fixed or usual, f"{path}: step size")
-    return found if found is not None and found > 0.0 else None
+    return OwnSteps(
+        internal_s=step_s(fixed, "fixedInternalStepSize"),
+        usual_s=step_s(usual, "DefaultExperiment stepSize"),
+        of_any_length=cosimulation is None
+        or bool(cosimulation.canHandleVariableCommunicationStepSize),
+    )
 
 
 def _platforms(names: Iterable[str]) -> tuple[str, ...]:

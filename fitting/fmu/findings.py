@@ -18,6 +18,11 @@ class Severity(StrEnum):
     #: It does not run.
     FATAL = "fatal"
 
+    @property
+    def rank(self) -> int:
+        """The grave ones first."""
+        return (Severity.FATAL, Severity.CAREFUL, Severity.COSMETIC).index(self)
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -50,4 +55,4 @@ def rule_findings(problems: Iterable[str]) -> tuple[Finding, ...]:
         severity = Severity.COSMETIC if _COSMETIC.search(sentence) else Severity.CAREFUL
         first = kinds.get(kind, Finding(severity, sentence, 0))
         kinds[kind] = Finding(first.severity, first.sentence, first.count + 1)
-    return tuple(sorted(kinds.values(), key=lambda f: f.severity is Severity.COSMETIC))
+    return tuple(sorted(kinds.values(), key=lambda f: f.severity.rank))

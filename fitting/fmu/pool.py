@@ -19,9 +19,10 @@ import numpy as np
 
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
+from fitting.fmu.isolation import Isolation
 from fitting.fmu.run_requests import RunRequest, RunRequests
 from fitting.fmu.runs import Counts, Run
-from fitting.fmu.worker.messages import Batch, Reply, UnpackedFmu
+from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import ReuseDecision
 from fitting.text.arrays import FloatArray
@@ -86,11 +87,13 @@ class FmuWorkers:
 
     ``workers`` processes; ``timeout_s`` longest time for one run; ``reuse`` "auto": instances are
     reset and reused where a repeated run is the same bit for bit, "never": a new one for each run;
-    ``timeout_name`` what the user calls the time limit, for the message when it is over.
+    ``timeout_name`` what the user calls the time limit, for the message when it is over;
+    ``isolation`` limits of what the FMU may take, None: those of the caller.
 
     ``warnings`` collects the different warnings that the FMU logged, ``latest_warnings`` those of
-    the last call of ``run``. After an FmuFailure the object can be used on. Raises BadInput if the
-    FMU cannot be read.
+    the last call of ``run``; ``memory_bytes`` is the memory of the process that answered last, 0
+    where the system does not tell. After an FmuFailure the object can be used on. Raises BadInput
+    if the FMU cannot be read.
     """
 
     def __init__(
@@ -101,6 +104,7 @@ class FmuWorkers:
         timeout_s: float = 60.0,
         reuse: Literal["auto", "never"] = "auto",
         timeout_name: str = "timeout_s",
+        isolation: Isolation | None = None,
     ) -> None:
         if not 1 <= workers <= MOST_WORKERS:
             raise BadInput(f"workers is {workers!r}, wanted 1 to {MOST_WORKERS}")
@@ -110,8 +114,10 @@ class FmuWorkers:
         self.counts = Counts()
         self.warnings: tuple[str, ...] = ()
         self.latest_warnings: tuple[str, ...] = ()
+        self.memory_bytes = 0
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
+        self._isolation = isolation
         self._requests = RunRequests(self.description)
         self._open = _Open([None] * workers)
         self._finaliser = weakref.finalize(self, self._open.close)
@@ -144,6 +150,22 @@ class FmuWorkers:
         """A sentence: whether instances are reset and reused or new for every run, and why."""
         notes = {verdict.reused: verdict.note for verdict in self._verdicts}
         return notes.get(False) or notes.get(True) or notes[None]
+
+    @property
+    def reused(self) -> bool | None:
+        """Whether instances are reset and reused; None where nothing has decided that yet."""
+        found = {verdict.reused for verdict in self._verdicts}
+        return False if False in found else True if True in found else None
+
+    @property
+    def reset_lies(self) -> bool:
+        """Whether a reset that was called OK left something behind."""
+        return any(verdict.lied for verdict in self._verdicts)
+
+    @property
+    def resets_end(self) -> bool:
+        """Whether a reset ended the process, or never ended itself."""
+        return any(verdict.ended for verdict in self._verdicts)
 
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         """Results of the runs in their order, each (samples, outputs).
@@ -200,9 +222,17 @@ class FmuWorkers:
             model_identifier=d.model_identifier,
             folder=folder,
             one_instance_per_process=d.one_instance_per_process,
+            exchange=d.exchange,
         )
         try:
-            worker = WorkerProcess(fmu, self._verdicts[number], home, f"worker{number}")
+            worker = WorkerProcess(
+                Task(
+                    fmu=fmu,
+                    verdict=self._verdicts[number],
+                    pulse_path=str(home / f"worker{number}.pulse"),
+                    isolation=self._isolation,
+                )
+            )
         except OSError as error:
             raise FmuFailure(f"no worker process could be started: {error}", {}, d.path) from error
         self._open.processes[number] = worker
@@ -235,6 +265,8 @@ class FmuWorkers:
         for number, worker in pipes.values():
             if worker.is_gone:
                 self._ended(number, worker, job)
+            elif text := worker.written_too_much():
+                self._blame(number, worker, job, text, FmuFailure)
             elif worker.is_late(self._timeout_s):
                 text = f"gave no answer within {self._timeout_s:g} s and was stopped"
                 text += f"; {self._timeout_name} sets that limit"
@@ -243,6 +275,7 @@ class FmuWorkers:
     def _take(self, number: int, reply: Reply, job: _Job) -> None:
         self._verdicts[number] = reply.verdict
         self.counts += reply.counts
+        self.memory_bytes = reply.memory
         self.warnings = _added(self.warnings, reply.warnings)
         self.latest_warnings = _added(self.latest_warnings, reply.warnings)
         todo = job.todo[number]
@@ -285,10 +318,12 @@ class FmuWorkers:
     ) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
         run, in_trial = self._run_of(number, worker, job), worker.in_trial
+        if worker.is_freeing:
+            how = f"was to free an instance and {how}"
         self._kill(number)
         if not in_trial:
             raise self._failure(f"the FMU {how}", run, kind)
-        self._verdicts[number].refuse(f"after a reset the FMU {how}")
+        self._verdicts[number].refuse(f"after a reset the FMU {how}", ended=True)
         _log.info("worker %d: replaced, after a reset the FMU %s", number + 1, how)
         self._send(number, job)
 

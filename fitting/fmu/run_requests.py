@@ -8,11 +8,12 @@ hangs on what an FMU does to its parameters on reset.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.runs import HeldSignal, Run, Segment, Tone
+from fitting.fmu.runs import Handling, HeldSignal, Run, Segment, Tone
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, shown
 
@@ -46,6 +47,13 @@ class Layout(NamedTuple):
     moved: Group | None = None
 
 
+class Handled(NamedTuple):
+    """How the instance of a run is handled: see `Handling`."""
+
+    before: RunRequest | None
+    freed: bool
+
+
 class RunRequest(NamedTuple):
     """One run: ``values`` for each group of the layout's ``sets``."""
 
@@ -60,6 +68,8 @@ class RunRequest(NamedTuple):
     step_s: float = 0.0
     segments: tuple[Segment, ...] = ()
     held: HeldSignal | None = None
+    handled: Handled | None = None
+    longest_step_s: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -67,7 +77,7 @@ class RunRequest(NamedTuple):
         return self.samples + sum(segment.samples for segment in self.segments)
 
 
-_Key = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], str]
+_Key = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], str, bool]
 
 
 class RunRequests:
@@ -101,7 +111,9 @@ class RunRequests:
         read, and a value of the wrong type.
         """
         signal = run.input_signal
-        key = (tuple(run.start_values), run.outputs, signal.names if signal else (), run.moved)
+        inputs = signal.names if signal else ()
+        bare = run.handling is not None
+        key = (tuple(run.start_values), run.outputs, inputs, run.moved, bare)
         number = self._numbers.get(key)
         if number is None:
             number = self._add(key, run.start_values)
@@ -128,18 +140,31 @@ class RunRequests:
             step_s=signal.step_s if signal else 0.0,
             segments=run.segments,
             held=held,
+            handled=self._handled(run),
+            longest_step_s=run.longest_step_s,
         )
 
+    def _handled(self, run: Run) -> Handled | None:
+        handling = run.handling
+        if handling is None:
+            return None
+        if handling.before is None:
+            return Handled(None, handling.freed)
+        first = replace(run, start_values=handling.before, handling=Handling())
+        return Handled(self.take(first), handling.freed)
+
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
-        names, outputs, inputs, moved = key
+        names, outputs, inputs, moved, bare = key
         for name in (*names, *inputs):
-            if name not in self._defaults and self._remember(self._variable_to_set(name)):
+            if bare:
+                self._variable_to_set(name)
+            elif name not in self._defaults and self._remember(self._variable_to_set(name)):
                 self._numbers.clear()  # from now on every layout sets this one as well
                 self._grown = True
         variables = self._description.variables
         for name, value in start_values.items():
             self._require_type(variables[name], value)
-        covered = dict.fromkeys((*names, *self._defaults))
+        covered = dict.fromkeys(names if bare else (*names, *self._defaults))
         gets = self._grouped([self._variable_to_read(name) for name in outputs])
         self.layouts.append(
             Layout(

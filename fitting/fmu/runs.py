@@ -115,6 +115,18 @@ class Segment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Handling:
+    """A new instance for one run alone, on which nothing is set that the run does not name.
+
+    ``before``: start values of a run that goes before on that instance, which is reset then; None:
+    there is none. ``freed``: the instance is freed behind the run, and that may fail.
+    """
+
+    before: Mapping[str, Scalar] | None = None
+    freed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """One simulation of an FMU.
 
@@ -125,6 +137,11 @@ class Run:
 
     ``start_values`` are set before initialisation; ``outputs`` are read at every sample.
     ``allow_nan``: an output that is not a finite number is handed back instead of being a failure.
+
+    ``handling``: how an instance is handled, where that is what is asked; None: as suits.
+
+    No communication step is longer than ``longest_step_s`` (0: as long as samples are apart), which
+    is for FMUs that take one step of their solver in each; with a signal its steps are all.
 
     ``segments`` go on from the last sample without a new start, so that a tone that is ``moved``
     keeps its phase and the state its branch; their samples follow in the result.
@@ -143,6 +160,8 @@ class Run:
     allow_nan: bool = False
     moved: str = ""
     segments: tuple[Segment, ...] = ()
+    handling: Handling | None = None
+    longest_step_s: float = 0.0
 
     @property
     def rows(self) -> int:
@@ -160,6 +179,8 @@ class Run:
             raise BadInput(f"samples is {self.samples!r}, wanted at least 1")
         if self.samples > 1 and not (math.isfinite(self.sample_step_s) and self.sample_step_s > 0):
             raise BadInput(f"sample_step_s is {self.sample_step_s!r}, wanted a positive time")
+        if not (math.isfinite(self.longest_step_s) and self.longest_step_s >= 0):
+            raise BadInput(f"longest_step_s is {self.longest_step_s!r}, wanted at least 0")
         if not math.isfinite(self.start_time_s):
             raise BadInput(f"start_time_s is {self.start_time_s!r}, wanted a finite time")
         if not self.outputs or len(set(self.outputs)) != len(self.outputs):
@@ -220,16 +241,50 @@ def row_times(run: Timed) -> list[float]:
     return times
 
 
+class Stepped(Timed, Protocol):
+    """What the communication steps of a run without a signal follow from."""
+
+    @property
+    def longest_step_s(self) -> float: ...  # noqa: D102
+
+
+def parts(span_s: float, longest_s: float) -> int:
+    """Into how many equal communication steps a time is divided.
+
+    Args:
+        span_s: the time, s.
+        longest_s: of a step, s; 0: any.
+    """
+    return max(1, math.ceil(span_s / longest_s * (1.0 - WHOLE))) if longest_s else 1
+
+
+def communication_steps(run: Stepped) -> int:
+    """Communication steps of a run without a signal.
+
+    Args:
+        run: with settling, step and number of samples.
+    """
+    stretches = [(run.settle_s, run.sample_step_s, run.samples)]
+    stretches += [(s.settle_s, s.sample_step_s, s.samples) for s in run.segments]
+    return sum(
+        (parts(settle_s, run.longest_step_s) if settle_s else 0)
+        + (samples - 1) * parts(step_s, run.longest_step_s)
+        for settle_s, step_s, samples in stretches
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Counts:
     """What the workers did: ``seconds`` were spent in the loops of FMI calls, summed over workers.
 
-    The runs and steps of the reset comparison are included.
+    ``processor_s`` is the processor time of it, which other programs do not lengthen. The runs and
+    steps of the reset comparison are included.
     """
 
     runs: int = 0
     steps: int = 0
     seconds: float = 0.0
+    processor_s: float = 0.0
     instances: int = 0
     processes: int = 0
 
@@ -238,6 +293,7 @@ class Counts:
             runs=self.runs + other.runs,
             steps=self.steps + other.steps,
             seconds=self.seconds + other.seconds,
+            processor_s=self.processor_s + other.processor_s,
             instances=self.instances + other.instances,
             processes=self.processes + other.processes,
         )

@@ -193,7 +193,8 @@ def simulation_sentences(
     return [
         f"Simulated amplitudes are known to {max(promised):.1e} only, which may move "
         f"{listed(told)}: standard deviations and intervals are wider for it. Finer steps of the "
-        "FMU, or a better --accuracy, would narrow them."
+        "FMU, or a better --accuracy, would narrow them, where the plan does not say that this is "
+        "the best it can give."
     ]
 
 

@@ -11,6 +11,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fmu import InputSignal
 from fitting.measurements.plan import Plan
 from fitting.signal.combinations import mixed_hz
+from fitting.signal.grid import Grid, window_on
 from fitting.signal.window import Window, plan_window
 from fitting.simulate.batch import alike
 from fitting.simulate.drive import Drive
@@ -25,11 +26,15 @@ def _window(
     settle_s: float,
     held: int,
     order: int,
+    grid: Grid,
 ) -> Window:
     """A window, planned once: the same ones come back in every evaluation."""
-    return plan_window(
-        read_hz, settle_s, samples_per_period=held, mixtures_hz=mixed_hz(tones_hz, order)
-    )
+    mixtures_hz = mixed_hz(tones_hz, order)
+    if grid.step_s:
+        found = window_on(grid, read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
+    else:
+        found = plan_window(read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
+    return replace(found, longest_s=grid.longest_s)
 
 
 @lru_cache(maxsize=4096)
@@ -162,7 +167,7 @@ class DrivenModel:
         drive = self.setup.drive
         held = drive.samples_per_period if drive.kind == "input" else 0
         order = max(drive.highest_order, self.plan.order)
-        return _window(read_hz, tones_hz, self.plan.settle_s, held, order)
+        return _window(read_hz, tones_hz, self.plan.settle_s, held, order, self.plan.grid)
 
     def drive(
         self, values: Mapping[str, Scalar], tones_hz: tuple[float, ...], output: str

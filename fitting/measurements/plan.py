@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 
 from fitting.measurements.curve_plan import CurvePlan, Place, curve_decision
 from fitting.measurements.traces.step_plan import StepPlan, step_decision
+from fitting.signal.grid import ANY_TIME, Grid
 from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord, record_of
 from fitting.simulate.words import decision_in_words, sum_in_words
 from fitting.text.arrays import FloatArray, Scalar
@@ -22,7 +23,7 @@ class Plan:
     simulated at `nodes_hz`: `maximum_bias` is what the maximum may be off by, `maximum_bend` (1/Hz)
     the third derivative of 1/A^2 over its second, which bounds that from three points (None: not
     known). `curves` tell how responses over frequency are simulated, `steps` by which communication
-    steps traces are.
+    steps traces are. `grid`: at which times the FMU is asked for tones.
     """
 
     settle_s: float
@@ -36,6 +37,7 @@ class Plan:
     maximum_bend: float | None = None
     curves: tuple[CurvePlan, ...] = ()
     steps: tuple[StepPlan, ...] = ()
+    grid: Grid = ANY_TIME
 
     def curve(self, place: Place, frequency_hz: FloatArray) -> CurvePlan | None:
         """What was planned for a response at these frequencies; None: nothing was.

@@ -37,7 +37,8 @@ class Series:
     """Measurements that are planned together, and the parameters that they are fitted with.
 
     `alternative` are start values of one discrete alternative; `seed` that of points of the box;
-    `own_step_s` the step that the FMU was made for, None where it tells none.
+    `own_step_s` the step that the FMU was made for, None where it tells none, and `fixed_step`
+    whether its solver takes no other; `exchange`: its equations are integrated here.
     """
 
     measurements: tuple[Measurement, ...]
@@ -46,6 +47,8 @@ class Series:
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
     seed: int = 1
     own_step_s: float | None = None
+    fixed_step: bool = False
+    exchange: bool = False
 
     @property
     def setup(self) -> Setup:
@@ -146,8 +149,14 @@ def measured_plan(
         drives,
         setup.accuracy,
         workers,
-        Knowledge(annotation, variables),
-        PlanOptions(examples=True),
+        Knowledge(
+            annotation,
+            variables,
+            step_s=series.own_step_s,
+            fixed_step=series.fixed_step,
+            exchange=series.exchange,
+        ),
+        PlanOptions(examples=True, usual=setup.usual_accuracy),
     )
     settle_s = _settle_s(series, found, draft)
     measured = Plan(
@@ -155,6 +164,7 @@ def measured_plan(
         budget=_with_settling(found, settle_s),
         order=found.order,
         settings=found.settings,
+        grid=found.drives[0].grid,
     )
     return _refined(series, replace(model, plan=_planned(series, measured)), workers)
 

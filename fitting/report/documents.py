@@ -12,6 +12,7 @@ import numpy as np
 
 from fitting.campaign.check import Check
 from fitting.fmu import FmuVariable
+from fitting.fmu.trial.steps import Repeatability
 from fitting.signal.combinations import combination_name
 from fitting.simulate.budget import record_of
 from fitting.simulate.drive_plan import DrivePlan
@@ -38,14 +39,22 @@ def check_document(found: Check) -> dict[str, Any]:
         "variables": {v.name: _variable(v) for v in d.variables.values()},
         "sound": found.sound,
         "findings": found.findings,
-        "trial": found.trial,
-        "halved": found.halved,
-        "resets": found.resets,
+        "trial": found.examination.trial,
+        "resets": found.examination.resets,
+        "repeats": found.examination.repeats and _repeats(found.examination.repeats),
+        "effects": found.examination.effects,
+        "costs": found.examination.costs,
         "failure": None if found.failure is None else str(found.failure),
         "suits": found.suits and {**vars(found.suits), "campaign": str(found.suits.campaign)},
         "unsuited": found.unsuited,
         "warnings": found.warnings,
     }
+
+
+def _repeats(repeats: Repeatability) -> dict[str, Any]:
+    """Without what is there for a figure."""
+    left = ("outputs", "times_s", "differences")
+    return {name: value for name, value in vars(repeats).items() if name not in left}
 
 
 def plan_document(plan: DrivePlan) -> dict[str, Any]:

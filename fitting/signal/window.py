@@ -43,7 +43,7 @@ class Window:
     `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
     makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
     `mixture_bins` are Fourier bins of lines that the response may hold beside the tones, and
-    `mixtures` the number of these lines.
+    `mixtures` the number of these lines. `longest_s` is the longest communication step (0: any), s.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -58,6 +58,7 @@ class Window:
     condition: float = 1.0
     mixture_bins: tuple[int, ...] = ()
     mixtures: int = 0
+    longest_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.samples < 2 * len(self.tones_hz) + 1:

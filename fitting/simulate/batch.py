@@ -71,7 +71,7 @@ class Batch:
             output: name of the output.
             owner: which evaluation pays for the run.
         """
-        times = (window.settle_s, window.step_s, window.samples, signal)
+        times = (window.settle_s, window.step_s, window.samples, window.longest_s, signal)
         key = (frozenset(values.items()), *times)
         k = self._index.setdefault(key, len(self._runs))
         if k < len(self._answers) and output not in self._runs[k][3]:
@@ -97,6 +97,7 @@ class Batch:
                 samples=window.samples,
                 outputs=tuple(outputs),
                 input_signal=signal,
+                longest_step_s=window.longest_s,
             )
             for values, window, signal, outputs in self._runs[len(self._answers) :]
         ]

@@ -29,6 +29,8 @@ class Kind(StrEnum):
     MAXIMUM = "maximum"
     CURVE = "curve"
     STEP = "step"
+    GRID = "grid"
+    ACCURACY = "accuracy"
 
 
 class Basis(StrEnum):
@@ -37,6 +39,12 @@ class Basis(StrEnum):
     STEADY = "steady"  # settling: amplitudes do not change from the start on
     WATCHED = "watched"  # settling: they stand still at last
     UNSTEADY = "unsteady"  # settling: they do not
+    REPEATED = "repeated"  # settling: amplitudes repeat no better, however long the FMU runs
+    OWN_STEP = "own step"  # grid: the FMU stands still between steps of its own
+    FIXED_STEP = "fixed step"  # grid: the FMU declares a fixed step
+    OTHER_STEPS = "other steps"  # grid: the FMU refuses steps that are no multiple of it
+    USUAL = "usual"  # accuracy: none was asked for, and the usual one is beyond the FMU
+    ORDER = "order"  # step: errors fall as a power of it, seen over three steps
     PRESCRIBED = "prescribed"  # settling, solver: the user's own value
     DECLARED = "declared"  # settling: the campaign says that the start is steady
     LINE_WIDTH = "line width"  # settling: by the damping that is stated

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
 from fitting.fmu import InputSignal, Run, Segment, row_times
 from fitting.signal.combinations import mixed_hz
-from fitting.signal.tones import ToneFit, common_period
+from fitting.signal.grid import ANY_TIME, Grid, window_on
+from fitting.signal.tones import ToneFit
 from fitting.signal.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window, whole_steps
 from fitting.text.arrays import Scalar
 
@@ -35,6 +36,7 @@ class Drive:
     that are read (empty: the tones), `highest_order` that of the combinations of the tones which
     the response is known to hold. `approach`: the tone is moved while the FMU runs, and read where
     it has come to. `phases`: amplitude and phase are read, not the amplitude alone.
+    `grid`: at which times the FMU is asked, where not all are alike to it.
     """
 
     start_values: Mapping[str, Scalar]
@@ -48,6 +50,7 @@ class Drive:
     approach: Approach | None = None
     tone_names: tuple[str, ...] = ()
     phases: bool = False
+    grid: Grid = ANY_TIME
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,7 +82,8 @@ class Drive:
         """
         held = self.steps_per_period if self.input is not None else 0
         highest = max(order, self.highest_order)
-        return _window(self.lines_hz, self.tones_hz, settle_s, held, highest, longest_s)
+        lines = self.lines_hz, self.tones_hz
+        return _window(lines, settle_s, held, highest, longest_s, self.grid)
 
     def run(
         self, window: Window, settings: Mapping[str, Scalar], more: tuple[str, ...] = ()
@@ -101,17 +105,31 @@ class Drive:
     ) -> Run:
         """The run with samples at any times; a generated drive rounds ``settle_s`` up.
 
+        An FMU with a step of its own is asked at the next whole steps, and no closer than these.
+
         Args:
             settings: values of FMU variables, by name.
             settle_s: time before the first sample, s.
             step_s: time between samples, s.
             samples: number of samples.
         """
-        held_s = step_s / math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
+        own_s = self.grid.step_s
+        if own_s:
+            step_s = max(round(step_s / own_s), 1) * own_s
+        per_sample = math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
+        held_s = own_s or step_s / per_sample
         if self.input is not None:
             settle_s = whole_steps(settle_s, held_s)
+        else:
+            settle_s = self.grid.at_step(settle_s)
         # the tones are not read of it
-        times = Window(tones_hz=(), settle_s=settle_s, step_s=step_s, samples=samples)
+        times = Window(
+            tones_hz=(),
+            settle_s=settle_s,
+            step_s=step_s,
+            samples=samples,
+            longest_s=self.grid.longest_s,
+        )
         return self._run(settings, times, self.outputs, held_s)
 
     def _run(
@@ -146,6 +164,7 @@ class Drive:
             input_signal=signal,
             moved=moved,
             segments=segments,
+            longest_step_s=window.longest_s,
         )
 
     def fit(self, window: Window) -> ToneFit:
@@ -162,19 +181,33 @@ class Drive:
 
 @lru_cache(maxsize=4096)
 def _window(
-    lines_hz: tuple[float, ...],
-    tones_hz: tuple[float, ...],
+    lines_and_tones_hz: tuple[tuple[float, ...], tuple[float, ...]],
     settle_s: float,
     held: int,
     order: int,
     longest_s: float,
+    grid: Grid,
 ) -> Window:
-    coherent = len(lines_hz) == 1 or common_period(lines_hz) <= longest_s
-    return plan_window(
-        lines_hz,
-        settle_s,
-        samples_per_period=held,
-        mixtures_hz=mixed_hz(tones_hz, order) if coherent else (),
-        spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
-        longest_s=longest_s,
-    )
+    lines_hz, tones_hz = lines_and_tones_hz
+    whole_s = grid.whole_s(lines_hz)
+    coherent = whole_s <= longest_s or (len(lines_hz) == 1 and not grid.step_s)
+    mixtures_hz = mixed_hz(tones_hz, order) if coherent else ()
+    if grid.step_s:
+        found = window_on(
+            grid,
+            lines_hz,
+            settle_s,
+            samples_per_period=held,
+            mixtures_hz=mixtures_hz,
+            longest_s=longest_s,
+        )
+    else:
+        found = plan_window(
+            lines_hz,
+            settle_s,
+            samples_per_period=held,
+            mixtures_hz=mixtures_hz,
+            spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
+            longest_s=longest_s,
+        )
+    return replace(found, longest_s=grid.longest_s)

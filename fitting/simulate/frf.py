@@ -123,7 +123,7 @@ class SweepResponse:
 def plan_sweep(
     workers: FmuLike,
     sweep: Sweep,
-    accuracy: float = USUAL_SWEEP_ACCURACY,
+    accuracy: float | None = None,
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
@@ -133,7 +133,7 @@ def plan_sweep(
     Args:
         workers: processes that run the FMU.
         sweep: tone, frequencies and output.
-        accuracy: relative error that is wanted.
+        accuracy: relative error that is wanted; None: the usual one, or what the FMU can give.
         settle_s: time before the first sample, s.
         annotation: what the FMU says of its own accuracy.
     """
@@ -150,14 +150,16 @@ def plan_sweep(
         settle_s=settle_s,
         longest_settle_s=LONGEST_SETTLE_S,
         fixed=frozenset(sweep.start_values),
+        usual=accuracy is None,
     )
-    return plan_drives(drives, accuracy, workers, replace(known, annotation=whole), options)
+    wanted = USUAL_SWEEP_ACCURACY if accuracy is None else accuracy
+    return plan_drives(drives, wanted, workers, replace(known, annotation=whole), options)
 
 
 def sweep(
     workers: FmuLike,
     what: Sweep,
-    accuracy: float = USUAL_SWEEP_ACCURACY,
+    accuracy: float | None = None,
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
@@ -167,7 +169,8 @@ def sweep(
     Args:
         workers: the running FMU, `fitting.fmu.FmuWorkers`.
         what: start values in the FMU's units, the parameter that is moved, frequencies in Hz.
-        accuracy: wanted largest error of an amplitude, as a part of the largest amplitude.
+        accuracy: wanted largest error of an amplitude, as a part of the largest amplitude; None:
+            1e-4, or what the FMU can give.
         settle_s: time at each point in s; None: found by watching the amplitudes at some points,
             come to from the far end of the sweep.
         annotation: which parameters set the solver's accuracy, where the FMU does not say so.
@@ -215,13 +218,14 @@ def take_sweep(workers: FmuLike, what: Sweep, plan: DrivePlan) -> SweepResponse:
 
 def _path_run(what: Sweep, path: Sequence[float], plan: DrivePlan) -> tuple[Run, list[Window]]:
     """One simulation that visits frequencies in that order, and the window at each."""
-    drives = [what.drive(f, path[0]) for f in path]
+    grid = plan.drives[0].grid
+    drives = [replace(what.drive(f, path[0]), grid=grid) for f in path]
     windows = [drive.window(plan.settle_s, plan.order, plan.longest_s) for drive in drives]
     first, *rest = zip(drives, windows, strict=True)
     segments = tuple(
         Segment(
             value=d.approach.value,
-            settle_s=plan.settle_s,
+            settle_s=d.grid.at_step(plan.settle_s),
             sample_step_s=w.step_s,
             samples=w.samples,
         )

@@ -23,10 +23,18 @@ class FmuLike(Workers, Protocol):
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is known of an FMU: how it is told to be accurate, and its variables by name."""
+    """What is known of an FMU: how it is told to be accurate, and its variables by name.
+
+    `step_s` is the step that it was made for (None: it tells none), and `fixed_step` whether its
+    solver takes no other; `exchange`: its equations are integrated here, and an input is no
+    staircase.
+    """
 
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
     variables: Mapping[str, VariableLike] = field(default_factory=dict)
+    step_s: float | None = None
+    fixed_step: bool = False
+    exchange: bool = False
 
 
 def knowledge_of(
@@ -46,4 +54,10 @@ def knowledge_of(
     names += [*merged.full, *(name for r in merged.reductions for name in r.set)]
     for name in names:
         description.variable(name)
-    return Knowledge(merged, description.variables)
+    return Knowledge(
+        merged,
+        description.variables,
+        step_s=description.step_s,
+        fixed_step=description.fixed_step,
+        exchange=description.exchange is not None,
+    )

@@ -13,11 +13,21 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from fitting.fmu.accuracy import Reduction
+from fitting.signal.grid import ANY_TIME, Grid
 from fitting.simulate.batch import Workers
 from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.drive_plan import DrivePlan, window_decision
 from fitting.simulate.knowledge import Knowledge
+from fitting.simulate.own_step import (
+    accepted_grid,
+    first_steps,
+    grid_decision,
+    grids,
+    refined_steps,
+    rests_on_steps,
+    steps_decision,
+)
 from fitting.simulate.probe import Probe, Reading
 from fitting.simulate.reductions import (
     CHEAPER,
@@ -30,6 +40,7 @@ from fitting.simulate.reductions import (
     with_numbers,
 )
 from fitting.simulate.settling import (
+    QUIET,
     SAFETY,
     Limits,
     Settled,
@@ -39,7 +50,7 @@ from fitting.simulate.settling import (
 )
 from fitting.simulate.solver_parameter import SolverParameter
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.notation import hertz
 from fitting.text.units import checked_accuracy
 
@@ -55,6 +66,16 @@ MOST_HELD = 640
 MOST_WORK = 2e6
 #: A run that costs so many times that is not made at all.
 HOPELESS = 20.0
+#: Periods after which a step is looked at by which an FMU may be integrated.
+FIRST_PERIODS = 10.0
+#: Of what a run may cost, the part that is spent on an accuracy that nobody has asked for.
+BEARABLE = 0.05
+#: How much longer they may settle at such steps than they were seen to without these.
+SOON = 64.0
+#: Amplitudes repeat better at an FMU's own steps where they do so by this factor.
+BETTER = 0.1
+#: What bounds rest on that no other setting of a plan makes smaller.
+LIMITED_BY_FMU = (Basis.REPEATED, Basis.COMPARED, Basis.ORDER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +87,8 @@ class PlanOptions:
     beyond it. `of_largest`: errors are relative to the largest amplitude of all drives, else to
     each. `settle_s`: the user's own time to settle. `work`, `longest_settle_s`: most that a run may
     cost, and longest time to settle that is looked for. `fixed`: parameters that the user has set,
-    which the plan leaves as they are.
+    which the plan leaves as they are. `usual`: nobody has asked for the accuracy; then it is what
+    the FMU can give, where that is less.
     """
 
     examples: bool = False
@@ -75,6 +97,7 @@ class PlanOptions:
     work: float = MOST_WORK
     longest_settle_s: float = math.inf
     fixed: frozenset[str] = frozenset()
+    usual: bool = False
 
 
 def plan_drives(
@@ -125,8 +148,10 @@ class _Planner:
             substep=self.annotation.substep,
             tolerance=self.annotation.tolerance,
             of_largest=options.of_largest,
+            exchange=known.exchange,
         )
         self.budget = Budget(accuracy)
+        self.known = known
         self.limits = Limits(options.work, options.longest_settle_s)
         self._room = 1.0  # part of their shares that a reduction leaves to other decisions
         self._settled: dict[object, Settled] = {}
@@ -135,13 +160,15 @@ class _Planner:
         """All decisions, one after the other."""
         fixed = self.options.fixed
         settings = {k: v for k, v in self.annotation.full.items() if k not in fixed}
+        self._ask_where_it_may_be_asked(settings)
         settings = self._reductions(settings)
         self.probe.shorten_windows(settings)
-        settled = self._settle(settings)
+        settled = self._aligned(settings, self._settle(settings))
         _require_oscillation(self.probe.drives, settled.last)
         self._add(settling_decision(settled))
         place = len(self.budget.decisions)
         settings = self._solver(settings, settled.settle_s)
+        self._steps(settings, settled.settle_s)
         self._input(settings, settled.settle_s)
         order, readings = self._samples(settings, settled.settle_s)
         rounding = max(reading.rounding for reading in readings)
@@ -155,7 +182,7 @@ class _Planner:
             settings=settings,
             windows=windows,
             readings=tuple(readings),
-            budget=Budget(self.accuracy, tuple(decisions)),
+            budget=self._agreed(Budget(self.accuracy, tuple(decisions))),
             settle_s=settled.settle_s,
             order=order,
             longest_s=longest_s,
@@ -193,6 +220,93 @@ class _Planner:
             return {}
         low, high = self._range(name)
         return {name: min(max(0.1 * self._share(Kind.SETTLING), low), high)}
+
+    # -- steps of the FMU's own -----------------------------------------------------------------
+
+    def _ask_where_it_may_be_asked(self, settings: Mapping[str, Scalar]) -> None:
+        """Go by a fixed step that is declared, and by steps that the FMU takes and integrates by.
+
+        An FMU that names what sets its accuracy, or what it may leave out, is taken to bear any.
+        """
+        step_s = self.known.step_s
+        if self.known.fixed_step and step_s is not None:
+            self._go_by(Grid(step_s=step_s), Basis.FIXED_STEP)
+            return
+        if not self.probe.foreign or self.annotation.reductions:
+            return
+        try:
+            self.probe.read(settings, 0.0)
+        except NoAnswer:
+            raise
+        except FmuFailure:
+            grid = accepted_grid(step_s, self.probe, settings)
+            if grid is None:
+                raise
+            self._go_by(grid, Basis.OTHER_STEPS, told=grid.step_s == step_s)
+            return
+        if rests_on_steps(self.probe, settings, QUIET * self._share(Kind.SOLVER)):
+            first_s = FIRST_PERIODS / self.probe.fastest_hz
+            first = first_steps(self.probe, settings, first_s, self.limits.work)
+            if first is not None:
+                self.probe = self.probe.on(first)
+
+    def _go_by(self, grid: Grid, basis: Basis, **numbers: Scalar) -> None:
+        self.probe = self.probe.on(grid)
+        self._settled.clear()
+        self._add(grid_decision(grid, basis, numbers))
+
+    def _aligned(self, settings: Mapping[str, Scalar], settled: Settled) -> Settled:
+        """What settles, asked at steps of the FMU's own where amplitudes repeat only at these."""
+        if not settled.repeats or self.probe.drives[0].grid != ANY_TIME:
+            return settled
+        free, step_s, limits = self.probe, self.known.step_s, self.limits
+        # where samples are at the right times, amplitudes stand still soon
+        longest_s = SOON * max(settled.settle_s, FIRST_PERIODS / free.fastest_hz)
+        self.limits = replace(limits, longest_s=min(limits.longest_s, longest_s))
+        for grid in grids(step_s, free, settings):
+            self.probe = free.on(grid)
+            self._settled.clear()
+            try:
+                found = self._settle(settings)
+            except (BadInput, FmuFailure):  # no samples on this grid tell the tones apart
+                continue
+            if found.steady and found.repeats < BETTER * settled.repeats:
+                told = grid.step_s == step_s
+                numbers = {"repeats": settled.repeats, "told": told}
+                self._add(grid_decision(grid, Basis.OWN_STEP, numbers))
+                self.limits = limits
+                return found
+        self.probe, self.limits = free, limits
+        self._settled.clear()
+        return settled
+
+    def _steps(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
+        """How long the communication steps may be of an FMU that integrates by them."""
+        if not self.probe.drives[0].grid.longest_s:
+            return
+        work = self.limits.work * (BEARABLE if self.options.usual else 1.0)
+        limits = self._share(Kind.SOLVER), work
+        steps = refined_steps(self.probe, settings, settle_s, limits)
+        self.probe = self.probe.on(steps.grid)
+        self._add(steps_decision(steps, [drive.fastest_hz for drive in self.probe.drives]))
+
+    def _agreed(self, budget: Budget) -> Budget:
+        """The budget, with what this FMU can give where nobody has asked for an accuracy."""
+        own = (Kind.SETTLING, Kind.STEP, Kind.INPUT)
+        limits = [d for d in budget.decisions if d.kind in own and d.basis in LIMITED_BY_FMU]
+        if not self.options.usual or budget.kept or sum(d.bound for d in limits) <= budget.wanted:
+            return budget
+        given = float(f"{1.05 * budget.promised:.1e}")
+        if given >= 1.0:
+            return budget
+        limit = max(limits, key=lambda d: d.bound)
+        usual = Decision(
+            kind=Kind.ACCURACY,
+            basis=Basis.USUAL,
+            bound=0.0,
+            numbers={"usual": budget.wanted, "given": given, "by": str(limit.kind)},
+        )
+        return Budget(given, (usual, *budget.decisions))
 
     # -- the solver's own accuracy --------------------------------------------------------------
 
@@ -259,8 +373,8 @@ class _Planner:
 
     def _input(self, settings: Mapping[str, Scalar], settle_s: float) -> None:
         """How long a generated input is held: images of the staircase fold onto the tones."""
-        if all(drive.input is None for drive in self.probe.drives):
-            return
+        if self.known.exchange or all(drive.input is None for drive in self.probe.drives):
+            return  # in model exchange it is no staircase
         share, chosen, bound = self._share(Kind.INPUT), self.probe.drives, math.inf
         here = self.probe.read(settings, settle_s)
         while bound > share and self.probe.finer_input(MOST_HELD):
@@ -270,7 +384,9 @@ class _Planner:
                 break
             chosen, here = self.probe.drives, better
         self.probe.go_on(chosen)
-        steps = max(drive.steps_per_period for drive in chosen)
+        steps = self.probe.held_per_period(settle_s)
+        if steps is None:  # over steps of the FMU's own, between which it sees no input
+            return
         self._add(
             Decision(
                 kind=Kind.INPUT,

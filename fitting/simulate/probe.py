@@ -13,7 +13,8 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 
 from fitting.fmu import Run, row_times
-from fitting.signal.tones import common_period
+from fitting.fmu.runs import communication_steps
+from fitting.signal.grid import Grid
 from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.batch import Workers
 from fitting.simulate.drive import Drive
@@ -36,10 +37,16 @@ TOLERANCES = 1e-3, 1e-9
 #: What a period of the fastest tone counts where substeps are not known: compiled code takes some
 #: tens of them in the time of a tenth of a communication step, and an adaptive solver far fewer.
 UNNAMED = 0.1
+#: What a period counts where equations are integrated here, in Python: some 15 steps of twelve
+#: evaluations, a few thousandths of a second.
+EXCHANGED = 300.0
 #: What a beat of the tones adds where a solver chooses its steps, as these have to follow it: some
 #: fifty steps of seven evaluations. Averaged equations of two modes in Python were measured to
 #: take as long as 280 substeps at a tolerance of 2e-6.
 BEAT_STEPS = 400
+#: Looks by which it shows whether amplitudes repeat, how far apart they are in periods, and the
+#: held steps in a period that tell these times apart.
+SHIFTS, SHIFT, FINEST = 9, 0.01, 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +99,9 @@ def _largest(values: FloatArray) -> float:
 class Probe:
     """Runs of some drives; answers are kept for who asks again.
 
-    `substep` and `tolerance` name the parameters that bound the FMU's substep and error. With
-    `of_largest` errors are
-    relative to the largest amplitude of all drives, else to each amplitude.
+    `substep` and `tolerance` name the parameters that bound the FMU's substep and error;
+    `exchange`: its equations are integrated here. With `of_largest` errors are relative to the
+    largest amplitude of all drives, else to each amplitude.
     """
 
     drives: tuple[Drive, ...]
@@ -103,9 +110,15 @@ class Probe:
     substep: str | None = None
     tolerance: str | None = None
     of_largest: bool = False
+    exchange: bool = False
     longest_s: float = LONGEST_WINDOW_S
     _kept: dict[object, list[Reading]] = field(default_factory=dict)
     _acting: dict[object, bool] = field(default_factory=dict)
+
+    @property
+    def foreign(self) -> bool:
+        """Whether the FMU names no parameter that sets its accuracy."""
+        return self.substep is None and self.tolerance is None
 
     @property
     def fastest_hz(self) -> float:
@@ -193,6 +206,53 @@ class Probe:
         self.go_on(tuple(replace(d, steps_per_period=2 * d.steps_per_period) for d in self.drives))
         return True
 
+    def held_per_period(self, settle_s: float) -> int | None:
+        """Held steps in a period of the fastest tone, at most; None: as many as the FMU has itself.
+
+        Args:
+            settle_s: time before the first sample, s.
+        """
+        if not self.drives[0].grid.step_s:
+            return max(drive.steps_per_period for drive in self.drives)
+        windows = [d.window(settle_s, 1, self.longest_s) for d in self.drives if d.input]
+        if all(w.input_step_s <= d.grid.step_s for w, d in zip(windows, self.drives, strict=True)):
+            return None
+        return max(int(1.0 / (w.input_step_s * max(w.tones_hz))) for w in windows)
+
+    def on(self, grid: Grid) -> Probe:
+        """The same drives, asked at the times of a grid.
+
+        Args:
+            grid: at which times the FMU is asked.
+        """
+        drives = tuple(replace(drive, grid=grid) for drive in self.drives)
+        return replace(self, drives=drives, _kept={}, _acting={})
+
+    def repetition(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
+        """How far amplitudes repeat at times some hundredths of a period apart.
+
+        What moves with time, a transient or a line beside the tones, does so smoothly over so short
+        a time, and a parabola through its phasors is taken off; what is left is no motion.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+        """
+        finest = tuple(
+            replace(d, steps_per_period=max(d.steps_per_period, FINEST)) for d in self.drives
+        )
+        look = replace(self, drives=finest, _kept={}, _acting={})
+        shifts = np.arange(SHIFTS, dtype=float)
+        seen = [look.read(settings, settle_s + k * SHIFT / self.fastest_hz) for k in range(SHIFTS)]
+        powers = np.vander(shifts, 3)
+        left = np.eye(SHIFTS) - powers @ np.linalg.pinv(powers)
+        found = []
+        for readings in zip(*seen, strict=True):
+            tones = np.stack([reading.tones for reading in readings])
+            rest = np.abs(np.tensordot(left, tones, axes=1)).max(axis=0)
+            found.append(rest * math.sqrt(SHIFTS / (SHIFTS - 3)))
+        return self._relative(found, seen[-1])
+
     def go_on(self, drives: tuple[Drive, ...]) -> None:
         """Look at these drives from now on; what was read of others is forgotten.
 
@@ -232,7 +292,8 @@ class Probe:
     def substeps_per_s(self, settings: Mapping[str, Scalar]) -> float:
         """Substeps that the FMU takes in a second of its time, counted by a fixed rule.
 
-        One over its substep where that acts under these settings; nothing where neither that nor
+        One over the step of its own, where it has one; one over its substep where that acts under
+        these settings; nothing where neither that nor
         its tolerance does; else, and where the FMU names neither, a tenth of a step in a period of
         the fastest tone, and where its tolerance acts the steps in the fastest beat besides, at
         most twice those of substeps.
@@ -240,6 +301,11 @@ class Probe:
         Args:
             settings: values of FMU variables, by name.
         """
+        own_s = self.drives[0].grid.step_s
+        if own_s:
+            return 1.0 / own_s
+        if self.exchange:
+            return EXCHANGED * self.fastest_hz
         if self.substep is not None:
             coarse = 1.0 / (SUBSTEPS * self.drives[0].fastest_hz)
             if self._acts(settings, self.substep, (coarse, 0.5 * coarse)):
@@ -264,7 +330,7 @@ class Probe:
             gaps = [abs(a - b) for i, a in enumerate(lines) for b in lines[:i]]
             if not gaps or not min(gaps) > 0.0:
                 continue
-            period, beats = float(common_period(lines)), BEATS / min(gaps)
+            period, beats = float(drive.grid.whole_s(lines)), BEATS / min(gaps)
             if period > beats and self.substeps_per_s(settings) * period > COSTLY:
                 self.longest_s = min(self.longest_s, beats)
 
@@ -308,6 +374,8 @@ def _reading(drive: Drive, window: Window, values: FloatArray) -> Reading:
 def _communication_steps(run: Run) -> int:
     if run.input_signal is not None:
         return round(row_times(run)[-1] / run.input_signal.step_s)
+    if run.longest_step_s:
+        return communication_steps(run)
     return run.rows + 1 + len(run.segments)
 
 

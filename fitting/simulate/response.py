@@ -13,6 +13,7 @@ import numpy as np
 from fitting.fmu import Run, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
+from fitting.signal.grid import band_on
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
 from fitting.signal.tones import exact, fit_tones, tones_in_words, unit_hint
 from fitting.signal.window import LONGEST_WINDOW_S
@@ -149,7 +150,7 @@ class DriveResponse:
 def plan_drive(
     workers: FmuLike,
     drive: Drive,
-    accuracy: float = USUAL_ACCURACY,
+    accuracy: float | None = None,
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
@@ -160,7 +161,7 @@ def plan_drive(
     Args:
         workers: processes that run the FMU.
         drive: tones and amplitudes that drive.
-        accuracy: relative error that is wanted.
+        accuracy: relative error that is wanted; None: the usual one, or what the FMU can give.
         settle_s: time before the first sample, s.
         annotation: what the FMU says of its own accuracy.
         shown: the window that is kept as samples, None for none.
@@ -171,15 +172,17 @@ def plan_drive(
         settle_s=settle_s,
         longest_settle_s=longest_s,
         fixed=frozenset(drive.start_values),
+        usual=accuracy is None,
     )
     known = knowledge_of(workers.description, annotation)
-    return plan_drives((drive,), accuracy, workers, known, options)
+    wanted = USUAL_ACCURACY if accuracy is None else accuracy
+    return plan_drives((drive,), wanted, workers, known, options)
 
 
 def simulate(
     workers: FmuLike,
     drive: Drive,
-    accuracy: float = USUAL_ACCURACY,
+    accuracy: float | None = None,
     *,
     settle_s: float | None = None,
     annotation: AccuracyAnnotation | None = None,
@@ -190,7 +193,8 @@ def simulate(
     Args:
         workers: the running FMU, `fitting.fmu.FmuWorkers`.
         drive: start values in the FMU's units, tones in Hz, outputs; what it sets is left as it is.
-        accuracy: wanted largest relative error of an amplitude, between 0 and 1.
+        accuracy: wanted largest relative error of an amplitude, between 0 and 1; None: 1e-6, or
+            what the FMU can give.
         settle_s: time before sampling in s; None: found by watching the amplitudes. What a given
             time leaves of the transient is a part of the promise.
         annotation: how the FMU is told to be accurate, and reductions to force or forbid, where it
@@ -271,7 +275,11 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
         window_s=shown.window_s,
         samples=shown.samples,
     )
-    return (band, True) if band is not None else (_rounded_band(drive.tones_hz, shown), False)
+    coherent, found = band is not None, band or _rounded_band(drive.tones_hz, shown)
+    if not drive.grid.step_s:
+        return found, coherent
+    chosen = shown != Shown()
+    return band_on(drive.grid, drive.tones_hz, LONGEST_WINDOW_S, found, chosen), True
 
 
 def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:

@@ -20,6 +20,9 @@ QUIET = 0.25
 DYING = 0.6
 #: Factor on a measured change, for what it does not tell.
 SAFETY = 2.0
+#: Amplitudes that differ by no more than so many times what they repeat to do not move, and how
+#: much longer the time is when that is looked at again.
+NOISY, LOOK_AGAIN = 4.0, 4.0
 #: Digits of a time to settle: no plan hangs on the last bit of what was seen.
 DIGITS = 3
 #: Beats between where a moved tone comes from and where it goes, in the first time tried.
@@ -59,6 +62,7 @@ class Settled:
     """Time to settle, the error that is left, and what was seen at the end.
 
     `steady`: the amplitudes stood still at last; `prescribed`: the time is the user's own.
+    `repeats`: how far amplitudes repeat, where they do not do so as far as was wanted, else 0.
     """
 
     settle_s: float
@@ -66,12 +70,14 @@ class Settled:
     last: tuple[Reading, ...]
     steady: bool
     prescribed: bool = False
+    repeats: float = 0.0
 
 
 def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: Limits) -> Settled:
     """Double the time until amplitudes stand still: twice in a row, and dying away.
 
-    Errors are relative as the probe tells; `wanted` is the largest that may be left.
+    That ends where they repeat no better, however long the FMU runs. Errors are relative as the
+    probe tells; `wanted` is the largest that may be left.
 
     Args:
         probe: trial runs of the FMU, remembered.
@@ -80,7 +86,7 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
         limits: work of the longest run, and longest time to settle.
     """
     times, seen, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
-    first_s = _first_s(probe)
+    first_s, looked_s = _first_s(probe), 0.0
     for k in range(DOUBLINGS):
         time_s = first_s * 2.0**k
         # once a change is small enough, one doubling more shows whether the next one is so too
@@ -94,8 +100,35 @@ def settle(probe: Probe, settings: Mapping[str, Scalar], wanted: float, limits: 
             probe, settings, time_s, wanted, limits.work
         ):
             return _earliest(probe, settings, times, seen, wanted)
+        if probe.foreign and _lingers(changes[1:], wanted) and time_s >= LOOK_AGAIN * looked_s:
+            looked_s, repeats = time_s, probe.repetition(settings, time_s)
+            if repeats > QUIET * wanted and changes[-1] <= NOISY * repeats:
+                return _as_it_repeats(probe, times, seen, repeats)
     bound = min(1.0, SAFETY * changes[-1])
     return Settled(settle_s=times[-1], bound=bound, last=tuple(seen[-1]), steady=False)
+
+
+def _lingers(changes: list[float], wanted: float) -> bool:
+    """Whether the last change is neither small enough nor on its way there."""
+    if len(changes) < 3 or changes[-1] <= QUIET * wanted:
+        return False
+    return changes[-1] > DYING * min(changes[-3:-1])
+
+
+def _as_it_repeats(
+    probe: Probe, times: list[float], seen: list[list[Reading]], repeats: float
+) -> Settled:
+    """The shortest time tried from which on all amplitudes are as far apart as they repeat."""
+    changes = [probe.changes(seen[-1], reading) for reading in seen]
+    k = next(i for i in range(len(changes)) if max(changes[i:]) <= NOISY * repeats)
+    errors = [probe.errors(reading, seen[-1]) for reading in seen[k:]]
+    return Settled(
+        settle_s=times[k],
+        bound=min(1.0, SAFETY * max(repeats, *errors)),
+        last=tuple(seen[k]),
+        steady=True,
+        repeats=repeats,
+    )
 
 
 def settle_as_prescribed(
@@ -203,10 +236,13 @@ def settling_decision(settled: Settled) -> Decision:
         basis = Basis.PRESCRIBED
     elif settled.steady and settled.settle_s == 0.0:
         basis = Basis.STEADY
+    numbers = {"settle_s": settled.settle_s}
+    if settled.repeats:
+        basis, numbers["repeats"] = Basis.REPEATED, settled.repeats
     return Decision(
         kind=Kind.SETTLING,
         basis=basis,
         bound=settled.bound,
-        numbers={"settle_s": settled.settle_s},
+        numbers=numbers,
         forced=settled.prescribed,
     )

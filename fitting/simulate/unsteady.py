@@ -62,7 +62,7 @@ def line_beside(workers: Workers, plan: DrivePlan) -> BesideLine | None:
     values = workers.run([run])[0][-SAMPLES:]
     found = ToneFit(drive.tones_hz, np.array(row_times(run))[-SAMPLES:])(values)
     share = _tapered(found.rest) / np.maximum(found.amplitudes.max(axis=0), np.finfo(float).tiny)
-    rate_hz = SAMPLES * step_s
+    rate_hz = SAMPLES * run.sample_step_s
     for tone in drive.tones_hz:
         k = round(tone * rate_hz)
         share[max(0, k - TAPERED) : k + TAPERED + 1] = 0.0

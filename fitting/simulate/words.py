@@ -16,6 +16,7 @@ SUBJECTS = {
     Kind.MAXIMUM: "maximum of the sweep",
     Kind.CURVE: "response curve",
     Kind.STEP: "communication step",
+    Kind.GRID: "communication grid",
 }
 
 
@@ -244,7 +245,18 @@ def _curve(decision: Decision) -> str:
     return f"a run for each of {n['points']} points{among}"
 
 
+def _grid(decision: Decision) -> str:
+    factor, unit = prefixed(float(decision.numbers["step_s"]), "s")
+    whole = f"whole steps of {number(float(decision.numbers['step_s']) / factor, 6)} {unit}"
+    offset = float(decision.numbers["offset"])
+    return f"{whole}, and {number(offset, 2)} of one more" if offset else whole
+
+
 def _step(decision: Decision) -> str:
+    if "per_period" in decision.numbers:
+        step_s, count = (float(decision.numbers[key]) for key in ("step_s", "per_period"))
+        factor, unit = prefixed(step_s, "s")
+        return f"{number(step_s / factor, 4)} {unit} at most, {number(count, 4)} in a period"
     shortest, longest = (float(decision.numbers[key]) for key in ("step_s", "longest_s"))
     factor, unit = prefixed(shortest, "s")
     count = int(decision.numbers["per_sample"])
@@ -265,6 +277,8 @@ _CHOICES: Mapping[Kind, Callable[[Decision], str]] = {
     Kind.ROUNDING: lambda d: "double precision",
     Kind.CURVE: _curve,
     Kind.STEP: _step,
+    Kind.GRID: _grid,
+    Kind.ACCURACY: lambda d: f"{float(d.numbers['given']):.1e} of an amplitude",
     Kind.MAXIMUM: lambda d: (
         f"{d.numbers['points']} points {float(d.numbers['spacing_hz']):.4g} Hz apart"
     ),
@@ -281,6 +295,8 @@ def _compared(decision: Decision) -> str:
         return f"{safety} of the amplitudes at {part} of it"
     if decision.kind == Kind.INPUT:
         return f"{safety} with twice as many"
+    if decision.kind == Kind.STEP:
+        return f"the FMU integrates by it: {safety} from steps of twice that length"
     finer = decision.numbers["finer"]
     return f"{safety} with combinations up to order {finer} kept off"
 
@@ -343,6 +359,40 @@ def _rational(decision: Decision) -> str:
     )
 
 
+def _ordered(decision: Decision) -> str:
+    n = decision.numbers
+    return (
+        f"the FMU integrates by it, and errors fall as its power {n['order']}, seen over three "
+        f"steps: {float(n['safety']):g} times the error that this leaves"
+    )
+
+
+def _own_step(decision: Decision) -> str:
+    told = "as it tells" if decision.numbers["told"] else "by watching its outputs stand still"
+    return (
+        f"the FMU's own step, {told}; at other times it repeats amplitudes and phases only to "
+        f"{float(decision.numbers['repeats']):.1e}"
+    )
+
+
+def _usual(decision: Decision) -> str:
+    usual = f"none was asked for, and the usual {float(decision.numbers['usual']):.0e}"
+    if decision.numbers["by"] == Kind.STEP:
+        return f"{usual} would take many more steps (--accuracy asks for it)"
+    if decision.numbers["by"] == Kind.INPUT:
+        return f"{usual} would want an input that is held over shorter steps"
+    return f"{usual} is beyond this FMU"
+
+
+def _other_steps(decision: Decision) -> str:
+    told = (
+        "the one that it was made for"
+        if decision.numbers["told"]
+        else "the shortest tried that it takes"
+    )
+    return f"the FMU refuses other steps; this is {told}"
+
+
 def _halved(decision: Decision) -> str:
     own_s = float(decision.numbers["own_s"])
     said = (
@@ -362,6 +412,15 @@ _REASONS: Mapping[Basis, Callable[[Decision], str]] = {
     Basis.UNSTEADY: lambda d: (
         "amplitudes still change by half as much when the time is doubled: not steady"
     ),
+    Basis.REPEATED: lambda d: (
+        f"this FMU repeats amplitudes and phases only to {float(d.numbers['repeats']):.1e}, "
+        "however long it runs: at times a hundredth of a period apart they differ by that"
+    ),
+    Basis.OWN_STEP: _own_step,
+    Basis.FIXED_STEP: lambda d: "the fixed step of the FMU's solver, as it declares",
+    Basis.OTHER_STEPS: _other_steps,
+    Basis.USUAL: _usual,
+    Basis.ORDER: _ordered,
     Basis.PRESCRIBED: _prescribed,
     Basis.DECLARED: lambda d: "the FMU is declared to start on its periodic orbit",
     Basis.LINE_WIDTH: lambda d: (

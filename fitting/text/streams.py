@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterator
 from typing import Any, TextIO, cast
 
+from fitting.text.controls import spelled_out
+
 
 class Outlet:
     """A text stream that goes on taking text when nobody takes it any more.
@@ -15,13 +17,18 @@ class Outlet:
     Whoever closes a pipe (``| head``) has seen enough: the command still ends its work and writes
     its files. ``failure`` says why text was lost, None while none was.
 
+    What steers a terminal is spelled out, but for ``steering``: words of FMUs and of files come
+    this way.
+
     Args:
         stream: where text goes; None where the process was started without it.
+        steering: whether text may move the cursor, as that of a progress bar.
     """
 
-    def __init__(self, stream: TextIO | None) -> None:
+    def __init__(self, stream: TextIO | None, *, steering: bool = False) -> None:
         self.failure: OSError | None = None
         self._stream = stream
+        self._steering = steering
 
     def write(self, text: str) -> int:
         """Write what can be written; a character that the stream has not is spelled out.
@@ -31,8 +38,9 @@ class Outlet:
         """
         if self._stream is not None:
             encoding = self._stream.encoding or "utf-8"
+            shown = text if self._steering else spelled_out(text, "\n\t")
             with self._giving_up():
-                self._stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+                self._stream.write(shown.encode(encoding, "backslashreplace").decode(encoding))
         return len(text)
 
     def flush(self) -> None:
@@ -69,7 +77,7 @@ def outlets() -> Iterator[Outlet]:
     """
     _occupy_closed()
     before = sys.stdout, sys.stderr
-    output, errors = Outlet(before[0]), Outlet(before[1])
+    output, errors = Outlet(before[0]), Outlet(before[1], steering=True)
     sys.stdout, sys.stderr = cast(TextIO, output), cast(TextIO, errors)
     try:
         yield output

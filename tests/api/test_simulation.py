@@ -104,13 +104,14 @@ def test_a_sound_fmu_that_suits(fmu: ff.Fmu) -> None:
     found = ff.check(fmu, ff.example("string_q1"))
     assert found.sound
     assert found.findings == ()
-    assert found.halved is not None
-    assert found.trial is not None
+    tried = found.examination
+    assert tried.repeats is not None
+    assert tried.trial is not None
     assert found.suits is not None
     assert (found.suits.parameters, found.suits.experiments) == (3 + 5, 5)  # offsets
-    assert {"q1_hybrid", "lambda"} <= set(found.trial.numbers)
-    assert found.resets is not None
-    assert "same bit for bit" in found.resets.reuse
+    assert {"q1_hybrid", "lambda"} <= set(tried.trial.numbers)
+    assert tried.resets is not None
+    assert "same bit for bit" in tried.resets.reuse
 
 
 def test_what_is_wrong_with_an_fmu_is_told_and_not_raised(tmp_path: Path) -> None:
@@ -119,8 +120,8 @@ def test_what_is_wrong_with_an_fmu_is_told_and_not_raised(tmp_path: Path) -> Non
     assert not found.sound
     assert found.suits is None
     assert any("q1_hybrid" in complaint for complaint in found.unsuited)
-    assert found.resets is not None
-    assert "every run has a new instance" in found.resets.reuse
+    assert found.examination.resets is not None
+    assert "every run has a new instance" in found.examination.resets.reuse
 
 
 def test_a_copy_of_an_example_is_ones_own(tmp_path: Path) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-import zipfile
 from pathlib import Path
 
 import pytest
 
 from fitting.cli.main import main
-from tests.support.cfmu_build import build_c_fmu
+from fitting.fmu import read_description
+from fitting.report.words.check import description_lines
+from tests.support.cfmu_build import build_c_fmu, reworded
 from tests.support.processes import Clock
 
 ROOT = Path(__file__).parents[2]
@@ -21,8 +22,9 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert main(["check", str(oscillator_fmu), "--campaign", str(campaign)]) == 0
     text = capsys.readouterr().out
     assert not re.search("^(cosmetic|careful|fatal): ", text, re.MULTILINE)
-    assert "half the step: the outputs are the same to 1e-12 over 16 steps of 0.001 s" in text
-    assert "changed no output over 16 steps of 0.001 s: " in text
+    assert re.search(r"outputs are the same to 1e-12 over \d+ steps of 1e-08 s", text)
+    assert "made for steps of 1e-08 s" in text
+    assert "changed no output over 16 steps of 1e-08 s: " in text
     assert "rk4_substep" in text  # the exact solver takes none
     assert "eta_plus" in text
     assert "suits this FMU" in text
@@ -47,35 +49,22 @@ def test_a_reset_that_lies_is_told(
     assert "every run has a new instance" in capsys.readouterr().out
 
 
-def rewritten(fmu: Path, before: bytes, after: bytes) -> Path:
-    """The same FMU with other words in its description."""
-    path = fmu.with_name("rewritten.fmu")
-    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(path, "w") as target:
-        for name in source.namelist():
-            content = source.read(name)
-            if name == "modelDescription.xml":
-                assert before in content
-                content = content.replace(before, after)
-            target.writestr(name, content)
-    return path
-
-
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        (b'unit="N/m" ', b'unit="furlong" ', r"careful: The unit \"furlong\" .* is not defined"),
+        ('unit="N/m" ', 'unit="furlong" ', r"careful: The unit \"furlong\" .* is not defined"),
         (
-            b'<InitialUnknowns><Unknown index="5"/>',
-            b"<InitialUnknowns>",
+            '<InitialUnknowns><Unknown index="5"/>',
+            "<InitialUnknowns>",
             "cosmetic: ModelStructure/InitialUnknowns",
         ),
     ],
 )
 def test_rules_broken_are_told_by_how_much_they_matter(
-    before: bytes, after: bytes, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    before: str, after: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It runs all the same: no error of this command."""
-    assert main(["check", str(rewritten(build_c_fmu(tmp_path), before, after))]) == 0
+    assert main(["check", str(reworded(build_c_fmu(tmp_path), {before: after}))]) == 0
     told = capsys.readouterr()
     assert re.search(words, told.out)
     assert told.err == ""
@@ -86,17 +75,17 @@ def test_an_fmu_without_outputs_is_seen_by_its_local_variables(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A force of 1 N at 300 Hz: |x| = 1/|k - m w^2 + i c w| by hand."""
-    fmu = rewritten(build_c_fmu(tmp_path), b'causality="output"', b'causality="local"')
+    fmu = reworded(build_c_fmu(tmp_path), {'causality="output"': 'causality="local"'})
     assert main(["check", str(fmu)]) == 0
     text = capsys.readouterr().out
     assert "4 local variables (it has no output) are numbers" in text
     assert re.search("^displacement +local, continuous, Real m$", text, re.MULTILINE)
-    drive = ["--input", "force", "--drive", "300 Hz", "--set", "damping=0.2"]
+    drive = ["--input", "force", "--drive", "300 Hz", "--set", "damping=0.2", "--accuracy", "1e-3"]
     assert main(["simulate", str(fmu), *drive, "--out", str(tmp_path / "out")]) == 0
     told = re.search(r"^displacement: (\S+) m peak", capsys.readouterr().out, re.MULTILINE)
     assert told is not None
     w = 2 * math.pi * 300.0
-    assert float(told[1]) == pytest.approx(1 / abs(4e3 - 1e-3 * w**2 + 0.2j * w), rel=1e-4)
+    assert float(told[1]) == pytest.approx(1 / abs(4e3 - 1e-3 * w**2 + 0.2j * w), rel=1e-3)
 
 
 def test_a_crash_when_an_instance_is_freed_is_found(
@@ -107,6 +96,35 @@ def test_a_crash_when_an_instance_is_freed_is_found(
     told = capsys.readouterr()
     assert "trial run: one step" in told.out
     assert "crashed its process" in told.err
+
+
+def test_what_an_fmu_says_does_not_steer_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """C1 control characters and a line break are legal in XML: names, units and descriptions."""
+    steers = {"DrivenOscillator": "Driven\x9b2J", 'unit="N/m" ': 'unit="N&#10;fatal: /m" '}
+    fmu = reworded(build_c_fmu(tmp_path), steers)
+    assert main(["check", str(fmu)]) == 0
+    text = capsys.readouterr().out
+    assert "Driven\\u009b2J" in text
+    assert "\x9b" not in text
+    assert not re.search("^fatal: ", text, re.MULTILINE)
+
+
+def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fmu = build_c_fmu(tmp_path, marks={"NOISE": 1e-3})
+    out = tmp_path / "page"
+    assert main(["check", str(fmu), "--report", str(out)]) == 0
+    told = capsys.readouterr().out
+    page = (out / "report.html").read_text("utf-8")
+    [careful] = re.findall("^careful: (outputs repeat to .*)$", told, re.MULTILINE)
+    for words in (careful, "here a step takes about", "DrivenOscillator", "stiffness"):
+        assert words in told
+        assert words in page
+    assert "data:image/svg+xml" in page
+    assert (out / "figures" / "1_repeats.csv").exists()
+    assert main(["check", str(fmu), "--report", str(fmu)]) == 2  # a file is no folder
+    assert str(fmu) in capsys.readouterr().err
 
 
 def test_no_binary_for_this_platform(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -157,30 +175,32 @@ def test_impossible_times_are_refused_by_name(
 
 
 def test_times_take_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    fmu = build_c_fmu(tmp_path, once=True)
+    fmu = build_c_fmu(tmp_path)
     assert main(["check", str(fmu), "--step", "2 ms", "--timeout", "0.5 min"]) == 0
     text = capsys.readouterr().out
     assert "one step of 0.002 s" in text
     assert "needsExecutionTool" not in text
-    assert "canBeInstantiatedOnlyOncePerProcess: one instance in a process" in text
+    once = description_lines(read_description(build_c_fmu(tmp_path, once=True)))
+    assert "canBeInstantiatedOnlyOncePerProcess: one instance in a process" in once
 
 
 def test_a_run_out_of_time_names_the_option(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Seven million periods of the step-by-step solver do not fit into the time."""
-    arguments = ["--set", "solver=2", "--timeout", "1500 ms", "--out", str(tmp_path / "out")]
-    assert main(["simulate", str(oscillator_fmu), *arguments]) == 3
-    assert "no answer within 1.5 s and was stopped; --timeout sets" in capsys.readouterr().err
+    fmu = build_c_fmu(tmp_path)
+    drive = ["--input", "force", "--drive", "300 Hz", "--set", "misbehave=1"]  # hangs
+    arguments = [*drive, "--timeout", "300 ms", "--out", str(tmp_path / "out")]
+    assert main(["simulate", str(fmu), *arguments]) == 3
+    assert "no answer within 0.3 s and was stopped; --timeout sets" in capsys.readouterr().err
 
 
 def test_what_the_fmu_says_comes_first(
-    oscillator_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    swift_fmu: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["--set", "d1=-1e6", "--out", str(tmp_path / "out")]
-    assert main(["simulate", str(oscillator_fmu), *arguments]) == 3
+    assert main(["simulate", str(swift_fmu), *arguments]) == 3
     told = capsys.readouterr().err
-    assert f"{oscillator_fmu}: d1 = -1000000.0 Hz is negative" in told
+    assert f"{swift_fmu}: d1 = -1000000.0 Hz is negative" in told
     assert re.search(r"may grow; the growing oscillation .*; stopped early at t = 0\.0 s", told)
 
 

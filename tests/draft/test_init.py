@@ -16,8 +16,14 @@ from fitting.api.init import Question, init
 from fitting.cli.main import main
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_wall_fmu
+from tests.support.cfmu_build import (
+    build_c_fmu,
+    build_lag_fmu,
+    build_own_step_fmu,
+    build_wall_fmu,
+)
 from tests.support.lines import mode, noise, write_csv
+from tests.support.own_step import phasor
 
 ETA, WIDTH = 30_000.0, 25.0
 F = ETA + np.linspace(-80.0, 80.0, 41)
@@ -206,6 +212,57 @@ def test_a_table_of_two_tone_peaks_with_its_sweep(tmp_path: Path) -> None:
     assert written["experiments"]["amplitude"] == written["sweep"]["amplitude"] == "V rms"
     assert written["drive"]["frequencies"] == ["u1", "u2"]
     assert written["experiments"]["peaks"] == ["z1", "z2"]
+
+
+def test_an_fmu_alone_gives_a_skeleton_that_tells_what_is_missing(
+    cantilever: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "skeleton"
+    assert main(["init", str(cantilever), "--out", str(out), "--yes"]) == 0
+    assert "missing: a measurement" in capsys.readouterr().out
+    path = out / "campaign.toml"
+    text = path.read_text("utf-8")
+    written = tomllib.loads(text)
+    assert written["observe"]["output"] == "displacement"
+    assert written["drive"]["input"] == "force"
+    assert [p["name"] for p in written["parameters"]] == ["stiffness", "damping"]
+    assert "sweep" not in written
+    assert main(["reconstruct", str(path)]) == 2
+    assert "nothing to fit: wanted a table [experiments], or a [sweep]" in capsys.readouterr().err
+
+
+def test_what_is_missing_is_written_beside_its_marks(cantilever: Path, tmp_path: Path) -> None:
+    """The marks taken away and a file beside it: a campaign that can be read."""
+    path, _ = init(cantilever, out=tmp_path)
+    text = path.read_text("utf-8")
+    assert "\n#: [sweep]\n" in text
+    path.write_text(text.replace("\n#: ", "\n"), "utf-8")
+    driven(tmp_path).rename(tmp_path / "sweep.csv")
+    campaign = ff.read_campaign(path)
+    assert campaign.sweep is not None
+
+
+def test_an_fmu_may_stand_among_the_files(cantilever: Path, tmp_path: Path) -> None:
+    path, _ = init([driven(tmp_path), cantilever], out=tmp_path)
+    written = tomllib.loads(path.read_text("utf-8"))
+    assert written["sweep"]["file"] == "mine.csv"
+    assert written["observe"]["output"] == "displacement"
+    with pytest.raises(ff.BadInput, match="found 2 FMUs, wanted one"):
+        init([cantilever], cantilever, out=tmp_path)
+    with pytest.raises(ff.BadInput, match="neither an FMU nor a file"):
+        init([], out=tmp_path)
+
+
+def test_a_parameter_called_eigenfrequency_is_fitted_from_where_the_line_is(tmp_path: Path) -> None:
+    """An FMU of somebody else that has steps of its own, and tells nothing in its descriptions."""
+    f_hz = np.arange(25.0, 37.1)
+    volt = 0.37 * np.array([abs(phasor(float(f), 1e-3, 31.2, 3.0)) for f in f_hz])
+    write_csv(tmp_path / "mine.csv", "frequency (Hz),R (V)", f_hz, volt)
+    path, _ = init(tmp_path / "mine.csv", build_own_step_fmu(tmp_path), out=tmp_path)
+    drafted = {p["name"]: p for p in tomllib.loads(path.read_text("utf-8"))["parameters"]}
+    assert list(drafted) == ["eigenfrequency", "line_width"]
+    assert drafted["eigenfrequency"]["start"] == pytest.approx(31.2, abs=0.03)
+    assert drafted["line_width"]["start"] == pytest.approx(3.0, rel=0.02)
 
 
 def test_a_person_is_asked_only_what_no_file_tells(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ kind = "input"
 frequencies = ["f"]
 input = "force"
 level = 1.0
-samples_per_period = 28
+samples_per_period = {per_period}
 [sweep]
 file = "sweep.csv"
 layout = "csv"
@@ -62,7 +62,7 @@ iterations = 2
 misfit = "{misfit}"
 starts = 1
 [accuracy]
-amplitude = 1e-6
+amplitude = {accuracy}
 """
 
 
@@ -97,7 +97,10 @@ def campaign(folder: Path, fmu: Path, misfit: str, outputs: list[str]) -> Path:
     rows = "".join(f"{a!r},{b!r}\n" for a, b in points)
     (folder / "sweep.csv").write_text(f"frequency (Hz),amplitude (V)\n{rows}")
     path = folder / "campaign.toml"
-    path.write_text(CAMPAIGN.format(fmu=fmu.as_posix(), misfit=misfit, outputs=outputs))
+    # where profiles are walked, every one of a thousand runs counts
+    accuracy, per_period = (1e-6, 28) if misfit == "slack" else (1e-3, 12)
+    named = {"fmu": fmu.as_posix(), "misfit": misfit, "outputs": outputs}
+    path.write_text(CAMPAIGN.format(**named, accuracy=accuracy, per_period=per_period))
     return path
 
 
@@ -117,10 +120,14 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     found = read_result(out / "result.json")
     eigenfrequency = math.sqrt(STIFFNESS / MASS) / (2 * math.pi)
     width = DAMPING / MASS / (2 * math.pi)
+    assert found.plan is not None
+    c, k = worst_shifts(found.plan.promised) if misfit == "squares" else (0.0, 0.0)
     if misfit == "slack":
         assert found.derived["eigenfrequency"].value == pytest.approx(eigenfrequency, rel=1e-6)
-    assert found.parameters["stiffness"].value == pytest.approx(STIFFNESS, rel=1e-6)
-    assert found.derived["line_width"].value == pytest.approx(width, rel=1e-6)
+    assert found.parameters["stiffness"].value == pytest.approx(STIFFNESS, rel=1e-6, abs=k)
+    assert found.derived["line_width"].value == pytest.approx(
+        width, rel=1e-6, abs=width * c / DAMPING
+    )
     word = "linearised only" if misfit == "slack" else "determined"
     assert found.derived["line_width"].identifiable == word
     papers = misfit == "slack"
@@ -131,7 +138,6 @@ def test_a_foreign_fmu_is_fitted_by_campaign_file_alone(
     told = " ".join(capsys.readouterr().out.split())
     assert ("Values are those of Algorithm 2, as asked for" in told) == papers
     # what the plan promises no better is in the errors, exact as the data are
-    assert found.plan is not None
     for value, worst in zip(
         (found.parameters["damping"], found.parameters["stiffness"]),
         worst_shifts(found.plan.promised),

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 
-from fitting.fmu import FmuWorkers
+from fitting.fmu import FmuWorkers, read_description
 from fitting.fmu.findings import Severity, rule_findings
-from fitting.fmu.trial import STEPS, halve_step, pushed_run, try_resets
-from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
+from fitting.fmu.trial.costs import Costs, measure_costs, repeated_steps
+from fitting.fmu.trial.examination import Examination, examine
+from fitting.fmu.trial.findings import trial_findings
+from fitting.fmu.trial.inputs import try_inputs
+from fitting.fmu.trial.resets import try_resets
+from fitting.fmu.trial.runs import STEPS, pushed_run, trial_step_s
+from fitting.fmu.trial.steps import try_repeats
+from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, reworded
+from tests.support.processes import Clock
 
 
 @pytest.mark.parametrize("step_s", [0.02, 0.3])
 def test_half_a_step_shows_a_solver_that_steps_with_the_host(step_s: float, tmp_path: Path) -> None:
     """Euler's steps of x' = 1 - x give 1 - (1 - h)^n, in halves 1 - (1 - h/2)^(2 n)."""
     with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
-        found = halve_step(workers, pushed_run(workers, step_s, {"euler": 1.0}))
+        found = try_repeats(workers, pushed_run(workers, step_s, {"euler": 1.0}), STEPS)
     whole = [1.0 - (1.0 - step_s) ** n for n in range(STEPS + 1)]
     halves = [1.0 - (1.0 - 0.5 * step_s) ** (2 * n) for n in range(STEPS + 1)]
     difference = max(abs(a - b) for a, b in zip(whole, halves, strict=True))
     assert found is not None
-    assert found.share == pytest.approx(difference / max(whole), rel=1e-9)
+    assert found.halves == pytest.approx(difference / max(whole), rel=1e-9)
     assert found.output == "y"
 
 
@@ -29,9 +37,9 @@ def test_exact_steps_do_not_mind_their_length_and_counted_steps_are_no_result(
     tmp_path: Path,
 ) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
-        found = halve_step(workers, pushed_run(workers, 1e-3, {}))
+        found = try_repeats(workers, pushed_run(workers, 1e-3, {}), STEPS)
     assert found is not None
-    assert found.share < 1e-12
+    assert found.halves < 1e-12
 
 
 def test_what_changes_no_output_is_named(tmp_path: Path) -> None:
@@ -40,6 +48,132 @@ def test_what_changes_no_output_is_named(tmp_path: Path) -> None:
         assert try_resets(workers, pushed_run(workers, 0.1, {})).idle == ()
         resting = pushed_run(workers, 0.1, {"u": 0.0})
         assert try_resets(workers, resting).idle == ("tau", "gain", "through", "euler")
+
+
+@pytest.mark.parametrize(
+    ("reset", "kept", "true"),
+    [
+        ("RESET_WORKS", (), True),
+        ("RESET_DOES_NOTHING", ("",), False),
+        ("RESET_FREEZES_OUTPUT", ("",), False),
+        ("RESET_KEEPS_DERIVED", ("mass", "damping", "stiffness"), False),
+        ("RESET_KEEPS_PARAMETERS", ("mass", "damping", "stiffness", "force", "inverted"), False),
+        ("RESET_FAILS", (), True),
+    ],
+)
+def test_a_reset_is_tried_with_one_value_set(
+    reset: str, kept: tuple[str, ...], true: bool, tmp_path: Path
+) -> None:
+    """By the text of each reset in model.h; one that fails tells so, and is no lie."""
+    with FmuWorkers(build_c_fmu(tmp_path, reset=reset)) as workers:
+        found = try_resets(workers, pushed_run(workers, 1e-3, {}))
+    assert (found.kept, found.true) == (kept, true)
+
+
+def test_noise_is_told_from_errors_of_the_step(tmp_path: Path) -> None:
+    """The output is x (1 + 1e-3 sin ...), another sine in every run: at most 2e-3 apart."""
+    with FmuWorkers(build_c_fmu(tmp_path, marks={"NOISE": 1e-3})) as workers:
+        found = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
+    assert found is not None
+    assert not found.falls
+    assert 1e-3 < found.floor <= 2.01e-3
+    assert found.again == 0.0
+    assert found.late < 2.0 * found.early
+
+
+def test_noise_that_grows_is_told(tmp_path: Path) -> None:
+    """1e-6 (1 + 1e3 t): 64 times as large after 64 ms."""
+    marks = {"NOISE": 1e-6, "GROWTH": 1e3}
+    with FmuWorkers(build_c_fmu(tmp_path, marks=marks)) as workers:
+        found = examine(workers, 1e-3, {})
+        said = [f.sentence for f in trial_findings(workers.description, found)]
+    assert found.repeats is not None
+    n = found.repeats.steps
+    assert found.repeats.late <= 2.01e-6 * (1.0 + n)
+    assert found.repeats.early <= 2.01e-6 * (1.0 + n / 4.0)
+    assert any("grows with time" in sentence for sentence in said)
+
+
+def test_a_step_of_its_own_is_found(tmp_path: Path) -> None:
+    """3/10 ms: not told by the description, no part of a communication step."""
+    with FmuWorkers(build_c_fmu(tmp_path, marks={"OWN_STEP": 3e-4})) as workers:
+        own = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
+    assert own is not None
+    assert own.own_step_s == pytest.approx(3e-4, rel=0.02)
+    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
+        none = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
+    assert none is not None
+    assert math.isnan(none.own_step_s)
+
+
+def test_what_an_input_does_at_once_and_later(tmp_path: Path) -> None:
+    """y = x + through u: without ``through`` a step is wanted, with it none; no gain: nothing."""
+    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
+        for values, acts, at_once in (
+            ({}, True, False),
+            ({"through": 0.5}, True, True),
+            ({"gain": 0.0}, False, False),
+        ):
+            [effect] = try_inputs(workers, pushed_run(workers, 0.1, values))
+            assert (effect.name, effect.acts, effect.at_once) == ("u", acts, at_once)
+
+
+def test_tunable_parameters_are_moved_between_steps(tmp_path: Path) -> None:
+    """The damping counts when the FMU is initialised: moved later, it does nothing."""
+    words = {
+        'name="damping" valueReference="1" causality="parameter" variability="fixed"': (
+            'name="damping" valueReference="1" causality="parameter" variability="tunable"'
+        )
+    }
+    with FmuWorkers(reworded(build_c_fmu(tmp_path), words)) as workers:
+        effects = try_inputs(workers, pushed_run(workers, 1e-3, {}))
+        said = [
+            f.sentence for f in trial_findings(workers.description, Examination(effects=effects))
+        ]
+    assert {e.name: e.acts for e in effects} == {"force": True, "damping": False}
+    assert said == ["parameter damping: moved between steps, it changes no output"]
+
+
+def test_own_steps_are_kept_to(tmp_path: Path) -> None:
+    """Four of a fixed step, so that quarters are whole ones; else that of its experiment."""
+    fixed = {"<CoSimulation ": '<CoSimulation fixedInternalStepSize="5e-4" '}
+    usual = {"<ModelStructure>": '<DefaultExperiment stepSize="0.004"/><ModelStructure>'}
+    plain = build_c_fmu(tmp_path)
+    told = build_c_fmu(tmp_path, fmi=3)
+    assert trial_step_s(read_description(plain)) == 1e-3
+    assert trial_step_s(read_description(reworded(told, fixed))) == 2e-3
+    assert trial_step_s(read_description(reworded(plain, usual))) == 0.004
+
+
+def test_a_hang_when_an_instance_is_freed_is_found(tmp_path: Path, clock: Clock) -> None:
+    hung = tmp_path / "hung"
+    clock.runs = hung.exists
+    marks = {"HANGS_WHEN_FREED": hung}
+    with FmuWorkers(build_c_fmu(tmp_path, marks=marks), timeout_s=70.0) as workers:
+        found = examine(workers, 1e-3, {})
+    assert found.trial is not None
+    assert found.failure is not None
+    assert "was to free an instance and gave no answer within 70 s" in found.failure.message
+
+
+def test_costs_are_measured(tmp_path: Path) -> None:
+    """Of a program that was started for it no two runs are alike: only what cannot be otherwise."""
+    with FmuWorkers(build_lag_fmu(tmp_path)) as workers:
+        run = pushed_run(workers, 1e-3, {})
+        try_resets(workers, run)
+        before = workers.counts
+        costs = measure_costs(workers, run)
+        spent = workers.counts.processor_s - before.processor_s
+    assert not costs.anew
+    assert 0.0 < costs.step_s < spent
+    assert 0.0 < costs.start_s < spent
+    assert costs.bytes_per_run < 1e5 or math.isnan(costs.bytes_per_run)
+
+
+@pytest.mark.parametrize(("step_s", "steps"), [(1e-6, 256), (0.01, 64), (1.0, 16)])
+def test_a_slow_fmu_is_tried_in_fewer_steps(step_s: float, steps: int) -> None:
+    costs = Costs(step_s=step_s, start_s=0.0, bytes_per_run=0.0, anew=False)
+    assert repeated_steps(costs) == steps
 
 
 def test_broken_rules_are_told_once_the_grave_ones_first() -> None:

@@ -215,7 +215,7 @@ def test_what_the_user_sets_is_left_as_it_is(workers: FmuWorkers) -> None:
     assert not plan.budget.of(Kind.MODEL, "far mode left out")
 
 
-def test_a_prescribed_substep_is_measured(workers: FmuWorkers) -> None:
+def test_a_prescribed_substep_is_measured(swift_fmu: Path) -> None:
     """rk4 of the linear model at 100 Hz, Q = 10: 10 substeps a period are not enough for 1e-4."""
     values = {
         "solver": 2,
@@ -228,9 +228,9 @@ def test_a_prescribed_substep_is_measured(workers: FmuWorkers) -> None:
         "u1": 100.0,
         "A2": 0.0,
     }
-    plan = plan_drive(
-        workers, Drive(start_values=values, tones_hz=(100.0,), outputs=("q1_hybrid",)), 1e-4
-    )
+    drive = Drive(start_values=values, tones_hz=(100.0,), outputs=("q1_hybrid",))
+    with FmuWorkers(swift_fmu) as native:
+        plan = plan_drive(native, drive, 1e-4)
     (solver,) = plan.budget.of(Kind.SOLVER, "rk4_substep")
     assert solver.forced
     assert solver.basis == Basis.PRESCRIBED

@@ -49,6 +49,20 @@ def build_c_fmu(
     return path
 
 
+def reworded(fmu: Path, words: Mapping[str, str]) -> Path:
+    """The same FMU with other words in its description, beside it."""
+    path = fmu.with_name(f"{fmu.stem}_reworded.fmu")
+    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            content = source.read(name)
+            if name == "modelDescription.xml":
+                for before, after in words.items():
+                    assert before.encode() in content
+                    content = content.replace(before.encode(), after.encode())
+            target.writestr(name, content)
+    return path
+
+
 def build_lag_fmu(folder: Path) -> Path:
     """The lag tau x' + x = gain u, y = x + through u as an FMU in ``folder``."""
     return _first_order(folder, "lag", ())
@@ -66,6 +80,45 @@ def _first_order(folder: Path, name: str, options: Sequence[str]) -> Path:
     with zipfile.ZipFile(path, "w") as archive:
         archive.write(SOURCES / f"{name}2.xml", "modelDescription.xml")
         archive.write(library, f"binaries/{fmpy.platform}/{library.name}")
+    return path
+
+
+def build_own_step_fmu(
+    folder: Path,
+    kind: str = "STANDS_BETWEEN",
+    *,
+    told: bool = False,
+    step_s: float = 1e-3,
+    fmi: int = 2,
+) -> Path:
+    """The driven oscillator that advances in steps of its own as an FMU in ``folder``.
+
+    ``kind`` one of the names in own_step.h; ``told``: the step stands in its description, in FMI 3
+    as the fixed one of its solver.
+    """
+    library = folder / f"own_step{fmpy.sharedLibraryExtension}"
+    options = [f"-DKIND={kind}", f"-DSTEP={step_s!r}"]
+    compile_library(SOURCES / f"own_step{fmi}.c", library, options)
+    usual = f'<DefaultExperiment stepSize="{step_s!r}"/>'
+    experiment = (usual if fmi == 2 else f'fixedInternalStepSize="{step_s!r}"') if told else ""
+    description = (SOURCES / f"own_step{fmi}.xml").read_text("utf-8")
+    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
+    path = folder / f"own_step_{kind.lower()}.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", description.replace("@EXPERIMENT@", experiment))
+        archive.write(library, f"binaries/{platform}/{library.name}")
+    return path
+
+
+def build_exchange_fmu(folder: Path, fmi: int = 2) -> Path:
+    """m x'' = force + weight - c x' - k x, with a wall or without, of model exchange alone."""
+    library = folder / f"exchange{fmpy.sharedLibraryExtension}"
+    compile_library(SOURCES / f"exchange{fmi}.c", library)
+    path = folder / f"exchange{fmi}.fmu"
+    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(SOURCES / f"exchange{fmi}.xml", "modelDescription.xml")
+        archive.write(library, f"binaries/{platform}/{library.name}")
     return path
 
 

@@ -58,7 +58,7 @@ def reconstruct(args: argparse.Namespace, out: Path) -> int:
 
 
 def _reconstructed(args: argparse.Namespace, campaigns: Sequence[Campaign], out: Path) -> int:
-    with fmu_for(campaigns, out, args.workers) as fmu:
+    with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         check_external(args.external, _units(problem))
         memory = _memory(args, problem, out)
@@ -104,7 +104,7 @@ def _tell_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
     """What the job will cost; a model of this project is built where it does not stay."""
     with (
         Scratch() as folder,
-        fmu_for(campaigns, folder, args.workers) as fmu,
+        fmu_for(campaigns, folder, args.workers, isolate=args.isolate) as fmu,
         status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
     ):
         tell("planning")

@@ -59,16 +59,29 @@ def add_timeout(parser: argparse.ArgumentParser, seconds: float, words: str) -> 
     )
 
 
+def add_isolate(parser: argparse.ArgumentParser) -> None:
+    """Declare that the FMU runs isolated.
+
+    Args:
+        parser: of the command.
+    """
+    parser.add_argument(
+        "--isolate",
+        action="store_true",
+        help="run the FMU with limits of memory, time, files, and without network",
+    )
+
+
 def fmu_of(args: argparse.Namespace) -> ff.Fmu:
     """The FMU that a command is given, with one worker.
 
     Args:
-        args: of the command, see `add_fmu` and `add_timeout`.
+        args: of the command, see `add_fmu`, `add_timeout` and `add_isolate`.
 
     Raises:
         BadInput: no such file or model, or no FMU that this machine can run.
     """
-    return ff.Fmu(args.fmu, 1, args.timeout, "--timeout")
+    return ff.Fmu(args.fmu, 1, args.timeout, "--timeout", isolate=args.isolate)
 
 
 @contextmanager

@@ -30,3 +30,17 @@ def held_values(tones: Iterable[Tone], start_s: float, step_s: float, steps: int
             held = amplitude / float(np.sinc(frequency_hz * step_s))
             values += held * np.cos(2.0 * math.pi * cycle_fraction(frequency_hz, middle) + phase)
     return values
+
+
+def seen_values(tones: Iterable[Tone], times_s: FloatArray) -> list[float]:
+    """Values of the tones at some times, Σ a cos(2π f t + φ), shape (times,).
+
+    Args:
+        tones: frequency in Hz, amplitude and phase of each.
+        times_s: when, shape (times,), s.
+    """
+    values = np.zeros(len(times_s))
+    for frequency_hz, amplitude, phase in tones:
+        turns = cycle_fraction(frequency_hz, np.asarray(times_s, dtype=np.float64))
+        values += amplitude * np.cos(2.0 * math.pi * turns + phase)
+    return [float(value) for value in values]

@@ -22,6 +22,7 @@ from fmpy.fmi2 import (
 from fmpy.fmi3 import FMU3Slave
 
 from fitting.fmu.run_requests import Group
+from fitting.fmu.runs import Tone
 from fitting.fmu.worker.log import CallFailed, Log, label
 from fitting.fmu.worker.messages import UnpackedFmu
 from fitting.text.arrays import Scalar
@@ -69,7 +70,8 @@ class FmuInstance:
         self.fmu = fmu
         self.log = log
         self.instance: Any = None
-        self._do_step = self._function("DoStep")
+        # an FMU of model exchange has none
+        self._do_step: Any = getattr(fmu.dll, f"{self.prefix}DoStep", None)
         self._reset = self._function("Reset")
         self._terminate = self._function("Terminate")
         self._enter = self._function("EnterInitializationMode")
@@ -137,6 +139,15 @@ class FmuInstance:
             ),
             access.name,
         )
+
+    def follow(self, access: VariableAccess, tones: tuple[Tone, ...]) -> bool:
+        """Whether the input follows tones by itself from now on: what is held over steps does not.
+
+        Args:
+            access: to the input.
+            tones: frequency in Hz, amplitude and phase of each.
+        """
+        return False
 
     def check(self, status: int, function: str) -> None:
         """Raise CallFailed unless the status is OK or a warning.
@@ -302,6 +313,10 @@ def load(unpacked: UnpackedFmu, log: Log) -> FmuInstance:
         (FMU2Slave, FmuInstance2) if unpacked.fmi_version == "2.0" else (FMU3Slave, FmuInstance3)
     )
     library, interface = kinds
+    if unpacked.exchange is not None:
+        from fitting.fmu.worker.exchange import exchange_of  # scipy, which others need not load
+
+        library, interface = exchange_of(unpacked.fmi_version, unpacked.exchange)
     try:
         fmu = library(
             guid=unpacked.guid,

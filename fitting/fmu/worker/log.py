@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 from collections import deque
+from collections.abc import Iterable
+
+from fitting.text.controls import spelled_out
 
 KEPT = 50  # sentences of one run; the last ones tell why it failed
 WRITTEN = 200  # sentences of one run that go to the file
@@ -34,7 +37,7 @@ class Log:
             status: FMI status of a call.
             message: bytes that the FMU logged, None for none.
         """
-        text = " ".join((message or b"").decode("utf-8", "replace").split())
+        text = spelled_out(" ".join((message or b"").decode("utf-8", "replace").split()))
         if not text:
             return
         self._kept.append((status, text))
@@ -43,6 +46,14 @@ class Log:
             os.write(self._file, f"[{label(status)}] {text}\n".encode())
         if status == SEVERE and len(self._warned) <= KEPT:  # one more tells that there are more
             self._warned[text] = None
+
+    def warn(self, sentences: Iterable[str]) -> None:
+        """Count sentences of ours among the FMU's warnings.
+
+        Args:
+            sentences: on what it runs with.
+        """
+        self._warned.update(dict.fromkeys(sentences))
 
     def new_run(self) -> None:
         """Forget what was said before."""

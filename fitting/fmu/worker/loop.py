@@ -18,13 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.run_requests import Handled, Layout, RunRequest
 from fitting.fmu.runs import Counts
+from fitting.fmu.worker.confinement import allow_processor_time, confine
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
-from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
-from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, open_pulse
-from fitting.fmu.worker.reuse import Instances, ReuseDecision, run_with_reuse
+from fitting.fmu.worker.messages import Batch, Reply, Task
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, OWN_MEMORY, open_pulse
+from fitting.fmu.worker.reuse import Instances, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
@@ -41,11 +42,11 @@ class _UsedUp(Exception):
 class _Holder:
     """The FMU of this process, its instance, and the account of what was done with it."""
 
-    def __init__(
-        self, fmu: UnpackedFmu, log: Log, verdict: ReuseDecision, pulse: memoryview
-    ) -> None:
-        self.verdict = verdict
+    def __init__(self, task: Task, log: Log, pulse: memoryview) -> None:
+        fmu = task.fmu
+        self.verdict = task.verdict
         self.log = log
+        self._isolation = task.isolation
         self._limit = 1 if fmu.one_instance_per_process else MOST_INSTANCES
         self._unpacked = fmu
         self._pulse = pulse
@@ -54,24 +55,45 @@ class _Holder:
         self._bindings: dict[int, Binding] = {}
         self._layouts: list[Layout] = []
         self._runs = self._steps = self._new_instances = 0
-        self._seconds = 0.0
+        self._seconds = self._processor_s = 0.0
 
     def do(self, layouts: list[Layout], request: RunRequest) -> FloatArray:
         self._layouts = layouts
+        if self._isolation is not None:
+            allow_processor_time(self._isolation)
+        if request.handled is not None:
+            return self._handled(request, request.handled)
         instances = Instances(self._fresh, self._again, self._tried)
         return run_with_reuse(self.verdict, layouts, request, instances)
 
     def take_counts(self) -> Counts:
         counts = Counts(
-            runs=self._runs, steps=self._steps, seconds=self._seconds, instances=self._new_instances
+            runs=self._runs,
+            steps=self._steps,
+            seconds=self._seconds,
+            processor_s=self._processor_s,
+            instances=self._new_instances,
         )
         self._runs = self._steps = self._new_instances = 0
-        self._seconds = 0.0
+        self._seconds = self._processor_s = 0.0
         return counts
 
     def close(self) -> None:
         if self._fmu is not None:
-            self._fmu.free()
+            self._free(self._fmu)
+
+    def _handled(self, request: RunRequest, handled: Handled) -> FloatArray:
+        result = self._fresh(handled.before or request)
+        if handled.before is not None:
+            result = self._again(request)
+        if handled.freed and self._fmu is not None:
+            self._free(self._fmu)
+        return result
+
+    def _free(self, fmu: FmuInstance) -> None:
+        self._pulse[FREEING] = 1
+        fmu.free()
+        self._pulse[FREEING] = 0
 
     def _fresh(self, request: RunRequest) -> FloatArray:
         if self._instances >= self._limit:
@@ -79,6 +101,7 @@ class _Holder:
         if self._fmu is None:
             self._fmu = load(self._unpacked, self.log)
         self.log.new_run()
+        self._free(self._fmu)
         self._pulse[BEGUN] += 1
         self._fmu.instantiate()
         self._instances += 1
@@ -98,33 +121,48 @@ class _Holder:
             return self._fresh(request)
         self._pulse[BEGUN] += 1
         self.log.new_run()
-        began = time.perf_counter()
+        began = _clocks()
         fmu.reset()
-        self._seconds += time.perf_counter() - began
+        self._count(began)
         return self._simulate(fmu, request)
 
     def _simulate(self, fmu: FmuInstance, request: RunRequest) -> FloatArray:
         binding = self._bindings.get(request.layout)
         if binding is None:
             binding = self._bindings[request.layout] = bind(fmu, self._layouts[request.layout])
-        began = time.perf_counter()
+        began = _clocks()
         result = simulate(fmu, binding, request)
-        self._seconds += time.perf_counter() - began
+        self._count(began)
         self._runs += 1
         self._steps += steps_of(request)
         return result
 
+    def _count(self, began: tuple[float, float]) -> None:
+        now = _clocks()
+        self._seconds += now[0] - began[0]
+        self._processor_s += now[1] - began[1]
 
-def serve(pipe: connection.Connection) -> None:
+
+def _clocks() -> tuple[float, float]:
+    """The time, and the processor time of this process, s."""
+    return time.perf_counter(), time.process_time()
+
+
+def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
     """Take the task, answer batches until the caller sends None; leave when the caller is gone.
 
     Args:
         pipe: the worker's end.
+        has_network: whether the process is in the network of the machine.
     """
     messages = _messages(pipe)
     task: Task = messages.get()
     pulse = open_pulse(Path(task.pulse_path)).numbers
-    holder = _Holder(task.fmu, Log(sys.stderr.fileno()), task.verdict, pulse)
+    holder = _Holder(task, Log(sys.stderr.fileno()), pulse)
+    pulse[OWN_MEMORY] = _memory()
+    if task.isolation is not None:
+        # here and not earlier: the thread that reads messages clears up, and stays as it was
+        holder.log.warn(confine(task.isolation, Path.cwd(), has_network=has_network))
     baseline: int | None = None
     while True:
         batch: Batch | None = messages.get()
@@ -134,7 +172,8 @@ def serve(pipe: connection.Connection) -> None:
         reply = _answer(holder, batch, pulse)
         memory = _memory()
         baseline = memory if baseline is None else baseline
-        reply = reply._replace(used_up=reply.used_up or memory - baseline > MOST_GROWTH)
+        used_up = reply.used_up or memory - baseline > MOST_GROWTH
+        reply = reply._replace(used_up=used_up, memory=memory)
         with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
             pipe.send(reply)
     # not by way of the interpreter's teardown, in which FMUs are known to crash

@@ -21,6 +21,8 @@ if sys.platform != "win32":
 def main(handle: int) -> None:
     """Ignore what asks to end, take over the caller's import path, and serve.
 
+    Where the FMU is to be isolated, the network is left before there is a second thread.
+
     Args:
         handle: file descriptor of the pipe.
     """
@@ -33,13 +35,18 @@ def main(handle: int) -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED)
         os.set_inheritable(handle, False)
         pipe = connection.Connection(handle)
+    has_network = True
     try:
         sys.path[:] = pipe.recv()
+        if pipe.recv():
+            from fitting.fmu.worker.confinement import leave_network
+
+            has_network = not leave_network()
     except EOFError:  # the caller has gone already
         return
     from fitting.fmu.worker.loop import serve
 
-    serve(pipe)
+    serve(pipe, has_network=has_network)
 
 
 if __name__ == "__main__":

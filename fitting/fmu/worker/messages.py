@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from fitting.fmu.isolation import Isolation
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.reuse import ReuseDecision
@@ -11,21 +12,27 @@ from fitting.text.arrays import FloatArray
 
 
 class UnpackedFmu(NamedTuple):
-    """What it takes to load an FMU; ``folder`` is where it is unpacked."""
+    """What it takes to load an FMU; ``folder`` is where it is unpacked.
+
+    ``exchange``: numbers of states and event indicators of an FMU of model exchange, None for one
+    of co-simulation.
+    """
 
     fmi_version: str
     guid: str
     model_identifier: str
     folder: str
     one_instance_per_process: bool
+    exchange: tuple[int, int] | None = None
 
 
 class Task(NamedTuple):
-    """What a worker is there for: an FMU, what is known about its reuse, and its pulse."""
+    """What a worker is there for: an FMU, what is known about its reuse, its pulse and limits."""
 
     fmu: UnpackedFmu
     verdict: ReuseDecision
     pulse_path: str
+    isolation: Isolation | None = None
 
 
 class Batch(NamedTuple):
@@ -39,7 +46,7 @@ class Reply(NamedTuple):
     """Results of the first ``done`` requests, flat; the rest is left if ``used_up`` or ``failure``.
 
     ``used_up``: this process should do no more; ``failure``: why the one after the last done one
-    failed.
+    failed. ``memory`` of the process in bytes, 0 where the system does not tell.
     """
 
     results: FloatArray
@@ -49,3 +56,4 @@ class Reply(NamedTuple):
     warnings: tuple[str, ...]
     counts: Counts
     verdict: ReuseDecision
+    memory: int = 0

@@ -6,6 +6,8 @@ import os
 import threading
 from typing import IO
 
+from fitting.text.controls import spelled_out
+
 KEPT = 4096  # bytes
 LAST_WORDS = 500  # characters of what is quoted
 ENDING_S = 1.0  # longest wait for what a process that has ended left in its pipe
@@ -33,6 +35,7 @@ class Printed:
         kept, lines = self._kept, self._lines
         words = kept.decode("utf-8", "replace").strip()[-LAST_WORDS:]
         dropped = lines - words.count("\n") - kept.endswith(b"\n")
+        words = spelled_out(words, "\n\t")
         return f"{words} (… {dropped} further lines dropped)" if dropped > 0 else words
 
     def _read(self, stream: IO[bytes]) -> None:

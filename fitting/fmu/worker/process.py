@@ -13,16 +13,20 @@ import time
 from collections.abc import Iterator
 from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
+from time import sleep
 from typing import IO, Any, NamedTuple, cast
 
+from fitting.fmu.isolation import MB
 from fitting.fmu.worker import main as worker_main
-from fitting.fmu.worker.messages import Batch, Reply, Task, UnpackedFmu
+from fitting.fmu.worker.messages import Batch, Reply, Task
 from fitting.fmu.worker.printed import Printed
-from fitting.fmu.worker.pulse import AT_RUN, BEGUN, IN_TRIAL, new_pulse
-from fitting.fmu.worker.reuse import ReuseDecision
+from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, OWN_MEMORY, new_pulse
 
 START_S = 120.0  # longest start of a process, before it touches the FMU
-ENDING_S = 10.0  # longest end of a process that has closed its pipe
+#: Looks whether a process has ended that has closed its pipe, and the time between them, s.
+ENDED_LOOKS, ENDED_S = 1000, 0.01
+#: Share of its memory that an FMU has taken which wanted more.
+NEARLY = 0.8
 #: Signals from outside that end a process; whatever else ends it is the FMU's doing.
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGHUP")
 
@@ -39,15 +43,16 @@ class WorkerProcess:
 
     It heads a group of its own, which the processes that an FMU starts belong to and end with.
 
-    ``verdict``: what is known about reuse; ``home``: folder for its files, which ``name`` begins.
+    ``task``: what it is there for, its files beside each other in the folder ``home``.
 
     Raises OSError if no process can be started.
     """
 
-    def __init__(self, fmu: UnpackedFmu, verdict: ReuseDecision, home: Path, name: str) -> None:
-        pulse_path = home / f"{name}.pulse"
+    def __init__(self, task: Task) -> None:
+        pulse_path = Path(task.pulse_path)
         self._pulse = new_pulse(pulse_path)
-        self._folder = Path(tempfile.mkdtemp(prefix=f"{name}-", dir=home))
+        self._isolation = task.isolation
+        self._folder = Path(tempfile.mkdtemp(prefix=f"{pulse_path.stem}-", dir=pulse_path.parent))
         self.pipe, theirs = Pipe()
         try:
             self._process = _start(theirs, self._folder)
@@ -59,12 +64,14 @@ class WorkerProcess:
             theirs.close()
         self._printed = Printed(cast("IO[bytes]", self._process.stdout))
         self._ended = False
+        self._most_memory = 0
         self._begun = -1
         self._since = 0.0
         # the import path by itself: what follows cannot be read before it is known
         try:
             self._hand_over([os.path.abspath(place) for place in sys.path])
-            self._hand_over(Task(fmu=fmu, verdict=verdict, pulse_path=str(pulse_path)))
+            self._hand_over(task.isolation is not None)
+            self._hand_over(task)
         except BaseException:
             self.end()
             raise
@@ -98,7 +105,7 @@ class WorkerProcess:
 
         A process that its FMU has forked may keep the pipe open.
         """
-        return self._process.poll() is not None and not self.pipe.poll()
+        return self._poll() is not None and not self.pipe.poll()
 
     @property
     def at_run(self) -> int:
@@ -109,6 +116,11 @@ class WorkerProcess:
     def in_trial(self) -> bool:
         """Whether the FMU is only being tried after a reset."""
         return bool(self._pulse.numbers[IN_TRIAL])
+
+    @property
+    def is_freeing(self) -> bool:
+        """Whether the FMU is freeing an instance."""
+        return bool(self._pulse.numbers[FREEING])
 
     def is_late(self, timeout_s: float) -> bool:
         """Whether the process began something longer than that ago; its own start is not counted.
@@ -125,8 +137,10 @@ class WorkerProcess:
 
     def death(self) -> Death:
         """How the process ended, whose pipe has."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(ENDING_S)
+        for _ in range(ENDED_LOOKS):
+            if self._poll() is not None:
+                break
+            sleep(ENDED_S)
         code = self._process.returncode
         name = _signal_name(code)
         if code is None:
@@ -135,9 +149,52 @@ class WorkerProcess:
             how = f"crashed its process ({name})"
         else:
             how = f"ended its process (exit code {code})"
+        beyond = self._beyond(name)
+        if beyond:
+            return Death(beyond, "")
         words = self._printed.last_words()
         how = f"{how}; its last words: {words}" if words else f"{how} without a word"
+        if self._isolation is not None and code:
+            how += f"; it ran isolated, with {self._isolation.words}"
         return Death(how, name if name in FROM_OUTSIDE else "")
+
+    def written_too_much(self) -> str:
+        """In words that an isolated FMU has written more than it may; empty: it has not."""
+        if self._isolation is None:
+            return ""
+        size = 0
+        for folder, _, names in os.walk(self._folder):
+            for name in names:
+                with contextlib.suppress(OSError):
+                    size += os.lstat(os.path.join(folder, name)).st_size
+        limit = self._isolation.written_mb
+        return f"wrote more than {limit:g} MB and was stopped" if size > limit * MB else ""
+
+    def _poll(self) -> int | None:
+        """Exit code of the process, None while it runs; what it took is kept."""
+        if self._process.returncode is None and hasattr(os, "wait4"):
+            with contextlib.suppress(ChildProcessError):
+                pid, status, usage = os.wait4(self.pid, os.WNOHANG)
+                if pid:
+                    self._process.returncode = os.waitstatus_to_exitcode(status)
+                    self._most_memory = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        return self._process.poll()
+
+    def _beyond(self, name: str) -> str:
+        """Which limit ended an isolated process, in words; empty: none that is known."""
+        limits = self._isolation
+        if limits is None:
+            return ""
+        if name == "SIGXCPU":
+            return f"took more than {limits.processor_s:g} s of processor time and was stopped"
+        if name == "SIGXFSZ":
+            return f"wrote more than {limits.written_mb:g} MB and was stopped"
+        if name == "SIGSYS":
+            return "asked for a network, which it has not when isolated, and was stopped"
+        taken = self._most_memory - self._pulse.numbers[OWN_MEMORY]
+        if taken > NEARLY * limits.memory_mb * MB:
+            return f"wanted more than {limits.memory_mb:g} MB of memory and was stopped"
+        return ""
 
     def ask_to_end(self) -> None:
         """Let the process free its FMU and end."""

@@ -1,4 +1,4 @@
-"""The pulse of a worker process: three numbers in memory that it shares with its caller.
+"""The pulse of a worker process: numbers in memory that it shares with its caller.
 
 They can be read while the worker is inside the FMU and answers nothing. The memory is a mapped file
 beside the unpacked FMU, so that it goes when that folder goes, on every system.
@@ -10,10 +10,11 @@ import mmap
 from pathlib import Path
 from typing import NamedTuple
 
-#: Places: the run of the batch that is under way, a count of everything that was begun, and whether
-#: a reset instance is only being tried.
-AT_RUN, BEGUN, IN_TRIAL = 0, 1, 2
-PLACES = 3
+#: Places: the run of the batch that is under way, a count of everything that was begun, whether a
+#: reset instance is only being tried, whether an instance is being freed, and the memory of the
+#: process in bytes before there is an FMU in it.
+AT_RUN, BEGUN, IN_TRIAL, FREEING, OWN_MEMORY = 0, 1, 2, 3, 4
+PLACES = 5
 SIZE = 8  # bytes of each
 
 

@@ -49,19 +49,27 @@ class Instances(NamedTuple):
 
 @dataclass
 class ReuseDecision:
-    """Whether instances are reused (None: undecided), and why; outlives the worker process."""
+    """Whether instances are reused (None: undecided), and why; outlives the worker process.
+
+    ``ended``: a reset ended the process; ``lied``: it was called OK and left something behind.
+    """
 
     reused: bool | None = None
     note: str = UNDECIDED
+    ended: bool = False
+    lied: bool = False
     trials: dict[int, Trial] = field(default_factory=dict)
 
-    def refuse(self, reason: str) -> None:
+    def refuse(self, reason: str, *, ended: bool = False, lied: bool = False) -> None:
         """From now on every run gets a new instance.
 
         Args:
             reason: as a sentence.
+            ended: whether a reset ended the process.
+            lied: whether a reset that was called OK left something behind.
         """
         self.reused = False
+        self.ended, self.lied = ended, lied
         self.note = f"every run has a new instance: {reason}"
         self.trials.clear()
 
@@ -87,9 +95,13 @@ def run_with_reuse(
     if not new:
         return (instances.again if trial.varied else instances.fresh)(request)
     result = instances.fresh(request)
-    reason = _difference_after_reset(trial, layouts[request.layout], request, result, instances)
+    try:
+        reason = _difference_after_reset(trial, layouts[request.layout], request, result, instances)
+    except CallFailed as error:  # and on a new instance the same run did not fail
+        verdict.refuse(f"a run after a reset failed ({error})")
+        return result
     if reason:
-        verdict.refuse(reason)
+        verdict.refuse(reason, lied=True)
     else:
         trial.varied |= new
         verdict.reused, verdict.note = True, REUSED
@@ -99,12 +111,12 @@ def run_with_reuse(
 def _difference_after_reset(
     trial: Trial, layout: Layout, request: RunRequest, result: FloatArray, instances: Instances
 ) -> str:
-    """What comes out otherwise of both runs, each repeated after a reset; empty if nothing."""
+    """What comes out otherwise of both runs, each repeated after a reset; empty if nothing.
+
+    Raises CallFailed where such a run fails.
+    """
     for repeated, new in ((trial.request, trial.result), (request, result)):
-        try:
-            reset = instances.tried(repeated)
-        except CallFailed as error:  # and on a new instance the same run did not fail
-            return f"a run after a reset failed ({error})"
+        reset = instances.tried(repeated)
         if not _same(reset, new):
             return _difference(layout.outputs, reset, new)
     return ""

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.runs import row_times
-from fitting.fmu.worker.input_signal import held_values
+from fitting.fmu.runs import communication_steps, parts, row_times
+from fitting.fmu.worker.input_signal import held_values, seen_values
 from fitting.fmu.worker.instance import FmuInstance, VariableAccess
 from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
@@ -65,7 +65,7 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     fmu.enter_initialisation(request.start_time_s)
     if request.held is not None:
         _stride_in_steps(fmu, binding.input, request, read)
-    elif binding.input is None:
+    elif binding.input is None or fmu.follow(binding.input, request.tones):
         fmu.leave_initialisation()
         now = _stride(fmu, request, read)
         if binding.moved is not None:
@@ -87,8 +87,7 @@ def steps_of(request: RunRequest) -> int:
     if request.step_s:
         lead, each = _whole_steps(request)
         return lead + each * (request.samples - 1)
-    segments = sum(segment.samples - 1 + bool(segment.settle_s) for segment in request.segments)
-    return request.samples - 1 + bool(request.settle_s) + segments
+    return communication_steps(request)
 
 
 def _follow(
@@ -102,7 +101,7 @@ def _follow(
         for j in range(segment.samples):
             then = first + j * segment.sample_step_s
             if then > now:
-                fmu.step(now, then - now)
+                _advance(fmu, request, now, then)
             read(row)
             row, now = row + 1, then
 
@@ -112,24 +111,38 @@ def _stride(fmu: FmuInstance, request: RunRequest, read: Reader) -> float:
     step = request.sample_step_s
     first = now = request.start_time_s + request.settle_s
     if request.settle_s:
-        fmu.step(request.start_time_s, first - request.start_time_s)
+        _advance(fmu, request, request.start_time_s, first)
     read(0)
     for j in range(1, request.samples):
         then = first + j * step
-        fmu.step(now, then - now)
+        _advance(fmu, request, now, then)
         read(j)
         now = then
     return now
 
 
+def _advance(fmu: FmuInstance, request: RunRequest, now: float, then: float) -> None:
+    """From one time to another, in one step or in equal ones that are short enough."""
+    count = parts(then - now, request.longest_step_s)
+    begin, span = now, then - now
+    for k in range(1, count):
+        at = begin + k * (span / count)
+        fmu.step(now, at - now)
+        now = at
+    fmu.step(now, then - now)
+
+
 def _stride_with_input(
     fmu: FmuInstance, drive: VariableAccess, request: RunRequest, read: Reader
 ) -> None:
-    """Many steps to each sample, with the input held over each."""
+    """Many steps to each sample, with the input held over each, and seen as it is at the sample."""
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
     values = held_values(request.tones, start, step, steps_of(request) + 1).tolist()
-    fmu.set(drive, (values[0],))
+    # an output that sees the input at once would show what was held over the step before
+    at = np.arange(request.samples, dtype=np.float64)
+    seen = seen_values(request.tones, np.asarray(start + step * (lead + each * at)))
+    fmu.set(drive, (seen[0] if lead == 0 else values[0],))
     fmu.leave_initialisation()
     if lead == 0:
         read(0)
@@ -140,7 +153,9 @@ def _stride_with_input(
         fmu.step(now, then - now)
         now = then
         if k >= lead and (k - lead) % each == 0:
-            read((k - lead) // each)
+            j = (k - lead) // each
+            fmu.set(drive, (seen[j],))
+            read(j)
 
 
 def _stride_in_steps(

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Sequence
 
-from fitting.campaign.check import Check
+from fitting.campaign.check import Check, Suits
 from fitting.fmu import FmuDescription, FmuVariable
 from fitting.fmu.findings import Finding, Severity
-from fitting.fmu.trial import HalvedStep, Resets, Trial
+from fitting.fmu.trial.costs import Costs
+from fitting.fmu.trial.findings import ROUNDING
+from fitting.fmu.trial.inputs import InputEffect
+from fitting.fmu.trial.resets import Resets
+from fitting.fmu.trial.steps import Repeatability, Trial
+from fitting.text.controls import spelled_out
 from fitting.text.notation import listed
 
 #: Those that the binary which pythonfmu packs into an FMU looks for on the machine.
@@ -19,8 +26,8 @@ CAUSALITIES = {
     "local": "local variable",
     "independent": "independent variable",
 }
-#: Share of an output below which rounding differs, on another machine in another way.
-ROUNDING = 1e-12
+#: Below it, what a run leaves is a page of memory here or there.
+LEAST_BYTES = 1000.0
 SHOWN = ("parameter", "input", "output", "calculatedParameter")
 
 
@@ -33,8 +40,8 @@ def description_lines(description: FmuDescription) -> list[str]:
     counts = Counter(v.causality for v in description.variables.values())
     seen = {v.name for v in description.seen}
     shown = [v for v in description.variables.values() if v.causality in SHOWN or v.name in seen]
-    width = max((len(v.name) for v in shown), default=0)
-    return [
+    width = max((len(spelled_out(v.name)) for v in shown), default=0)
+    lines = [
         f"{description.path}: {description.model_name}, FMI {description.fmi_version}, "
         f"{', '.join(description.platforms)}",
         f"guid {description.guid}, sha256 {description.sha256}",
@@ -46,6 +53,7 @@ def description_lines(description: FmuDescription) -> list[str]:
         *(_row(v, width) for v in shown),
         "",
     ]
+    return [spelled_out(line) for line in lines]
 
 
 def _counted(count: int, causality: str) -> str:
@@ -60,36 +68,125 @@ def check_lines(found: Check) -> list[str]:
     Args:
         found: of the FMU.
     """
-    lines = [_finding(f) for f in found.findings if f.severity is not Severity.FATAL]
+    lines = [finding_words(f) for f in found.findings if f.severity is not Severity.FATAL]
     if found.suits is not None:
-        suits = found.suits
-        lines.append(
-            f"{suits.campaign}: suits this FMU; {suits.parameters} parameters to fit, "
-            f"{suits.experiments} experiments, output {suits.output}"
-        )
-    if found.trial is not None:
-        lines.append(_trial(found.trial, found.description))
-    if found.halved is not None:
-        lines.append(_halved(found.halved))
-    if found.resets is not None:
-        lines += _resets(found.resets)
-    return [*lines, *(f"the FMU warns: {warning}" for warning in found.warnings)]
+        lines.append(suits_line(found.suits))
+    lines += examination_lines(found)
+    lines += [f"the FMU warns: {warning}" for warning in found.warnings]
+    return [spelled_out(line) for line in lines]
 
 
-def _finding(finding: Finding) -> str:
+def examination_lines(found: Check) -> list[str]:
+    """What came of everything that was tried on the running FMU.
+
+    Args:
+        found: of the FMU.
+    """
+    tried = found.examination
+    lines = [] if tried.trial is None else [_trial(tried.trial, found.description)]
+    lines += [] if tried.repeats is None else _repeats(tried.repeats)
+    lines += [] if tried.resets is None else _resets(tried.resets)
+    lines += _effects(tried.effects)
+    return [*lines, *([] if tried.costs is None else [costs_line(tried.costs)])]
+
+
+def suits_line(suits: Suits) -> str:
+    """What a campaign would do with the FMU.
+
+    Args:
+        suits: that it suits.
+    """
+    return (
+        f"{suits.campaign}: suits this FMU; {suits.parameters} parameters to fit, "
+        f"{suits.experiments} experiments, output {suits.output}"
+    )
+
+
+def described(description: FmuDescription) -> dict[str, str]:
+    """What an FMU says of itself, by what it says.
+
+    Args:
+        description: of the FMU.
+    """
+    d = description
+    return {
+        "file": str(d.path),
+        "FMI": d.fmi_version,
+        "platforms": ", ".join(d.platforms),
+        "guid": d.guid,
+        "sha256": d.sha256,
+        "made by": d.generation_tool or "a tool that does not tell",
+        "further": "; ".join((*_needs(d), *_step(d))) or "nothing",
+    }
+
+
+def finding_words(finding: Finding) -> str:
+    """A finding as a line.
+
+    Args:
+        finding: of the FMU.
+    """
     more = f" ({finding.count - 1} more of this kind)" if finding.count > 1 else ""
     return f"{finding.severity}: {finding.sentence}{more}"
 
 
-def _halved(halved: HalvedStep) -> str:
-    """How far outputs rest on the communication step."""
-    of = f"over {halved.steps} steps of {halved.step_s:g} s"
-    if halved.share <= ROUNDING:
-        return f"half the step: the outputs are the same to {ROUNDING:g} {of}"
-    return (
-        f"half the step: outputs differ by up to {halved.share:.1e} of their largest value {of} "
-        f"({halved.output})"
+def _repeats(repeats: Repeatability) -> list[str]:
+    """How far outputs rest on the communication step, and on the time of the start."""
+    of = f"over {repeats.steps} steps of {repeats.step_s:g} s"
+    if math.isnan(repeats.halves):
+        lines = [f"half the step: the FMU refuses steps of {repeats.step_s / 2.0:g} s"]
+    elif repeats.halves <= ROUNDING:
+        lines = [f"half the step: the outputs are the same to {ROUNDING:g} {of}"]
+    else:
+        falls = f", and fall with the step (order {repeats.order:.1f})" if repeats.falls else ""
+        lines = [
+            f"half the step: outputs differ by up to {repeats.halves:.1e} of their largest value "
+            f"{of} ({repeats.output}){falls}"
+        ]
+    if repeats.again == 0.0:
+        lines.append("repeated on a new instance: the same bit for bit")
+    if repeats.later > ROUNDING and not repeats.by_time:
+        lines.append(
+            f"begun a part of a step later: outputs differ by up to {repeats.later:.1e}; something "
+            "inside it, as a drive, goes by the time"
+        )
+    return lines
+
+
+def _effects(effects: Sequence[InputEffect]) -> list[str]:
+    """What inputs and tunable parameters do that are moved between steps."""
+    acting = [e.name for e in effects if e.acts and not e.at_once]
+    at_once = [e.name for e in effects if e.at_once]
+    lines = [] if not acting else [f"moved between steps, outputs change: {listed(acting)}"]
+    if at_once:
+        lines.append(f"seen by an output without a step (direct feed-through): {listed(at_once)}")
+    return lines
+
+
+def costs_line(costs: Costs) -> str:
+    """What a step and a start cost on this machine.
+
+    Args:
+        costs: measured.
+    """
+    made = "a new instance" if costs.anew else "a reset"
+    line = (
+        f"here a step takes about {_seconds(costs.step_s)} of processor time, the start of a run "
+        f"with {made} about {_seconds(costs.start_s)}"
     )
+    if math.isnan(costs.bytes_per_run):
+        return line
+    if costs.bytes_per_run < LEAST_BYTES:
+        return f"{line}, and leaves less than {LEAST_BYTES / 1e3:g} kB"
+    return f"{line}, and leaves about {costs.bytes_per_run / 1e3:.0f} kB"
+
+
+def _seconds(time_s: float) -> str:
+    """A measured time to one digit."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if time_s >= size:
+            return f"{float(f'{time_s / size:.1g}'):g} {unit}"
+    return "1 µs"
 
 
 def _resets(resets: Resets) -> list[str]:
@@ -123,8 +220,15 @@ def _needs(description: FmuDescription) -> list[str]:
 
 def _step(description: FmuDescription) -> list[str]:
     """The step that the FMU was made for."""
-    step_s = description.step_s
-    return [] if step_s is None else [f"made for steps of {step_s:g} s"]
+    own = description.own_steps
+    lines = []
+    if own.internal_s is not None:
+        lines.append(f"steps of its own of {own.internal_s:g} s: others are to be whole multiples")
+    elif own.usual_s is not None:
+        lines.append(f"made for steps of {own.usual_s:g} s")
+    if not own.of_any_length:
+        lines.append("says that it takes communication steps of one length only")
+    return lines
 
 
 def _row(v: FmuVariable, width: int) -> str:
@@ -132,5 +236,5 @@ def _row(v: FmuVariable, width: int) -> str:
     limits = [] if v.min is None else [f"from {v.min:g}"]
     limits += [] if v.max is None else [f"to {v.max:g}"]
     unit = "" if v.unit is None else f" {v.unit}"
-    text = f"{v.name:{width}}  {v.causality}, {v.variability}, {v.kind}{start}{unit}"
+    text = f"{spelled_out(v.name):{width}}  {v.causality}, {v.variability}, {v.kind}{start}{unit}"
     return " ".join([text, *limits])

@@ -7,7 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 #ifndef _WIN32
+#include <arpa/inet.h>
 #include <signal.h>
+#include <sys/socket.h>
 #include <unistd.h>
 #endif
 
@@ -15,11 +17,18 @@ enum { MASS, DAMPING, STIFFNESS, FORCE, DISPLACEMENT, EIGENFREQUENCY, LINE_WIDTH
 enum { MISBEHAVE = 100, STEPS = 101, INVERTED = 200, LABEL = 300 };
 enum { GOOD, HANGS, CRASHES, NAN_OUTPUT, ENDS_EARLY, FAILS_AT_START, FAILS_IN_STEP, IS_PENDING,
        WARNS, HANGS_AT_START, PRINTS_AND_ABORTS, IS_KILLED, IS_KILLED_ONCE, FORKS,
-       PRINTS_MUCH_AND_ABORTS, WRITES_FILE };
+       PRINTS_MUCH_AND_ABORTS, WRITES_FILE, FILLS_MEMORY, FILLS_DISK, OPENS_MANY, OPENS_SOCKET,
+       ESCAPES };
 enum { RESET_WORKS, RESET_DOES_NOTHING, RESET_KEEPS_DERIVED, RESET_CRASHES, RESET_FAILS, RESET_HANGS,
        RESET_FREEZES_OUTPUT, RESET_KEEPS_PARAMETERS };
 #ifndef NOISE /* of the output, relative, another one at every step of another length or number */
 #define NOISE 0.0
+#endif
+#ifndef GROWTH /* of that noise, per second */
+#define GROWTH 0.0
+#endif
+#ifndef OWN_STEP /* of its own solver, s, whatever the communication step; 0: none */
+#define OWN_STEP 0.0
 #endif
 #ifndef RESET
 #define RESET RESET_WORKS
@@ -28,7 +37,7 @@ enum { RESET_WORKS, RESET_DOES_NOTHING, RESET_KEEPS_DERIVED, RESET_CRASHES, RESE
 typedef struct {
     double reals[N_REALS];
     int misbehave, steps, inverted, derived, frozen;
-    double x, v, time;
+    double x, v, time, own_time;
     char label[400];
     void *logger, *environment;
 } Model;
@@ -43,7 +52,7 @@ static void model_start_values(Model *m) {
 }
 
 static void model_states(Model *m) {
-    m->x = m->v = m->time = 0;
+    m->x = m->v = m->time = m->own_time = 0;
     m->steps = 0;
 }
 
@@ -51,12 +60,14 @@ static void model_output(Model *m) {
     if (m->frozen) return;
     /* so that a test can tell from outside that a flag and a text have arrived */
     m->reals[DISPLACEMENT] = m->inverted || !strcmp(m->label, "upside down") ? -m->x : m->x;
-    if (NOISE > 0.0) m->reals[DISPLACEMENT] *= 1.0 + NOISE * sin(1e9 * m->time * (1.0 + m->x));
+    if (NOISE > 0.0)
+        m->reals[DISPLACEMENT] *=
+            1.0 + NOISE * (1.0 + GROWTH * m->time) * sin(1e9 * m->time * (1.0 + m->x) + 1e3 * m->steps);
     if (m->misbehave == NAN_OUTPUT && m->time > 0) m->reals[DISPLACEMENT] = NAN;
 }
 
 static void model_initialise(Model *m, double start) {
-    m->time = start;
+    m->time = m->own_time = start;
     if (!m->derived) {
         m->reals[EIGENFREQUENCY] = sqrt(m->reals[STIFFNESS] / m->reals[MASS]) / (2 * PI);
         m->reals[LINE_WIDTH] = m->reals[DAMPING] / m->reals[MASS] / (2 * PI);
@@ -66,7 +77,7 @@ static void model_initialise(Model *m, double start) {
 }
 
 /* x(t+h) by the closed solution; s is the square of the damped frequency, of either sign */
-static void model_step(Model *m, double h) {
+static void model_move(Model *m, double h) {
     double w2 = 2 * PI * m->reals[EIGENFREQUENCY], g = PI * m->reals[LINE_WIDTH], s, c, d;
     double rest = m->reals[FORCE] / m->reals[STIFFNESS], x, v;
     w2 *= w2;
@@ -83,7 +94,15 @@ static void model_step(Model *m, double h) {
     x = m->x - rest, v = m->v;
     m->x = rest + exp(-g * h) * (x * (c + g * d) + v * d);
     m->v = exp(-g * h) * (v * (c - g * d) - x * w2 * d);
+}
+
+/* a step of the host; with OWN_STEP as many of these as fit, counted as they add up */
+static void model_step(Model *m, double h) {
     m->time += h;
+    if (OWN_STEP > 0.0)
+        for (; m->own_time + OWN_STEP <= m->time; m->own_time += OWN_STEP) model_move(m, OWN_STEP);
+    else
+        model_move(m, h);
     m->steps += 1;
     model_output(m);
 }
@@ -108,6 +127,18 @@ static void model_fork(const char *path) {
     file = fopen(path, "w"), fprintf(file, "%d\n", (int)child), fclose(file);
 }
 
+static const char file_block[1 << 16];
+
+/* to the port of this machine that the label names; what came of it goes to a file */
+static void model_connect(const char *port) {
+    struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((unsigned short)atoi(port))};
+    int handle = socket(AF_INET, SOCK_STREAM, 0);
+    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (handle < 0 || connect(handle, (struct sockaddr *)&to, sizeof to))
+        perror("no connection"), abort();
+    close(handle);
+}
+
 /* what befalls the process as a whole; `label` is a path where one is wanted */
 static void model_befall(const Model *m) {
     FILE *file;
@@ -129,6 +160,28 @@ static void model_befall(const Model *m) {
         fflush(stdout);
         fprintf(stderr, "the very last line\n");
         abort();
+    case FILLS_MEMORY:
+        for (size_t i = 1; i; i++) memset(malloc(1 << 24), (int)i, 1 << 24);
+        break;
+    case FILLS_DISK: /* "many": in files of 1 MB, else in one */
+        for (int i = 0; i < 100000; i++) {
+            char name[32];
+            snprintf(name, sizeof name, "much%d.bin", strcmp(m->label, "many") ? 0 : i / 16);
+            file = fopen(name, "a");
+            if (!file || fwrite(file_block, sizeof file_block, 1, file) != 1) break;
+            fclose(file);
+        }
+        model_hang();
+        break;
+    case OPENS_MANY:
+        for (int i = 0; i < 10000; i++)
+            if (!fopen(m->label, "r")) fprintf(stderr, "no more files\n"), abort();
+        break;
+    case OPENS_SOCKET: model_connect(m->label); break;
+    case ESCAPES:
+        if (!(file = fopen(m->label, "w"))) perror("cannot write there"), abort();
+        fclose(file);
+        break;
     case WRITES_FILE: file = fopen("trace.txt", "w"), fputs("a trace\n", file), fclose(file); break;
     }
 }

@@ -33,6 +33,9 @@ void fmi2FreeInstance(fmi2Component c) {
 #ifdef CRASHES_WHEN_FREED
     model_crash();
 #endif
+#ifdef HANGS_WHEN_FREED /* and tells so in a file of that name */
+    fclose(fopen(HANGS_WHEN_FREED, "w")), model_hang();
+#endif
     free(c);
 }
 

@@ -1,0 +1,1 @@
+"""What a doctor tries on a running FMU: steps, resets, inputs, and what they cost."""

@@ -1,0 +1,65 @@
+"""All that a doctor tries on a running FMU, as far as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.trial.costs import Costs, measure_costs, repeated_steps
+from fitting.fmu.trial.inputs import InputEffect, try_inputs
+from fitting.fmu.trial.resets import Resets, try_resets
+from fitting.fmu.trial.runs import pushed_run
+from fitting.fmu.trial.steps import Repeatability, Trial, take_trial, try_freeing, try_repeats
+from fitting.text.arrays import Scalar
+from fitting.text.errors import FmuFailure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Examination:
+    """What came of a trial step, resets, costs, smaller steps and inputs that move.
+
+    Each is None, ``effects`` empty, where the FMU failed before, of which ``failure`` tells;
+    ``repeats`` also where no output is a Real number.
+    """
+
+    trial: Trial | None = None
+    resets: Resets | None = None
+    costs: Costs | None = None
+    repeats: Repeatability | None = None
+    effects: tuple[InputEffect, ...] = ()
+    failure: FmuFailure | None = None
+
+
+def examine(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Examination:
+    """Try an FMU; that it fails is told, not raised.
+
+    Args:
+        workers: one process that runs the FMU.
+        step_s: length of a trial step, s.
+        values: start values by name, beside the FMU's own.
+
+    Raises:
+        BadInput: it has neither an output nor a local variable that is a number.
+    """
+    trial, resets, costs, repeats = None, None, None, None
+    effects: tuple[InputEffect, ...] = ()
+    failure = None
+    try:
+        trial = take_trial(workers, step_s, values)
+        try_freeing(workers, step_s, values)
+        run = pushed_run(workers, step_s, values)
+        resets = try_resets(workers, run)
+        costs = measure_costs(workers, run)
+        repeats = try_repeats(workers, run, repeated_steps(costs))
+        effects = try_inputs(workers, run)
+    except FmuFailure as error:
+        failure = error
+    return Examination(
+        trial=trial,
+        resets=resets,
+        costs=costs,
+        repeats=repeats,
+        effects=effects,
+        failure=failure,
+    )

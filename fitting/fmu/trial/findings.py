@@ -1,0 +1,89 @@
+"""What an FMU does that a fit or another tool may not expect, by how much that matters."""
+
+from __future__ import annotations
+
+import math
+
+from fitting.fmu.description import FmuDescription
+from fitting.fmu.findings import Finding, Severity
+from fitting.fmu.trial.examination import Examination
+from fitting.fmu.trial.resets import Resets
+from fitting.fmu.trial.runs import STEPS
+from fitting.fmu.trial.steps import Repeatability
+from fitting.text.notation import listed
+
+#: Shares of an output below which rounding differs, on another machine in another way.
+ROUNDING = 1e-12
+#: By which differences grow from the first quarter of the time to the last where they drift.
+DRIFTS = 2.0
+#: Bytes that a run leaves, from which a thousand runs are felt.
+LEAK = 50_000
+
+
+def trial_findings(description: FmuDescription, found: Examination) -> tuple[Finding, ...]:
+    """What is to be known of an FMU that was tried, as findings.
+
+    Args:
+        description: of the FMU.
+        found: all that was tried.
+    """
+    fatal = [] if found.failure is None else [Finding(Severity.FATAL, str(found.failure))]
+    said = [] if found.resets is None else _of_resets(found.resets)
+    said += [] if found.repeats is None else _of_repeats(found.repeats, description)
+    for effect in found.effects:
+        what = f"{effect.causality} {effect.name}"
+        if effect.acts is False:
+            said.append(f"{what}: moved between steps, it changes no output{_over(found)}")
+        elif effect.acts is None:
+            said.append(f"{what}: the FMU refuses to have it moved between steps")
+    if found.costs is not None and found.costs.bytes_per_run > LEAK:
+        made = "instance" if found.costs.anew else "reset"
+        said.append(f"every {made} leaves about {found.costs.bytes_per_run / 1e3:.0f} kB of memory")
+    return (*fatal, *(Finding(Severity.CAREFUL, sentence) for sentence in said))
+
+
+def _over(found: Examination) -> str:
+    resets = found.resets
+    return "" if resets is None else f" over {resets.steps} steps of {resets.step_s:g} s"
+
+
+def _of_resets(resets: Resets) -> list[str]:
+    if "" in resets.kept:
+        return ["a reset is called OK and does not bring the FMU back to its start"]
+    said = []
+    if resets.steps < STEPS:
+        said.append(f"it ends, or fails, before {STEPS} steps of {resets.step_s:g} s")
+    if resets.kept:
+        names = listed(resets.kept[:6]) + (" and others" if len(resets.kept) > 6 else "")
+        said.append(
+            f"a reset is called OK and leaves a trace of values that were set before it: {names}; "
+            "here every run sets them, another tool may not"
+        )
+    elif not resets.true:
+        said.append("a reset is called OK and leaves something behind")
+    return said
+
+
+def _of_repeats(repeats: Repeatability, description: FmuDescription) -> list[str]:
+    said = []
+    own = description.own_steps
+    if repeats.again > 0.0:
+        said.append(
+            f"the same run on a new instance gives other outputs, by up to {repeats.again:.1e} of "
+            "their largest value"
+        )
+    if repeats.floor > max(ROUNDING, repeats.again):
+        said.append(
+            f"outputs repeat to {repeats.floor:.1e} of their largest value only, however small the "
+            "communication step: no amplitude can be asked more accurately"
+        )
+    if not repeats.falls and repeats.late > max(ROUNDING, DRIFTS * repeats.early):
+        said.append(
+            f"what outputs differ by with other steps grows with time, from {repeats.early:.1e} to "
+            f"{repeats.late:.1e} over {repeats.steps} steps"
+        )
+    if not math.isnan(repeats.own_step_s):
+        declared = own.step_s is not None and abs(own.step_s / repeats.own_step_s - 1.0) < 0.1
+        told = ", as it declares" if declared else ", of which its description tells nothing"
+        said.append(f"outputs move only every {repeats.own_step_s:.3g} s, its own step{told}")
+    return said

@@ -1,0 +1,96 @@
+"""Whether a reset brings an FMU back to where it began."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Handling, Run
+from fitting.fmu.trial.runs import VARIED, moved, tried
+from fitting.text.arrays import Scalar
+
+
+@dataclass(frozen=True, kw_only=True)
+class Resets:
+    """Whether a reset instance gives what a new one gives: ``reuse`` is a sentence.
+
+    ``true`` tells whether every reset did, those that were called OK in the sense of FMI too: what
+    is not set anew is back at its start. ``kept`` are values of which a trace is left where nothing
+    is set anew, "" stands for a run with nothing set at all. Also with every parameter and input
+    varied, but for those of ``unvaried``, which the FMU refuses to take; those of ``idle`` changed
+    no output in ``steps`` steps of ``step_s`` seconds.
+    """
+
+    reuse: str
+    true: bool
+    kept: tuple[str, ...]
+    unvaried: tuple[str, ...]
+    idle: tuple[str, ...]
+    step_s: float
+    steps: int
+
+
+def try_resets(workers: FmuWorkers, run: Run) -> Resets:
+    """Run some steps again after resets, every parameter and input varied in turn.
+
+    Args:
+        workers: processes that run the FMU.
+        run: some steps (`pushed_run`).
+
+    Raises:
+        FmuFailure: a run did not end in its time.
+    """
+    others = _others(workers, run)
+    refused, idle = [], []
+    for name, other in others.items():
+        changed = replace(run, start_values={**run.start_values, name: other})
+        if (results := tried(workers, [run, changed])) is None:
+            refused.append(name)  # the trial run itself went well: it is this value
+        elif np.array_equal(results[0], results[1], equal_nan=True):
+            idle.append(name)
+    acting = {name: other for name, other in others.items() if name not in refused}
+    kept = () if workers.resets_end else _kept(workers, run, acting)
+    return Resets(
+        reuse=workers.reuse_note,
+        true=not (kept or workers.reset_lies),
+        kept=kept,
+        unvaried=tuple(refused),
+        idle=tuple(idle),
+        step_s=run.sample_step_s,
+        steps=run.samples - 1,
+    )
+
+
+def _others(workers: FmuWorkers, run: Run) -> dict[str, Scalar]:
+    """Another value of every variable that has one."""
+    found = {
+        v.name: moved(v, run.start_values.get(v.name, v.start), VARIED)
+        for v in workers.description.variables.values()
+    }
+    return {name: other for name, other in found.items() if other is not None}
+
+
+def _kept(workers: FmuWorkers, run: Run, others: Mapping[str, Scalar]) -> tuple[str, ...]:
+    """Values of which a run after a reset shows a trace though it sets nothing."""
+    # inputs stay moved, or a model at rest would show nothing
+    inputs = {
+        v.name: run.start_values[v.name]
+        for v in workers.description.variables.values()
+        if v.causality == "input" and v.name in run.start_values
+    }
+
+    def leaves(before: Mapping[str, Scalar]) -> bool:
+        given = {name: value for name, value in inputs.items() if name not in before}
+        new = replace(run, start_values=given, handling=Handling())
+        after = replace(new, handling=Handling(before={**given, **before}))
+        found = tried(workers, [new, after])
+        return found is not None and not np.array_equal(found[0], found[1], equal_nan=True)
+
+    if leaves({}):
+        return ("",)  # the state itself stays, whatever was set
+    if workers.description.one_instance_per_process:  # all at once: each takes two processes
+        return (", ".join(others),) if leaves(others) else ()
+    return tuple(name for name, other in others.items() if leaves({name: other}))

@@ -1,0 +1,306 @@
+"""FMUs of model exchange: equations without a solver, integrated here by those of scipy.
+
+By DOP853 (Dormand and Prince, order 8), and where that takes very many steps, as stiff equations
+make it, by LSODA (Petzold 1983), which goes over to backward differences. A drive is no staircase
+here: the input is set to the tones wherever the equations are evaluated. Integration begins anew
+after every event; state events are found by bisection of the dense output, time events are ends of
+a stretch.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from typing import Any
+
+import numpy as np
+from fmpy.fmi2 import FMU2Model, fmi2EventInfo
+from fmpy.fmi3 import FMU3Model
+from scipy.integrate import DOP853, LSODA
+
+from fitting.fmu.runs import Tone
+from fitting.fmu.worker.instance import FmuInstance, FmuInstance2, FmuInstance3, VariableAccess
+from fitting.fmu.worker.log import CallFailed, Log
+from fitting.text.arrays import FloatArray, Scalar
+
+#: Relative tolerance of a step, and the part of a state's nominal value below which it is nothing.
+TOLERANCE, NOTHING = 1e-9, 1e-9
+#: Steps of a stretch from which equations are taken for stiff, but for so many in a period of the
+#: drive: these follow it.
+MANY_STEPS = 20_000
+#: Evaluations of events at one time, at most, and bisections of a step in which one is.
+MOST_EVENTS, BISECTIONS = 1000, 60
+
+
+class _Buffer:
+    """Numbers that an FMU reads or writes, and where they are."""
+
+    def __init__(self, size: int) -> None:
+        array = (ctypes.c_double * size)()
+        self.values: FloatArray = np.ctypeslib.as_array(array) if size else np.empty(0)
+        self.pointer = array
+
+
+class ModelExchange(FmuInstance):
+    """What both versions of model exchange have in common; stands before one of their classes."""
+
+    derivatives: str
+
+    def __init__(self, fmu: Any, log: Log) -> None:
+        super().__init__(fmu, log)
+        self._running = False
+        self._functions: dict[str, Any] = {}
+        self._event_s = math.inf
+        self._stiff, self._step_s = False, 0.0
+        self._drive: tuple[VariableAccess, tuple[Tone, ...]] | None = None
+        self._nominal = self._seen = np.empty(0)
+
+    def leave_initialisation(self) -> None:
+        """Initial values, the first events, and the size of the states."""
+        super().leave_initialisation()
+        states, indicators = self._sizes()
+        self._x, self._dx, self._z = (_Buffer(n) for n in (states, states, indicators))
+        self._nominal = self._seen = np.ones(states)
+        if states:
+            self._nominal = self._read("GetNominalsOfContinuousStates", self._x)
+        self._handle_events(self._start_s)
+
+    def enter_initialisation(self, start_time: float) -> None:
+        """As in co-simulation; the time is kept, which nobody tells it again."""
+        self._start_s, self._running, self._event_s = start_time, False, math.inf
+        self._drive, self._step_s = None, 0.0
+        super().enter_initialisation(start_time)
+
+    def terminate(self) -> None:
+        """End the simulation."""
+        self._running = False
+        super().terminate()
+
+    def reset(self) -> None:
+        """Back to the state after instantiation."""
+        self._running = False
+        super().reset()
+
+    def set(self, access: VariableAccess, values: tuple[Scalar, ...]) -> None:
+        """Set variables; during the simulation that is an event.
+
+        Args:
+            access: variables of one kind.
+            values: one per variable.
+        """
+        if not self._running:
+            super().set(access, values)
+            return
+        self._call("EnterEventMode")
+        super().set(access, values)
+        self._discrete_states(self._now_s)
+
+    def follow(self, access: VariableAccess, tones: tuple[Tone, ...]) -> bool:
+        """Set an input to tones wherever the equations are evaluated.
+
+        Args:
+            access: to the input.
+            tones: frequency in Hz, amplitude and phase of each.
+        """
+        self._drive = access, tones
+        self._drive_input(self._start_s)
+        return True
+
+    def _drive_input(self, t: float) -> None:
+        if self._drive is not None:
+            access, tones = self._drive
+            turns = ((f * t) % 1.0 for f, _, _ in tones)
+            value = sum(
+                a * math.cos(2.0 * math.pi * turn + phase)
+                for (_, a, phase), turn in zip(tones, turns, strict=True)
+            )
+            super().set(access, (value,))
+
+    def step(self, at: float, step: float) -> None:
+        """Integrate from ``at`` over ``step``, with the events on the way.
+
+        Args:
+            at: time at which the step begins, s.
+            step: length of the step, s.
+        """
+        end = at + step
+        while at < end:
+            until = min(end, self._event_s) if self._event_s > at else end
+            at, event = self._stretch(at, until)
+            if event or at >= self._event_s:
+                self._call("EnterEventMode")
+                self._discrete_states(at)
+
+    def _stretch(self, at: float, until: float) -> tuple[float, bool]:
+        """Integrate to a time or the next state event; the time, and whether there is an event."""
+        if not self._x.values.size:
+            self._set_time(until)
+            return until, self._completed()
+        x = self._read("GetContinuousStates", self._x)
+        solver, steps = self._solver(at, x, until), 0
+        before = self._indicators(at, x)
+        while solver.status == "running":
+            said, steps = solver.step(), steps + 1
+            if solver.status == "failed":
+                name = type(solver).__name__
+                raise self.stopped(float(solver.t), until, f"{name} cannot go on: {said}")
+            self._step_s = max(self._step_s, float(solver.t - solver.t_old))
+            t, x = float(solver.t), np.array(solver.y)
+            self._seen = np.maximum(self._seen, np.abs(x))
+            after = self._indicators(t, x)
+            if np.any((before > 0.0) != (after > 0.0)):
+                t = self._crossing(solver, before)
+                self._put(t, solver.dense_output()(t))
+                self._completed()
+                return t, True
+            self._put(t, x)
+            if self._completed():
+                return t, True
+            before = after
+            if steps == MANY_STEPS and not self._stiff:
+                self._stiff = True
+                return t, False
+        return until, False
+
+    def _solver(self, at: float, x: FloatArray, until: float) -> Any:
+        smallest = self._smallest(x)
+        if self._stiff:
+            return LSODA(self._rate, at, x, until, rtol=TOLERANCE, atol=smallest)
+        # a first step of its own choice would cost more than a short stretch has steps
+        first_s = min(self._step_s, until - at) or None
+        return DOP853(self._rate, at, x, until, rtol=TOLERANCE, atol=smallest, first_step=first_s)
+
+    def _crossing(self, solver: Any, before: FloatArray) -> float:
+        """The time just after the first change of sign of an indicator in the last step."""
+        inside, low, high = solver.dense_output(), float(solver.t_old), float(solver.t)
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            if not low < middle < high:
+                break
+            signs = self._indicators(middle, inside(middle)) > 0.0
+            low, high = (low, middle) if np.any(signs != (before > 0.0)) else (middle, high)
+        return high
+
+    def _rate(self, t: float, x: FloatArray) -> FloatArray:
+        self._put(t, x)
+        return self._read(self.derivatives, self._dx)
+
+    def _smallest(self, x: FloatArray) -> FloatArray:
+        """Absolute tolerances, by the largest value of a state so far, or a part of a nominal."""
+        self._seen = np.maximum(self._seen, np.abs(x))
+        return np.asarray(TOLERANCE * self._seen)
+
+    def _indicators(self, t: float, x: FloatArray) -> FloatArray:
+        if not self._z.values.size:
+            return self._z.values
+        self._put(t, x)
+        return self._read("GetEventIndicators", self._z)
+
+    def _put(self, t: float, x: FloatArray) -> None:
+        self._set_time(t)
+        if x.size:
+            self._x.values[:] = x
+            self._call("SetContinuousStates", self._x.pointer, x.size)
+
+    def _set_time(self, t: float) -> None:
+        self._now_s = t
+        self._call("SetTime", t)
+        self._drive_input(t)
+
+    def _read(self, name: str, buffer: _Buffer) -> FloatArray:
+        self._call(name, buffer.pointer, buffer.values.size)
+        return buffer.values.copy()
+
+    def _call(self, name: str, *arguments: Any) -> None:
+        function = self._functions.get(name)
+        if function is None:
+            function = self._functions[name] = self._function(name)
+        if (status := function(self.instance, *arguments)) > 0:
+            self.check(status, name)
+
+    def _handle_events(self, at: float) -> None:
+        self._now_s = at
+        self._seen = NOTHING * np.abs(self._nominal)
+        self._discrete_states(at)
+        self._running = True
+
+    def _discrete_states(self, at: float) -> None:
+        """Update discrete states until none changes, and go on in continuous time."""
+        for _ in range(MOST_EVENTS):
+            needed, ended, event_s = self._update()
+            if ended:
+                raise self.stopped(at, math.inf, "the FMU asks to end the simulation")
+            if not needed:
+                break
+        else:
+            raise CallFailed(
+                self.with_log(f"has more than {MOST_EVENTS} events at t = {at!r} s in a row")
+            )
+        self._event_s = event_s if event_s > at else math.inf
+        self._call("EnterContinuousTimeMode")
+
+    def _completed(self) -> bool:
+        """Tell that a step is done; whether the FMU wants an event there."""
+        event, ended = self.boolean(), self.boolean()
+        self._call("CompletedIntegratorStep", True, ctypes.byref(event), ctypes.byref(ended))
+        if ended.value:
+            raise self.stopped(self._now_s, math.inf, "the FMU asks to end the simulation")
+        return bool(event.value)
+
+    def _sizes(self) -> tuple[int, int]:
+        """Numbers of continuous states and of event indicators."""
+        raise NotImplementedError
+
+    def _update(self) -> tuple[bool, bool, float]:
+        """One update of discrete states: another is needed, an end is wanted, time of the next."""
+        raise NotImplementedError
+
+
+class ModelExchange2(ModelExchange, FmuInstance2):
+    """Model exchange of FMI 2.0."""
+
+    derivatives = "GetDerivatives"
+    sizes = 0, 0
+
+    def _sizes(self) -> tuple[int, int]:
+        return self.sizes
+
+    def _update(self) -> tuple[bool, bool, float]:
+        info = fmi2EventInfo()
+        self._call("NewDiscreteStates", ctypes.byref(info))
+        event_s = float(info.nextEventTime) if info.nextEventTimeDefined else math.inf
+        return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), event_s
+
+
+class ModelExchange3(ModelExchange, FmuInstance3):
+    """Model exchange of FMI 3.0."""
+
+    derivatives = "GetContinuousStateDerivatives"
+
+    def _sizes(self) -> tuple[int, int]:
+        found = []
+        for what in ("ContinuousStates", "EventIndicators"):
+            count = ctypes.c_size_t()
+            self._call(f"GetNumberOf{what}", ctypes.byref(count))
+            found.append(int(count.value))
+        return found[0], found[1]
+
+    def _update(self) -> tuple[bool, bool, float]:
+        flags = [ctypes.c_bool() for _ in range(5)]
+        event_s = ctypes.c_double()
+        pointers = [ctypes.byref(flag) for flag in flags]
+        self._call("UpdateDiscreteStates", *pointers, ctypes.byref(event_s))
+        needed, ended, _, _, defined = (bool(flag.value) for flag in flags)
+        return needed, ended, float(event_s.value) if defined else math.inf
+
+
+def exchange_of(version: str, sizes: tuple[int, int]) -> tuple[Any, type[FmuInstance]]:
+    """The library and the interface of model exchange.
+
+    Args:
+        version: of FMI.
+        sizes: numbers of states and of event indicators, which FMI 2.0 tells in its description.
+    """
+    if version != "2.0":
+        return FMU3Model, ModelExchange3
+    return FMU2Model, type("ModelExchange2", (ModelExchange2,), {"sizes": sizes})

@@ -1,0 +1,46 @@
+"""The figure of a doctor: how far outputs rest on the communication step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitting.fmu.trial.findings import ROUNDING
+from fitting.fmu.trial.steps import Repeatability
+from fitting.report.figures.style import Drawing, new_figure
+from fitting.report.plot.axes import SERIES
+
+#: Outputs that are drawn, those that differ most.
+MOST = len(SERIES)
+
+
+def draw_repeats(repeats: Repeatability, model: str) -> Drawing | None:
+    """Differences with half the step over time; None where outputs are the same to rounding.
+
+    Args:
+        repeats: how well outputs repeat.
+        model: name of the model.
+    """
+    most = np.max(np.nan_to_num(repeats.differences), axis=0)
+    shown = [int(k) for k in np.argsort(-most)[:MOST] if most[k] > 0.0]
+    if not shown or not repeats.halves > ROUNDING:
+        return None
+    title = "What half the step changes"
+    steps = f"steps of {repeats.step_s:g} s"
+    figure = new_figure(title, f"{model}, {steps}", synthetic=False, height=3.2)
+    axes = figure.subplots()
+    for k, colour in zip(shown, SERIES, strict=False):
+        values = repeats.differences[:, k]
+        seen = values > 0.0
+        axes.semilogy(
+            repeats.times_s[seen], values[seen], color=colour, label=repeats.outputs[k], lw=1.0
+        )
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("difference (unit of the output)")
+    axes.legend(loc="best")
+    caption = (
+        f"Difference of outputs of {model} with every step taken in two, over {repeats.steps} "
+        f"{steps} with all inputs moved from their start."
+    )
+    return Drawing(
+        name="repeats", title=title, caption=caption, alt=caption, figure=figure, number=1
+    )

@@ -1,0 +1,97 @@
+"""FMUs of model exchange alone: integrated, with events, simulated."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.fmu import FmuWorkers, Run, read_description
+from tests.support.cfmu_build import build_exchange_fmu
+
+#: A line of 320 Hz at 318 Hz, which soon settles.
+DAMPED = {"damping": 2.0}
+
+
+@pytest.fixture(scope="module", params=[2, 3], ids=["FMI 2", "FMI 3"])
+def exchange(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_exchange_fmu(tmp_path_factory.mktemp("exchange"), request.param)
+
+
+@pytest.fixture(scope="module")
+def workers(exchange: Path) -> Iterator[FmuWorkers]:
+    with FmuWorkers(exchange) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ff.Fmu]:
+    with ff.Fmu(build_exchange_fmu(tmp_path_factory.mktemp("exchange"))) as opened:
+        yield opened
+
+
+def test_its_equations_are_integrated(workers: FmuWorkers) -> None:
+    """x(0) = 1 mm, at rest: exp(-g t) (cos w t + g/w sin w t), g = c/2m, w^2 = k/m - g^2."""
+    run = Run(
+        start_values={"height": 1e-3},
+        settle_s=0.0,
+        sample_step_s=1e-3,
+        samples=50,
+        outputs=("displacement",),
+    )
+    g, t = 10.0, np.arange(50) * 1e-3
+    w = math.sqrt(4e6 - g * g)
+    truth = 1e-3 * np.exp(-g * t) * (np.cos(w * t) + g / w * np.sin(w * t))
+    assert workers.run([run])[0][:, 0] == pytest.approx(truth, abs=1e-7 * 1e-3)
+
+
+def test_state_and_time_events_are_met(workers: FmuWorkers) -> None:
+    """A ball of 1 m height that is thrown back without loss: parabolas of 2 sqrt(2 h / g) each."""
+    run = Run(
+        start_values={
+            "mass": 1.0,
+            "stiffness": 0.0,
+            "damping": 0.0,
+            "weight": -9.81,
+            "wall": 1.0,
+            "height": 1.0,
+        },
+        settle_s=0.0,
+        sample_step_s=0.11,
+        samples=40,
+        outputs=("displacement", "clock"),
+    )
+    t = np.arange(40) * 0.11
+    between = 2.0 * math.sqrt(2.0 / 9.81)
+    since_top = np.mod(t + between / 2.0, between) - between / 2.0
+    height, clock = workers.run([run])[0].T
+    assert height == pytest.approx(1.0 - 9.81 / 2.0 * since_top**2, abs=1e-9)
+    assert clock == pytest.approx(np.floor(t), abs=0.0)  # whole seconds, by time events
+
+
+def test_a_drive_is_no_staircase(fmu: ff.Fmu) -> None:
+    """x + through F: the transfer function plus a real number, at few steps in a period too."""
+    drive = ff.Drive(input="force", samples_per_period=8)
+    values = {**DAMPED, "through": 2e-3}
+    plan = fmu.plan(values, tones=[300.0], drive=drive, outputs="displacement", accuracy=1e-3)
+    w = 2.0 * math.pi * 300.0
+    truth = abs(1.0 / (4e3 - 1e-3 * w * w + 2.0j * w) + 2e-3)
+    assert float(plan.amplitudes[0][0, 0]) == pytest.approx(truth, rel=plan.promised)
+    assert plan.promised <= 1e-3
+
+
+def test_an_fmu_that_cannot_be_driven_is_refused(exchange: Path, tmp_path: Path) -> None:
+    path = tmp_path / "scheduled.fmu"
+    with zipfile.ZipFile(exchange) as archive, zipfile.ZipFile(path, "w") as other:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name == "modelDescription.xml":
+                content = content.replace(b'<ModelExchange modelIdentifier="exchange"/>', b"")
+            other.writestr(name, content)
+    with pytest.raises(ff.BadInput, match="neither co-simulation nor model exchange"):
+        read_description(path)

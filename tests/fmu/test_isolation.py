@@ -1,0 +1,142 @@
+"""An FMU that is isolated gets what its limits say, and is stopped with a sentence beyond them."""
+
+from __future__ import annotations
+
+import ctypes
+import socket
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.cli.main import main
+from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.isolation import Isolation
+from fitting.text.errors import BadInput, FmuFailure
+from tests.support.cfmu_build import build_c_fmu
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of Linux")
+
+PULLED = Run(
+    start_values={"force": 1.0},
+    settle_s=0.0,
+    sample_step_s=1e-3,
+    samples=4,
+    outputs=("displacement",),
+)
+LIMITS = Isolation(memory_mb=200.0, processor_s=0.5, files=40, written_mb=2.0)
+# values of `misbehave`, in the order of the enum in model.h
+HANGS, FILLS_MEMORY, FILLS_DISK, OPENS_MANY, OPENS_SOCKET, ESCAPES = 1, 16, 17, 18, 19, 20
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build_c_fmu(tmp_path_factory.mktemp("cfmus"))
+
+
+@pytest.fixture(scope="module")
+def isolated(good: Path) -> Iterator[FmuWorkers]:
+    """One for all tests: after a failure it can be used on."""
+    with FmuWorkers(good, timeout_s=100.0, isolation=LIMITS) as workers:
+        yield workers
+
+
+def misbehaving(how: int, label: Path | str = "") -> Run:
+    return replace(PULLED, start_values={"force": 1.0, "misbehave": how, "label": str(label)})
+
+
+def landlock() -> bool:
+    """Whether this system can keep a program to a folder (Linux 5.13 and later)."""
+    return int(ctypes.CDLL(None).syscall(444, None, ctypes.c_size_t(0), 1)) > 0
+
+
+@pytest.mark.parametrize(
+    ("how", "label", "words"),
+    [
+        (FILLS_MEMORY, "", "wanted more than 200 MB of memory and was stopped"),
+        (FILLS_DISK, "one", "wrote more than 2 MB and was stopped"),
+        (FILLS_DISK, "many", "wrote more than 2 MB and was stopped"),
+        (HANGS, "", "took more than 0.5 s of processor time and was stopped"),
+        (OPENS_SOCKET, "9", "asked for a network, which it has not when isolated, and was stopped"),
+        (OPENS_MANY, "/dev/null", "no more files.*it ran isolated, with .* 40 open files"),
+    ],
+)
+def test_what_takes_too_much_is_stopped(
+    isolated: FmuWorkers, how: int, label: str, words: str
+) -> None:
+    with pytest.raises(FmuFailure, match=words):
+        isolated.run([misbehaving(how, label)])
+    isolated.run([PULLED])
+
+
+def test_nothing_is_written_outside_its_folder(isolated: FmuWorkers, tmp_path: Path) -> None:
+    if not landlock():
+        isolated.run([PULLED])
+        assert any("it may write files elsewhere" in text for text in isolated.warnings)
+        return
+    kept = tmp_path / "kept"
+    kept.write_text("mine")
+    for label in (kept, tmp_path / "new"):
+        with pytest.raises(FmuFailure, match="cannot write there: Permission denied"):
+            isolated.run([misbehaving(ESCAPES, label)])
+    assert kept.read_text() == "mine"
+    assert not (tmp_path / "new").exists()
+    isolated.run([misbehaving(ESCAPES, "here.txt")])
+
+
+def test_without_isolation_the_same_fmu_finds_the_network_and_the_files(
+    good: Path, tmp_path: Path
+) -> None:
+    """So that the tests above do not pass for another reason."""
+    with socket.create_server(("127.0.0.1", 0)) as server, FmuWorkers(good) as workers:
+        port = server.getsockname()[1]
+        workers.run([misbehaving(OPENS_SOCKET, str(port)), misbehaving(ESCAPES, tmp_path / "new")])
+        server.accept()[0].close()
+    assert (tmp_path / "new").exists()
+
+
+def test_an_isolated_fmu_answers_the_same(good: Path, isolated: FmuWorkers) -> None:
+    with FmuWorkers(good) as workers:
+        [free] = workers.run([PULLED])
+    [kept] = isolated.run([PULLED])
+    assert kept.tobytes() == free.tobytes()
+
+
+def test_an_fmu_of_python_runs_isolated(oscillator_fmu: Path) -> None:
+    """λ = sqrt(-sin 2θ (η₋² - η₊²) / 2) at the published angle."""
+    with ff.Fmu(oscillator_fmu, 1, isolate=True) as fmu:
+        run = Run(
+            start_values={"theta": 1.95},
+            settle_s=0.0,
+            sample_step_s=1e-6,
+            samples=1,
+            outputs=("lambda", "eta_plus", "eta_minus"),
+        )
+        [[found, *_]] = fmu.workers.run([replace(run, outputs=("lambda",))])
+        variables = fmu.variables
+        plus, minus = (float(variables[name].start or 0.0) for name in ("eta_plus", "eta_minus"))
+    truth = np.sqrt(-0.5 * np.sin(2 * 1.95) * (minus**2 - plus**2))
+    assert found[0] == pytest.approx(truth, rel=1e-12)
+
+
+def test_the_command_ends_with_the_code_of_a_failed_fmu(
+    good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = ["--input", "force", "--drive", "300 Hz", "--set", "misbehave=19", "--set", "label=9"]
+    out = ["--out", str(tmp_path / "out")]
+    assert main(["simulate", str(good), *drive, *out, "--isolate"]) == 3
+    told = capsys.readouterr().err
+    assert "asked for a network" in told
+    assert told.count("\n") == 1
+    assert main(["check", str(good), "--isolate"]) == 0
+
+
+def test_limits_that_are_none_are_refused() -> None:
+    with pytest.raises(BadInput, match=r"memory_mb is 0\.0, wanted a positive number"):
+        Isolation(memory_mb=0.0)
+    with pytest.raises(BadInput, match="files is 3, wanted 24 at least"):
+        Isolation(files=3)

@@ -1,0 +1,41 @@
+"""The steps that an FMU tells of itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fitting.fmu import read_description
+from fitting.fmu.own_steps import OwnSteps
+from fitting.text.errors import BadInput
+from tests.support.cfmu_build import build_c_fmu, reworded
+
+EXPERIMENT = {"<ModelStructure>": '<DefaultExperiment stepSize="0.004"/><ModelStructure>'}
+ANY_LENGTH = 'canHandleVariableCommunicationStepSize="true"'
+FIXED = {"<CoSimulation ": '<CoSimulation fixedInternalStepSize="5e-4" '}
+
+
+def test_own_steps_are_read(tmp_path: Path) -> None:
+    """A fixed step of its own goes before that of its default experiment."""
+    told = read_description(reworded(build_c_fmu(tmp_path, fmi=3), {**EXPERIMENT, **FIXED}))
+    assert told.own_steps == OwnSteps(internal_s=5e-4, usual_s=0.004, of_any_length=True)
+    assert told.step_s == 5e-4
+    usual = read_description(reworded(build_c_fmu(tmp_path), EXPERIMENT))
+    assert usual.step_s == 0.004
+    none = read_description(reworded(build_c_fmu(tmp_path), {ANY_LENGTH: ""}))
+    assert none.own_steps == OwnSteps(of_any_length=False)
+    assert none.step_s is None
+
+
+def test_communication_steps_are_whole_multiples_of_the_own_one() -> None:
+    own = OwnSteps(internal_s=5e-4, usual_s=1.0)
+    assert own.aligned(1.2e-3) == 1e-3
+    assert own.aligned(1e-9) == 5e-4
+    assert OwnSteps().aligned(1.2e-3) == 1.2e-3
+
+
+def test_a_step_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    words = {"<ModelStructure>": '<DefaultExperiment stepSize="soon"/><ModelStructure>'}
+    with pytest.raises(BadInput, match="DefaultExperiment stepSize: found 'soon', wanted a number"):
+        read_description(reworded(build_c_fmu(tmp_path), words))

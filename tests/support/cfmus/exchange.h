@@ -1,0 +1,35 @@
+/* m x'' = force + weight - c x' - k x as equations of model exchange, y = x + through force; with `wall` a
+   ball that is thrown back elastically at x = 0; `clock` counts whole seconds by time events. */
+#include <math.h>
+#include <stdlib.h>
+
+enum { MASS, DAMPING, STIFFNESS, WEIGHT, THROUGH, WALL, HEIGHT, FORCE, X, V, DV, Y, CLOCK, N_REALS };
+
+typedef struct {
+    double reals[N_REALS], time;
+} Model;
+
+static void start_values(Model *m) {
+    const double reals[N_REALS] = {1e-3, 2e-2, 4e3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    for (int i = 0; i < N_REALS; i++) m->reals[i] = reals[i];
+}
+
+static void initialise(Model *m) { m->reals[X] = m->reals[HEIGHT]; }
+
+static double get(Model *m, unsigned which) {
+    double *r = m->reals;
+    r[DV] = (r[FORCE] + r[WEIGHT] - r[DAMPING] * r[V] - r[STIFFNESS] * r[X]) / r[MASS];
+    r[Y] = r[X] + r[THROUGH] * r[FORCE];
+    return r[which];
+}
+
+static double indicator(const Model *m) { return m->reals[WALL] > 0 ? m->reals[X] : 1; }
+
+/* at an event; the time of the next one */
+static double update(Model *m) {
+    if (m->reals[WALL] > 0 && m->reals[X] <= 0 && m->reals[V] < 0) {
+        m->reals[V] = -m->reals[V], m->reals[X] = 1e-300;
+    }
+    m->reals[CLOCK] = floor(m->time + 1e-9);
+    return m->reals[CLOCK] + 1;
+}
