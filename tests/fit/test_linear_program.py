@@ -156,18 +156,17 @@ def test_a_curved_valley_is_followed_in_long_steps() -> None:
     assert end.steps <= 12
 
 
-def test_a_step_knows_the_bounds_and_does_not_run_into_them() -> None:
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_step_knows_the_bounds_and_does_not_run_into_them(side: float) -> None:
     """10 |x - y| + |x - 3| along x = y, x <= 1: steps of 0.1, 0.3 and the 0.6 that are left."""
-    for side in (1.0, -1.0):
-        box = sorted((-5.0 * side, 1.0 * side))
-        evaluator = rows_evaluator(
-            lambda p, side=side: np.array([10.0 * (p[0] - p[1]), p[0] - 3.0 * side]),
-            [box[0], -5.0],
-            [box[1], 5.0],
-        )
-        end = follow(evaluator, np.zeros(2), 0.0, 1e-9)
-        assert end.x == pytest.approx([side, side])
-        assert end.steps == 3
+    low, high = sorted((-5.0 * side, side))
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([10.0 * (p[0] - p[1]), p[0] - 3.0 * side])
+
+    end = follow(rows_evaluator(rows, [low, -5.0], [high, 5.0]), np.zeros(2), 0.0, 1e-9)
+    assert end.x == pytest.approx([side, side])
+    assert end.steps == 3
 
 
 def test_a_bound_that_is_met_holds() -> None:

@@ -20,7 +20,8 @@ from fmu_src.duffing_exponential import phi, take_step, weights
 from fmu_src.duffing_orbit import averaged_orbit
 from fmu_src.duffing_rk4 import DuffingRungeKutta
 from fmu_src.duffing_slow import SlowModel
-from fmu_src.oscillator_equations import ModelError, Parameters
+from fmu_src.model_error import ModelError
+from fmu_src.oscillator_equations import Parameters
 from tests.support import duffing_reference
 
 STRING = Parameters(
