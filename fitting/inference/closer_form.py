@@ -7,7 +7,9 @@ what it leaves, S1, bounds the noise,
     chi^2 = S (m - k)/S1        P = P(F > ((S - S1)/(k - 3)) ((m - k)/w^2)/S1)
 
 with S of the fitted model and w the widening for what hangs together in the residuals of that form;
-F has k - 3 and (m - k)/w^2 degrees of freedom. A model of several lines leaves less than any of the
+F has k - 3 and (m - k)/w^2 degrees of freedom. Errors that are widened for residuals that hang
+together hold the truth where these are small beside the line; where another form leaves a fifth of
+them (rms) they are no small ones. A model of several lines leaves less than any of the
 forms, and nothing is said of it.
 
 Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
@@ -37,7 +39,7 @@ WORDS = {
     RICE: "a line with noise, of which amplitudes were averaged",
 }
 #: Mean squares over those of the other form, and probability, from which the model is given up.
-RATIO, IMPROBABLE = 4.0, 1e-4
+RATIO, IMPROBABLE = 25.0, 1e-4
 
 
 def closer_form(solution: Solution) -> Adequacy | None:
