@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed with its own start values.
     """
     from fitting.api.init import init, told_apart
-    from fitting.report.table import terminal_text
+    from fitting.report.table import wrapped
 
     told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit")}
     told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         ask=None if args.yes or not sys.stdin.isatty() else _ask,
     )
     for line in said:
-        print(terminal_text(line))
+        print(*wrapped(line, indent=2), sep="\n")
     print(path)
     measured, fmu = told_apart(args.files, args.fmu)
     if measured:
