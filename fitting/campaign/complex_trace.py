@@ -35,7 +35,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.keys import Keys, Text
 from fitting.text.notation import prefixed
-from fitting.text.units import convert
+from fitting.text.units import convert, hertz_of
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
 #: mode describes it that well the other way: root mean square over that of the data.
@@ -223,9 +223,11 @@ def _measured(
     where = f"{recording.path}: column 'frequency'"
     axis = recording.numbers(frequency)
     check_axis(recording.path, axis, written, recording.places)
-    hertz = [convert(float(f), written, "Hz", where=where) for f in axis]
     return MeasuredComplex(
-        frequency_hz=np.array(hertz), values=values, unit=unit, source=recording.path
+        frequency_hz=hertz_of(axis, written, where=where),
+        values=values,
+        unit=unit,
+        source=recording.path,
     )
 
 

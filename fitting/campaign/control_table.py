@@ -16,7 +16,7 @@ from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.notation import hertz
 from fitting.text.tables import Table, read_table
-from fitting.text.units import convert
+from fitting.text.units import hertz_of
 from fitting.text.written import Written
 
 #: Column that names the file of each spectrum.
@@ -174,17 +174,22 @@ def _from_trace(raw: RawTrace, how: SpectraFormat) -> MeasuredSpectrum:
     return MeasuredSpectrum(
         label="",
         controls={},
-        frequency_hz=raw.frequency * convert(1.0, raw.frequency_unit, "Hz", where=where),
+        frequency_hz=raw.frequency * _hertz(raw.frequency_unit, where),
         amplitude=amplitude,
         source=raw.path,
     )
 
 
+def _hertz(unit: str, where: str) -> float:
+    """Hz in one of the unit: of many points at once, each rounded twice."""
+    return float(hertz_of([1.0], unit, where=where)[0])
+
+
 def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpectrum:
     frequency, amplitude = table.column("frequency"), table.column("amplitude")
     where = f"{table.path}: column 'frequency'"
-    factor = convert(1.0, unit_of(table, frequency, "frequency (Hz)"), "Hz", where=where)
-    f = factor * table.numbers(frequency)[rows]
+    written = unit_of(table, frequency, "frequency (Hz)")
+    f = _hertz(written, where) * table.numbers(frequency)[rows]
     for i in np.flatnonzero(f < 0.0)[:1]:
         raise BadInput(
             f"{table.path}: row {table.lines[rows[i]]}: frequency {f[i]:.12g} Hz; wanted one from "

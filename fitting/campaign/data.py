@@ -31,7 +31,7 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.notation import hertz
 from fitting.text.tables import Column, Table, parse_number, read_table
-from fitting.text.units import convert
+from fitting.text.units import convert, hertz_of
 from fitting.text.written import Written
 
 #: Column of the experiments file that names the FMU output an experiment observes.
@@ -179,7 +179,7 @@ def _read_sweep(written: WrittenSweep) -> MeasuredSweep:
 def _calibrated(raw: RawTrace, how: TraceFormat) -> tuple[FloatArray, FloatArray]:
     """Frequency in Hz and peak amplitude in the declared unit."""
     where = f"{raw.path}: column 'frequency'"
-    frequency = _hertz(raw.frequency, raw.frequency_unit, where)
+    frequency = hertz_of(raw.frequency, raw.frequency_unit, where=where)
     amplitude = to_peak(raw.amplitude, raw.amplitude_unit, how.amplitude, str(raw.path), raw.places)
     for i in np.flatnonzero(frequency <= 0.0)[:1]:
         raise BadInput(
@@ -187,14 +187,6 @@ def _calibrated(raw: RawTrace, how: TraceFormat) -> tuple[FloatArray, FloatArray
             "wanted a positive one"
         )
     return frequency, amplitude
-
-
-def _hertz(values: FloatArray, unit: str, where: str) -> FloatArray:
-    """Values in ``unit`` as Hz, each rounded once: 6.94016 MHz is the tone 6940160 Hz exactly.
-
-    Equal frequencies are then equal, whichever unit each file writes them in.
-    """
-    return np.array([convert(float(v), unit, "Hz", where=where) for v in values])
 
 
 #: What a column of the experiments holds, for complaints.
@@ -284,7 +276,7 @@ def _tones(table: Table, names: tuple[str, ...]) -> FloatArray:
         column = table.column(name)
         unit = unit_of(table, column, f"{name} (MHz)")
         where = f"{table.path}: column '{name}'"
-        columns.append(_hertz(table.numbers(column), unit, where))
+        columns.append(hertz_of(table.numbers(column), unit, where=where))
     tones = np.column_stack(columns)
     for row, line in zip(tones, table.lines, strict=True):
         if np.any(row <= 0.0) or np.unique(row).size < row.size:

@@ -23,7 +23,7 @@ from fitting.campaign.instruments.roles import (
 )
 from fitting.campaign.instruments.trace import Selection
 from fitting.text.errors import BadInput
-from fitting.text.units import same_kind
+from fitting.text.units import is_frequency, same_kind
 
 ROLES = ("frequency", "amplitude", "phase", "re", "im", "complex", "time")
 #: How many times more, of its size, a column varies than one that is held.
@@ -170,7 +170,7 @@ class _Roles:
         recording = self.recording
         if self._give(usual(recording, FREQUENCY), "frequency"):
             return
-        in_hertz = [c for c in recording.channels if c.unit and same_kind(c.unit, "Hz")]
+        in_hertz = [c for c in recording.channels if c.unit and is_frequency(c.unit)]
         named = [c for c in recording.channels if "freq" in plain_name(c)]
         rising = [c for c in (*named, *in_hertz) if _rises(c)]
         if rising:

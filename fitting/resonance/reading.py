@@ -13,7 +13,7 @@ from fitting.resonance.trace import Trace, trace_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed
-from fitting.text.units import convert, same_kind
+from fitting.text.units import convert, hertz_of, same_kind
 
 #: Units of squares of amplitudes, with and without the density over frequency.
 POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
@@ -244,8 +244,7 @@ def _hertz(roles: Roles) -> FloatArray:
     channel = roles.frequency
     where = f"{roles.recording.path}: column '{channel.name}'"
     unit = str(channel.unit)
-    numbers = roles.recording.numbers(channel)
-    return np.array([convert(float(value), unit, "Hz", where=where) for value in numbers])
+    return hertz_of(roles.recording.numbers(channel), unit, where=where)
 
 
 def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str, list[str]]:

@@ -384,6 +384,14 @@ def test_a_line_is_drawn_into_given_axes_as_it_was_measured(
         ff.plot.line(1)  # type: ignore[arg-type]
 
 
+def test_angular_frequencies_are_the_same_line(tmp_path: Path) -> None:
+    size = np.abs(line_alone(F)) + noise(F.size, 0.01, 3).real
+    cycles = ff.line(write_csv(tmp_path / "f.csv", "frequency (Hz),R (V)", F, size))
+    angles = ff.line(write_csv(tmp_path / "w.csv", "omega (rad/s),R (V)", 2 * np.pi * F, size))
+    assert angles.frequency_hz == pytest.approx(cycles.frequency_hz, rel=1e-12)
+    assert angles.width_hz == pytest.approx(cycles.width_hz, rel=1e-9)
+
+
 def with_zero(line: ComplexArray) -> FloatArray:
     return np.asarray(np.abs(line) + 0.6)
 

@@ -10,7 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.text.errors import BadInput
-from fitting.text.units import convert, parse_quantity, product_words, same_kind
+from fitting.text.units import (
+    convert,
+    hertz_of,
+    is_frequency,
+    parse_quantity,
+    product_words,
+    same_kind,
+)
 
 W = "campaign.toml, key fmu.start.u1"
 
@@ -120,3 +127,15 @@ def test_any_text_is_a_quantity_or_bad_input(text: str) -> None:
         return
     assert math.isfinite(value)
     assert unit is None or convert(1.0, unit, unit, where=W) == 1.0
+
+
+def test_frequencies_of_a_column_are_hertz_whichever_way_they_count() -> None:
+    """Cycles are rounded once; angular frequencies are divided by 2 pi."""
+    assert hertz_of([6.94016], "MHz", where="").tolist() == [6940160.0]
+    angular = hertz_of([2e3 * math.pi, 0.0], "rad/s", where="")
+    assert angular == pytest.approx([1000.0, 0.0], rel=1e-15)
+    assert hertz_of([2.0 * math.pi], "krad/s", where="") == pytest.approx([1000.0], rel=1e-15)
+    assert is_frequency("krad/s")
+    assert not is_frequency("rad")
+    with pytest.raises(BadInput, match=r"column 'f': found unit 's', wanted 'Hz'"):
+        hertz_of([1.0], "s", where="column 'f'")
