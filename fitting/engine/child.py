@@ -1,18 +1,19 @@
-"""The program of a worker process: ``python main.py HANDLE``, started by `WorkerProcess`.
+"""The program of a child process: ``python child.py HANDLE``, started by `engine.process.start`.
 
 A program of its own, so that nothing of the caller is imported again: neither its ``__main__``,
-which need not be guarded then, nor what that imports. HANDLE is the worker's end of the pipe, an
+which need not be guarded then, nor what that imports. HANDLE is the child's end of the pipe, an
 inherited file descriptor (a handle on Windows), which no other process can have.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import sys
 from multiprocessing import connection
 
-#: What asks a process to end is for the caller to deal with: it ends its workers.
+#: What asks a process to end is for the caller to deal with: it ends its children.
 IGNORED = [signal.SIGINT, signal.SIGTERM]
 if sys.platform != "win32":
     IGNORED.append(signal.SIGHUP)
@@ -27,7 +28,7 @@ def main(handle: int) -> None:
     for number in IGNORED:
         signal.signal(number, signal.SIG_IGN)
     if sys.platform == "win32":
-        os.set_handle_inheritable(handle, False)  # not for the processes that an FMU may start
+        os.set_handle_inheritable(handle, False)  # not for the processes that a child may start
         pipe = connection.PipeConnection(handle)
     else:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED)
@@ -35,11 +36,10 @@ def main(handle: int) -> None:
         pipe = connection.Connection(handle)
     try:
         sys.path[:] = pipe.recv()
+        module = pipe.recv()
     except EOFError:  # the caller has gone already
         return
-    from fitting.fmu.worker.loop import serve
-
-    serve(pipe)
+    importlib.import_module(module).serve(pipe)
 
 
 if __name__ == "__main__":
