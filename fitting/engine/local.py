@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from multiprocessing import connection
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import IO, Any, ParamSpec, TypeVar, cast
 
 from fitting.engine.loop import Answer
 from fitting.engine.process import end, start
@@ -205,6 +205,6 @@ class _Slot:
 
 def _drain(process: subprocess.Popen[bytes]) -> None:
     """Take what the process prints, so that it is never held up by it; it is told to nobody."""
-    with contextlib.suppress(OSError, ValueError):
-        for line in cast("Any", process.stdout):
+    with contextlib.suppress(OSError, ValueError), cast("IO[bytes]", process.stdout) as lines:
+        for line in lines:
             _log.debug("process %d: %s", process.pid, line.decode("utf-8", "replace").rstrip())
