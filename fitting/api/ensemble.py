@@ -185,12 +185,13 @@ def first_campaign(
     return path, Fmu(first.fmu.path, 1), len(job.items)
 
 
-def write_ensemble(found: Ensemble, out: str | Path) -> list[Path]:
+def write_ensemble(found: Ensemble, out: str | Path, *, drawn: bool = True) -> list[Path]:
     """Write what the command line writes: ensemble.json, tables, figure, report.
 
     Args:
         found: Many fits.
         out: Folder, made where there is none.
+        drawn: Whether figure and report are wanted.
 
     Returns:
         The paths of all files.
@@ -198,19 +199,25 @@ def write_ensemble(found: Ensemble, out: str | Path) -> list[Path]:
     Raises:
         BadInput: the folder cannot be written, or holds files of these names of others.
     """
-    # matplotlib takes a second to import: only where something is drawn
-    drawn = importlib.import_module("fitting.report.figures.ensemble")
-    page = importlib.import_module("fitting.report.ensemble")
     folder = Path(out)
     with results_folder(folder, "ensemble", ENSEMBLE_FILES):
         paths = [folder / name for name in ("ensemble.json", "ensemble.csv", "ensemble.md")]
         write_json(paths[0], document(found))
         write_whole(paths[1], csv_of(found))
         write_whole(paths[2], markdown(found))
-        figures = drawn.save_figures(found, folder / "figures")
-        report: Path = page.write_report(found, figures, folder)
+        if drawn:
+            paths += _draw(found, folder)
         remove_earlier(folder, ENSEMBLE_FILES)
-    return [*paths, *(path for figure in figures for path in (figure.png, figure.svg)), report]
+    return paths
+
+
+def _draw(found: Ensemble, folder: Path) -> list[Path]:
+    # matplotlib takes a second to import: only where something is drawn
+    drawing = importlib.import_module("fitting.report.figures.ensemble")
+    page = importlib.import_module("fitting.report.ensemble")
+    figures = drawing.save_figures(found, folder / "figures")
+    report: Path = page.write_report(found, figures, folder)
+    return [*(path for figure in figures for path in (figure.png, figure.svg)), report]
 
 
 @dataclass(frozen=True)

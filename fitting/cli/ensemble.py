@@ -49,6 +49,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=seed(), help="seed of the first laboratory, the others' follow it (1)"
     )
+    parser.add_argument(
+        "--change",
+        action="append",
+        default=[],
+        metavar="NAME=NUMBER",
+        help="another number of the laboratories, as noise_scale=0.5; may be repeated",
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for results")
     place = parser.add_mutually_exclusive_group()
     place.add_argument(
@@ -119,8 +126,8 @@ def _refuse_mixed(args: argparse.Namespace) -> None:
         raise BadInput("ensemble: found campaigns and --series or --like, wanted one of both")
     if not virtual and not args.campaigns:
         raise BadInput("ensemble: found nothing to fit, wanted campaigns, --series or --like")
-    for option in ("laboratories", "seed"):
-        if not virtual and getattr(args, option) is not None:
+    for option in ("laboratories", "seed", "change"):
+        if not virtual and getattr(args, option) not in (None, []):
             raise BadInput(f"--{option}: has no meaning here, only with --series or --like")
     if args.no_profiles and args.value:
         raise BadInput("--value: has no meaning with --no-profiles")

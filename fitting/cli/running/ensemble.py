@@ -13,7 +13,7 @@ from fitting.api.ensemble import Progress, first_campaign
 from fitting.cli.ensemble import NAME, USUAL
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
-from fitting.cli.words.values import default_workers
+from fitting.cli.words.values import bounded_number, default_workers
 from fitting.report.tables.ensemble import document, terminal
 from fitting.report.words.cost import cost_lines, time_words
 from fitting.result.ensemble import FINISHED
@@ -48,7 +48,8 @@ def fit_all(args: argparse.Namespace) -> int:
         )
         tell("tables, figure and report")
         found = replace(found, provenance={**found.provenance, "command": _command(args)})
-        files = ff.write_ensemble(found, args.out)
+        # who asks for an end waits for no figure
+        files = ff.write_ensemble(found, args.out, drawn=found.status == FINISHED)
     remove_earlier(args.out, ("fmu/*.fmu",))
     hand_over(args, document(found))
     if args.resume and last:
@@ -88,7 +89,8 @@ def tell_cost(args: argparse.Namespace) -> int:
     if args.scheduler is None:
         workers = min(args.workers or default_workers(), count)
         whole = (count * cost.seconds[0] / workers, count * cost.seconds[1] / workers)
-        print(f"all of them on {workers} processes: {time_words(whole)}")
+        place = "one process" if workers == 1 else f"{workers} processes"
+        print(f"all of them on {place}: {time_words(whole)}")
     return 0
 
 
@@ -98,7 +100,20 @@ def _of(args: argparse.Namespace) -> ff.Laboratories | list[Path]:
         campaigns: list[Path] = args.campaigns
         return campaigns
     first = 1 if args.seed is None else args.seed
-    return ff.Laboratories(truth, args.laboratories or USUAL, first)
+    return ff.Laboratories(truth, args.laboratories or USUAL, first, _changes(args.change))
+
+
+def _changes(words: list[str]) -> dict[str, float]:
+    """Numbers of the laboratories by name; whole ones stay whole."""
+    changes: dict[str, float] = {}
+    for word in words:
+        name, _, text = word.partition("=")
+        try:
+            value = bounded_number(text)
+        except argparse.ArgumentTypeError as error:
+            raise ff.BadInput(f"--change {word}: {error}; wanted NAME=NUMBER") from None
+        changes[name.strip()] = int(value) if text.strip().lstrip("+-").isdigit() else value
+    return changes
 
 
 def _options(args: argparse.Namespace) -> ff.EnsembleOptions:
@@ -134,6 +149,8 @@ def _command(args: argparse.Namespace, *, placed: bool = False) -> str:
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
+    for change in args.change:
+        words += ["--change", change]
     for name in args.value:
         words += ["--value", name]
     words += ["--quick"] if args.quick else []
