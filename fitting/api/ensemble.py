@@ -89,7 +89,7 @@ class Laboratories:
         return str(self.truth) if str(self.truth) in CURVES else bench_of(self.truth)
 
     def one(self, number: int, source: Bench | PumpedBench | str) -> Laboratory:
-        """One of them.
+        """One of the laboratories, as other machines can make it.
 
         Args:
             number: from 0.

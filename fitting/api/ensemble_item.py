@@ -221,6 +221,8 @@ def _failed(item: Item, error: Exception, folder: str) -> EnsembleRow:
     if not isinstance(error, BadInput | FmuFailure):
         words = f"a fault of this program: {type(error).__name__}: {words}"
     words = words.replace(f"{folder}/", "").replace(folder, "")
+    if isinstance(item.what, Path):  # as its user names it
+        words = words.replace(str(item.what.parent), Path(item.label).parent.as_posix())
     if isinstance(error, FmuFailure):
         words = words.replace(str(error.fmu), error.fmu.name)
     words = " ".join(words.split())
