@@ -243,7 +243,8 @@ class _Done:
         self._job, self._progress = job, progress
         self._rows: dict[str, EnsembleRow] = {}
         self._journal: Journal[Kept] | None = None
-        self._status, self._message, self._seconds = FINISHED, "", 0.0
+        self._status, self._message = FINISHED, ""
+        self._seconds, self._failed = 0.0, 0
         if folder is not None:
             self._journal = Journal(folder / ITEMS_FILE, job.fingerprint, Kept)
             if asked.resume:
@@ -272,6 +273,7 @@ class _Done:
                     self._journal.record(kept)
                 self._rows[ended.item.label] = kept.row
                 self._seconds += kept.seconds
+                self._failed += kept.row.failed
                 self._tell()
         except KeyboardInterrupt:
             if not self._rows:
@@ -308,9 +310,9 @@ class _Done:
                 self._rows[item.label] = replace(kept.row, index=item.index)
 
     def _tell(self) -> None:
-        failed = sum(row.failed for row in self._rows.values())
         total = len(self._job.items)
-        self._progress(Progress(len(self._rows), total, failed, self._resumed, self._seconds))
+        state = Progress(len(self._rows), total, self._failed, self._resumed, self._seconds)
+        self._progress(state)
 
 
 def _lost(item: Item, how: str) -> Kept:

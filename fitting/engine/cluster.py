@@ -5,8 +5,9 @@ Files go to each worker once, also to those that come later, and are known there
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from distributed import Client, KilledWorker, Worker, WorkerPlugin
@@ -59,6 +60,7 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
         BadInput: no scheduler there, or a worker that cannot be used.
     """
     contents = {file: read_whole(Path(file.path)) for file in files}
+    name = f"fmu-fit-{secrets.token_hex(8)}"  # of this ensemble alone, which takes it back
     try:
         client = Client(scheduler, timeout=CONNECTING_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -68,12 +70,14 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
         ) from error
     with client:
         try:
-            client.register_plugin(Files(contents))
+            client.register_plugin(Files(contents), name=name)
         except Exception as error:  # of any kind: it comes from the workers
-            raise BadInput(f"scheduler {scheduler}: its workers cannot be used: {error}") from error
+            raise BadInput(f"scheduler: workers of {scheduler} cannot be used: {error}") from error
         executor = client.get_executor(pure=False)
         try:
             ahead = max(AHEAD, 2 * sum(client.nthreads().values()))
             yield Place(executor, (KilledWorker,), repeats=0, ahead=ahead)
         finally:
             executor.shutdown(wait=False)
+            with suppress(OSError):  # the scheduler may be gone
+                client.unregister_worker_plugin(name)

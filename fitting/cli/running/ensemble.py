@@ -13,6 +13,7 @@ from fitting.api.ensemble import Progress, first_campaign
 from fitting.cli.ensemble import NAME, USUAL
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
+from fitting.cli.words.drive import complaints_of_options
 from fitting.cli.words.values import bounded_number, default_workers
 from fitting.report.tables.ensemble import document, terminal
 from fitting.report.words.cost import cost_lines, time_words
@@ -32,7 +33,7 @@ def fit_all(args: argparse.Namespace) -> int:
     """
     last: list[Progress] = []
     begun = time.monotonic()
-    with status_line(NAME) as tell:
+    with status_line(NAME) as tell, complaints_of_options():
 
         def follow(state: Progress) -> None:
             last[:] = [state]
