@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,7 +63,7 @@ def test_a_reflection_that_answers_alike_has_other_parameters() -> None:
     ],
 )
 def test_values_of_a_curve_are_those_it_was_made_of(
-    kind: str, changes: dict[str, float], wanted: dict[str, float]
+    kind: str, changes: dict[str, Any], wanted: dict[str, float]
 ) -> None:
     found = values_of(dict(ff.synthesize_curves(kind, seed=2, **changes).truth))
     assert {name: found[name] for name in wanted} == pytest.approx(wanted, rel=1e-14)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 from mpmath import mp, mpf
 
@@ -103,9 +105,10 @@ def test_the_figure_has_the_shares_with_their_ends(several: Ensemble) -> None:
         figure = draw(several).figure
     left, right = figure.axes
     pulls = next(line for line in left.lines if line.get_marker() == ".")
-    assert list(pulls.get_xdata()) == [0.5, 1.5, -3.0]
+    assert np.asarray(pulls.get_xdata()).tolist() == [0.5, 1.5, -3.0]
     shares = [line for line in right.lines if line.get_marker() in ("o", "s")]
-    assert [list(line.get_xdata()) for line in shares] == [[50.0], [75.0]]
-    [ends] = right.containers[0].lines[2]
+    assert [np.asarray(line.get_xdata()).tolist() for line in shares] == [[50.0], [75.0]]
+    bars: Any = right.containers[0]
+    [ends] = bars.lines[2]
     low, high = Share(2, 4).interval
     assert [x for x, _ in ends.get_segments()[0]] == pytest.approx([100.0 * low, 100.0 * high])
