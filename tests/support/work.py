@@ -8,8 +8,6 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from fitting.engine.files import NeededFile, place_of
-
 #: Longest wait for something that never comes, s.
 MOST_S = 300.0
 
@@ -76,9 +74,3 @@ def main_file(_: int) -> str:
     import __main__
 
     return Path(str(__main__.__file__)).name
-
-
-def content_of(file: NeededFile) -> tuple[str, bytes]:
-    """Where the process finds a file, and what is in it."""
-    path = place_of(file)
-    return str(path), path.read_bytes()
