@@ -25,7 +25,8 @@ def start(
 ) -> tuple[subprocess.Popen[bytes], connection.Connection]:
     """A process that serves a pipe, and the caller's end of that pipe.
 
-    It heads a group of its own, which the processes that it starts belong to and end with, and has
+    As `fitting.fmu.worker.process` starts one for an FMU, without what an FMU wants besides. It heads
+    a group of its own, which the processes that it starts belong to and end with, and has
     the caller's import path. What it prints comes by ``stdout`` of the process.
 
     Args:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import os
+import queue
 import shutil
+import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Sequence
 from multiprocessing import connection
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fitting.engine.process import messages
 from fitting.fmu.run_requests import Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.instance import FmuInstance, load
@@ -25,6 +28,7 @@ from fitting.fmu.worker.reuse import Instances, ReuseDecision, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
 
+CALLER_S = 1.0  # time between two looks whether the caller is there
 # Each instantiation leaks some ten kilobytes in many FMUs, and crashes are reported near 1,000.
 MOST_INSTANCES = 500
 MOST_GROWTH = 256 * 2**20  # bytes by which a worker may grow before a new process takes over
@@ -117,23 +121,13 @@ def serve(pipe: connection.Connection) -> None:
     Args:
         pipe: the worker's end.
     """
-    home: list[Path] = []
-
-    def notice(message: object) -> None:
-        if isinstance(message, Task):
-            home.append(Path(message.fmu.folder).parent)
-
-    def clear_up() -> None:
-        for folder in home:
-            shutil.rmtree(folder, ignore_errors=True)
-
-    arriving = messages(pipe, notice, clear_up)
-    task: Task = arriving.get()
+    messages = _messages(pipe)
+    task: Task = messages.get()
     pulse = open_pulse(Path(task.pulse_path)).numbers
     holder = _Holder(task.fmu, Log(sys.stderr.fileno()), task.verdict, pulse)
     baseline: int | None = None
     while True:
-        batch: Batch | None = arriving.get()
+        batch: Batch | None = messages.get()
         if batch is None:
             holder.close()
             break
@@ -145,6 +139,45 @@ def serve(pipe: connection.Connection) -> None:
             pipe.send(reply)
     # not by way of the interpreter's teardown, in which FMUs are known to crash
     os._exit(0)
+
+
+def _messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
+    """The caller's messages as they come; the process ends when they cannot come any more.
+
+    They are read by a thread of their own, so that the end of a caller that was killed is noticed
+    even while the FMU is in an endless loop.
+    """
+    arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    caller = os.getppid()
+
+    def read() -> None:
+        home: Path | None = None
+        try:
+            while True:
+                # a fork of the caller may keep its end of the pipe open
+                while not pipe.poll(CALLER_S):
+                    if os.getppid() != caller:
+                        raise EOFError
+                message = pipe.recv()
+                if isinstance(message, Task):
+                    home = Path(message.fmu.folder).parent
+                arrived.put(message)
+        except (EOFError, OSError):
+            if home is not None:  # which the caller cannot clear up
+                shutil.rmtree(home, ignore_errors=True)
+        except BaseException:
+            traceback.print_exc()
+        _end_group()
+        os._exit(1)
+
+    threading.Thread(target=read, daemon=True).start()
+    return arrived
+
+
+def _end_group() -> None:
+    """End this process together with those that the FMU has started, where it heads their group."""
+    if sys.platform != "win32" and os.getpgrp() == os.getpid():
+        os.killpg(os.getpid(), signal.SIGKILL)
 
 
 def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:
