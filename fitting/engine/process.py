@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,9 @@ def start(
 ) -> tuple[subprocess.Popen[bytes], connection.Connection]:
     """A process that serves a pipe, and the caller's end of that pipe.
 
-    As `fitting.fmu.worker.process` starts one for an FMU, without what an FMU wants besides. It heads
-    a group of its own, which the processes that it starts belong to and end with, and has
-    the caller's import path. What it prints comes by ``stdout`` of the process.
+    As `fitting.fmu.worker.process` starts one for an FMU, without what an FMU wants besides. It
+    heads a group of its own, which the processes that it starts belong to and end with, and has the
+    caller's import path. What it prints comes by ``stdout`` of the process.
 
     Args:
         module: whose ``serve`` is called with the child's end of the pipe.
@@ -68,11 +68,7 @@ def end(process: subprocess.Popen[bytes], within_s: float = 0.0) -> None:
     process.wait()
 
 
-def messages(
-    pipe: connection.Connection,
-    noticed: Callable[[Any], None] = lambda _: None,
-    clear_up: Callable[[], None] = lambda: None,
-) -> queue.SimpleQueue[Any]:
+def messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
     """The caller's messages as they come; the process ends when they cannot come any more.
 
     They are read by a thread of their own, so that the end of a caller that was killed is noticed
@@ -80,8 +76,6 @@ def messages(
 
     Args:
         pipe: the child's end.
-        noticed: is called with every message before it is handed on.
-        clear_up: is called where the caller is gone, who cannot clear up.
     """
     arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
     caller = os.getppid()
@@ -93,11 +87,9 @@ def messages(
                 while not pipe.poll(CALLER_S):
                     if os.getppid() != caller:
                         raise EOFError
-                message = pipe.recv()
-                noticed(message)
-                arrived.put(message)
+                arrived.put(pipe.recv())
         except (EOFError, OSError):
-            clear_up()
+            pass
         except BaseException:
             traceback.print_exc()
         _end_group()
