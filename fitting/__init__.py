@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     from fitting.api.check import check
     from fitting.api.cost import Cost, cost
     from fitting.api.design import Goal, Limits, design, limits
+    from fitting.api.ensemble import (
+        Ensemble,
+        EnsembleOptions,
+        Laboratories,
+        ensemble,
+        write_ensemble,
+    )
     from fitting.api.examples import example
     from fitting.api.fitted import Fit, Inference, Tikhonov, Value, fit, profile
     from fitting.api.fmu import Accuracy, Fmu, simulate, sweep
@@ -51,6 +58,13 @@ _HOMES = {
     "api.check": ("check",),
     "api.cost": ("Cost", "cost"),
     "api.design": ("Goal", "Limits", "design", "limits"),
+    "api.ensemble": (
+        "Ensemble",
+        "EnsembleOptions",
+        "Laboratories",
+        "ensemble",
+        "write_ensemble",
+    ),
     "api.examples": ("example",),
     "api.fitted": ("Fit", "Inference", "Tikhonov", "Value", "fit", "profile"),
     "api.fmu": ("Accuracy", "Fmu", "simulate", "sweep"),
@@ -90,12 +104,15 @@ __all__ = [
     "Cost",
     "DemodulatedTrace",
     "Drive",
+    "Ensemble",
+    "EnsembleOptions",
     "Fit",
     "Fmu",
     "FmuFailure",
     "Goal",
     "Inference",
     "Isolation",
+    "Laboratories",
     "Laws",
     "Limits",
     "Line",
@@ -117,6 +134,7 @@ __all__ = [
     "check",
     "cost",
     "design",
+    "ensemble",
     "example",
     "fit",
     "identify",
@@ -132,6 +150,7 @@ __all__ = [
     "synthesize",
     "synthesize_curves",
     "tradeoff",
+    "write_ensemble",
     "write_line",
     "write_tradeoff",
 ]

@@ -38,3 +38,12 @@ STUDY_FILES = (
     "figures/1_tradeoff_*.*",
     "figures/tradeoff_*.*",
 )
+#: Where finished items of an ensemble are kept, in the folder of its results.
+ITEMS_FILE = "items.jsonl"
+ENSEMBLE_FILES = (
+    "ensemble.json",
+    "ensemble.csv",
+    "ensemble.md",
+    "report.html",
+    "figures/1_ensemble.*",
+)

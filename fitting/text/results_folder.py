@@ -23,6 +23,8 @@ from fitting.text.errors import BadInput
 
 RECORD_NAME, LOCK_NAME = ".fmu-fit-files.json", ".fmu-fit.lock"
 ELSEWHERE = "wanted another folder (--out)"
+#: Before the digest of a file's first line, where the rest of it grows.
+FIRST_LINE = "first line "
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class OwnFile:
     """A file that was written: by which command, with which content.
 
     ``digests`` are two while it is replaced, so that whichever of the two contents a process leaves
-    that is killed meanwhile is known.
+    that is killed meanwhile is known. Of a file that grows it is that of its first line.
     """
 
     command: str
@@ -96,6 +98,14 @@ class ResultsFolder:
         if old is not None:
             self._note(path, new)
 
+    def let_grow(self, path: Path) -> None:
+        """A file that was written is added to from now on: it is known by its first line.
+
+        Args:
+            path: of the file.
+        """
+        self._note(path, FIRST_LINE + _digest_of_first_line(path))
+
     def remove_earlier(self, patterns: Iterable[str] | None = None) -> None:
         """Remove what this command wrote earlier and has not written since it was opened.
 
@@ -112,7 +122,7 @@ class ResultsFolder:
             if wanted is not None and not any(_matches(Path(name), p) for p in wanted):
                 continue
             with suppress(OSError, BadInput):
-                if _digest(path) in own.digests:
+                if _is_as_written(path, own):
                     path.unlink()
                     if path.parent != self.path:
                         path.parent.rmdir()  # only an empty one goes
@@ -138,7 +148,7 @@ class ResultsFolder:
             why = f"is there already, and fmu-fit {self.command} did not write it"
         elif own.command != self.command:
             why = f"was written by fmu-fit {own.command}, not by {self.command}"
-        elif found not in own.digests:
+        elif not _is_as_written(path, own):
             why = f"was changed since fmu-fit {self.command} wrote it"
         else:
             return
@@ -163,6 +173,19 @@ class ResultsFolder:
 
 def _matches(name: Path, pattern: Path) -> bool:
     return name.parent == pattern.parent and fnmatch(name.name, pattern.name)
+
+
+def _is_as_written(path: Path, own: OwnFile) -> bool:
+    """Whether a file holds what its command wrote, or at its head where lines are added to it."""
+    if _digest(path) in own.digests:
+        return True
+    grows = any(digest.startswith(FIRST_LINE) for digest in own.digests)
+    return grows and FIRST_LINE + _digest_of_first_line(path) in own.digests
+
+
+def _digest_of_first_line(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.sha256(file.readline()).hexdigest()
 
 
 def _digest(path: Path) -> str | None:

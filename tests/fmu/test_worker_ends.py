@@ -14,7 +14,7 @@ import pytest
 from fitting.fmu import FmuWorkers, Run
 from fitting.text.errors import FmuFailure, NoAnswer
 from tests.support.cfmu_build import build_c_fmu
-from tests.support.processes import is_gone, wait_until
+from tests.support.processes import is_gone, is_stopped, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
@@ -172,6 +172,7 @@ def test_the_next_run_removes_what_killed_ones_left(
         _, kept = told(living)
         pid, home = told(dying)
         os.kill(pid, signal.SIGSTOP)  # so that it does not clear up
+        wait_until(lambda: is_stopped(pid), "the stop")
         dying.kill()
         dying.wait()
         os.kill(pid, signal.SIGKILL)

@@ -41,6 +41,15 @@ def is_gone(pid: int) -> bool:
         return False
 
 
+def is_stopped(pid: int) -> bool:
+    """Whether all threads of a process have stopped; a stop that was asked for takes a while."""
+    tasks = Path(f"/proc/{pid}/task")
+    if not tasks.exists():
+        return True
+    states = [(task / "stat").read_text().rpartition(")")[2].split()[0] for task in tasks.iterdir()]
+    return set(states) == {"T"}
+
+
 class Clock:
     """The clock by which workers are late: ten seconds on at every look while ``runs`` holds."""
 

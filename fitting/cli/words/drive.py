@@ -28,6 +28,7 @@ OPTIONS = {
     "settle_s": "--settle",
     "window_s": "--window",
     "samples": "--samples",
+    "scheduler": "--scheduler",
 }
 
 

@@ -28,6 +28,7 @@ COMMANDS = {
     "synthesize": "a virtual laboratory: a campaign with known truth, noise and drift",
     "tradeoff": "accuracy against cost, measured on this machine: solvers, windows, settling, "
     "steps",
+    "ensemble": "many laboratories or campaigns, on processes or a cluster: table, pulls, coverage",
     "calibrate": "a fit for other tools: the FMU with the fitted start values, .ssv, .ssp and a "
     "table",
     "check": "will this FMU load, validate, run, survive a reset, and suit a campaign",

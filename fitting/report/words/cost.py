@@ -20,7 +20,7 @@ def cost_lines(seconds: Range, runs: Range, expected: Expected) -> list[str]:
     """
     e = expected
     lines = [
-        f"expected: {_time(seconds)}, {_count(runs)} runs of the FMU, "
+        f"expected: {time_words(seconds)}, {_count(runs)} runs of the FMU, "
         f"{_count(e.evaluations)} evaluations of the model",
         f"search: {_count(e.search)} evaluations: {e.levels} levels of ν"
         + (f" and {e.starts} starts" if e.starts > 1 else "")
@@ -59,7 +59,12 @@ def measured_lines(
     ]
 
 
-def _time(seconds: Range) -> str:
+def time_words(seconds: Range) -> str:
+    """A range of times in the unit that suits it.
+
+    Args:
+        seconds: least and most, s.
+    """
     low, high = seconds
     unit, size = next((unit, size) for limit, unit, size in UNITS if high < limit)
     return f"{_two(low / size)} to {_two(high / size)} {unit}"

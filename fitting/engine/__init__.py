@@ -1,0 +1,1 @@
+"""Many independent pieces of work: one seam to whatever runs them, here or on other machines."""

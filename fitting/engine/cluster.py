@@ -1,0 +1,83 @@
+"""Workers of a dask scheduler as an executor: the one door to ``distributed``.
+
+Files go to each worker once, also to those that come later, and are known there by their content.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from distributed import Client, KilledWorker, Worker, WorkerPlugin
+
+import fitting
+from fitting.engine.files import NeededFile, keep
+from fitting.engine.run import AHEAD, Place
+from fitting.text.errors import BadInput
+from fitting.text.files import read_whole
+
+CONNECTING_S = 30.0
+
+
+class Files(WorkerPlugin):
+    """Files that every worker keeps in a folder of its own, which goes with it.
+
+    Args:
+        contents: of the files.
+    """
+
+    def __init__(self, contents: Mapping[NeededFile, bytes]) -> None:
+        self.contents, self.version = contents, fitting.__version__
+
+    def setup(self, worker: Worker) -> None:
+        """Keep the files.
+
+        Args:
+            worker: of which it is asked.
+
+        Raises:
+            BadInput: it has another version of this program, whose numbers may be others.
+        """
+        if fitting.__version__ != self.version:
+            raise BadInput(f"fmu-fit {fitting.__version__} there, wanted {self.version}")
+        keep(self.contents, Path(worker.local_directory))
+
+
+@contextmanager
+def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
+    """The workers of a scheduler, each with its copy of some files.
+
+    The scheduler does the items of a lost worker again by itself: as often as its
+    ``distributed.scheduler.allowed-failures`` says.
+
+    Args:
+        scheduler: its address, as "tcp://10.0.0.1:8786".
+        files: that `fitting.engine.files.place_of` finds on the workers.
+
+    Raises:
+        BadInput: no scheduler there, or a worker that cannot be used.
+    """
+    contents = {file: read_whole(Path(file.path)) for file in files}
+    name = f"fmu-fit-{secrets.token_hex(8)}"  # of this ensemble alone, which takes it back
+    try:
+        client = Client(scheduler, timeout=CONNECTING_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise BadInput(
+            f"scheduler: found {scheduler!r}, {error or 'no answer'}; wanted the address of a dask "
+            "scheduler, as tcp://10.0.0.1:8786"
+        ) from error
+    with client:
+        try:
+            client.register_plugin(Files(contents), name=name)
+        except Exception as error:  # of any kind: it comes from the workers
+            raise BadInput(f"scheduler: workers of {scheduler} cannot be used: {error}") from error
+        executor = client.get_executor(pure=False)
+        try:
+            ahead = max(AHEAD, 2 * sum(client.nthreads().values()))
+            yield Place(executor, (KilledWorker,), repeats=0, ahead=ahead)
+        finally:
+            executor.shutdown(wait=False)
+            with suppress(OSError):  # the scheduler may be gone
+                client.unregister_worker_plugin(name)

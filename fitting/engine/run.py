@@ -1,0 +1,94 @@
+"""Many independent items through one executor: results as they end, a lost worker's item again.
+
+Nothing of an item is kept once its result is out; what waits is bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Items that are handed over and have not ended: enough for any executor to have the next at hand.
+AHEAD = 256
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where items run.
+
+    ``losses`` are the exceptions that say that a worker was lost, ``repeats`` how often its item
+    is then done again: none where the executor does that itself. ``ahead`` items are handed over
+    before the first has ended.
+    """
+
+    executor: Executor
+    losses: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    repeats: int = 1
+    ahead: int = AHEAD
+
+
+@dataclass(frozen=True)
+class Ended(Generic[Item, Result]):
+    """How an item ended: with its result, or with the words on why its worker was lost."""
+
+    item: Item
+    result: Result | None
+    lost: str = ""
+
+
+@dataclass(frozen=True)
+class _Try(Generic[Item]):
+    item: Item
+    number: int = 0
+
+
+def run(
+    work: Callable[[Item], Result], items: Iterable[Item], place: Place
+) -> Iterator[Ended[Item, Result]]:
+    """Results of independent items, as they end; what has not begun is left when nobody asks on.
+
+    Args:
+        work: a function of a module, called in the executor with each item.
+        items: are taken as there is room.
+        place: where it runs.
+
+    Raises:
+        BrokenExecutor: the executor as a whole takes no more.
+        Exception: whatever ``work`` raises.
+    """
+    coming = iter(items)
+    under_way: dict[Future[Result], _Try[Item]] = {}
+
+    def hand_over(one: _Try[Item]) -> None:
+        under_way[place.executor.submit(work, one.item)] = one
+
+    try:
+        while True:
+            while len(under_way) < place.ahead:
+                try:
+                    item = next(coming)
+                except StopIteration:
+                    break
+                hand_over(_Try(item))
+            if not under_way:
+                return
+            done, _ = wait(under_way, return_when=FIRST_COMPLETED)
+            for future in done:
+                tried = under_way.pop(future)
+                try:
+                    result = future.result()
+                except place.losses as lost:
+                    if tried.number < place.repeats:
+                        hand_over(_Try(tried.item, tried.number + 1))
+                    else:
+                        yield Ended(tried.item, None, str(lost) or type(lost).__name__)
+                    continue
+                yield Ended(tried.item, result)
+    finally:
+        for future in under_way:
+            future.cancel()

@@ -1,0 +1,196 @@
+"""Many fits as one record: a row each, and whether the intervals hold what is true.
+
+    pull = (value - truth)/std          share = k/n in [B(a/2; k, n-k+1), B(1-a/2; k+1, n-k)]
+
+B are quantiles of the beta distribution (Clopper and Pearson, Biometrika 26 (1934) 404), a = 5 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from scipy.special import betaincinv
+
+from fitting.inference.verdict import Verdict
+
+#: Part of the binomial intervals that is left out.
+ALPHA = 0.05
+FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnsembleValue:
+    """One value of one fit, all numbers in ``unit``; ``truth`` is nan where nobody knows it.
+
+    ``value`` and ``std`` are nan where the data leave it open; ends of an interval that the data do
+    not cut are those of the box.
+    """
+
+    name: str
+    unit: str
+    verdict: Verdict
+    value: float
+    std: float
+    low68: float
+    high68: float
+    low95: float
+    high95: float
+    truth: float
+
+    @property
+    def pull(self) -> float:
+        """(value - truth)/std, nan where one of them is not known."""
+        return (self.value - self.truth) / self.std if self.std > 0.0 else math.nan
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether an interval was promised, and the truth is known."""
+        unjudged = (Verdict.WITHDRAWN, Verdict.UNKNOWN)
+        known = math.isfinite(self.truth) and not math.isnan(self.low95 + self.high95)
+        return known and self.verdict not in unjudged
+
+    def holds(self, level: float) -> bool:
+        """Whether the interval of that level holds the truth.
+
+        Args:
+            level: 0.68 or 0.95.
+        """
+        low, high = (self.low95, self.high95) if level == 0.95 else (self.low68, self.high68)
+        return low <= self.truth <= high
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnsembleRow:
+    """One item: its number from 0, what it is, how its fit ended, and the values found.
+
+    ``status`` is that of the fit, "failed" where there is none; ``message`` says why then.
+    """
+
+    index: int
+    label: str
+    status: str
+    message: str
+    values: tuple[EnsembleValue, ...] = ()
+
+    @property
+    def failed(self) -> bool:
+        """Whether there is no fit."""
+        return self.status == FAILED
+
+
+@dataclass(frozen=True)
+class Share:
+    """So many of so many, with what that says of the share behind it."""
+
+    count: int
+    total: int
+
+    @property
+    def part(self) -> float:
+        """count/total, nan of none."""
+        return self.count / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the 95 % interval of Clopper and Pearson."""
+        k, n = self.count, self.total
+        low = float(betaincinv(k, n - k + 1, 0.5 * ALPHA)) if k else 0.0
+        high = float(betaincinv(k + 1, n - k, 1.0 - 0.5 * ALPHA)) if k < n else 1.0
+        return low, high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coverage:
+    """How often intervals of one value hold the truth, and how far estimates are from it.
+
+    ``pulls`` are those of all fits that report a value; ``judged`` fits promise an interval,
+    ``determined`` of them call the value determined, ``withheld`` promise none.
+    """
+
+    name: str
+    unit: str
+    judged: int
+    determined: int
+    withheld: int
+    held68: Share
+    held95: Share
+    pulls: tuple[float, ...]
+
+    @property
+    def pull_mean(self) -> float:
+        """Mean of the pulls: 0 for an estimate without bias."""
+        return math.fsum(self.pulls) / len(self.pulls) if self.pulls else math.nan
+
+    @property
+    def pull_std(self) -> float:
+        """Standard deviation of the pulls: 1 where errors are as large as is said."""
+        if len(self.pulls) < 2:
+            return math.nan
+        mean = self.pull_mean
+        square = math.fsum((pull - mean) ** 2 for pull in self.pulls)
+        return math.sqrt(square / (len(self.pulls) - 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ensemble:
+    """Many fits: what of, a row for each that has ended, in order.
+
+    ``status`` is "finished" or "interrupted", ``total`` the number of items, ``synthetic`` whether
+    they are virtual laboratories.
+    """
+
+    title: str
+    synthetic: bool
+    status: str
+    message: str
+    total: int
+    rows: tuple[EnsembleRow, ...]
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def failures(self) -> tuple[EnsembleRow, ...]:
+        """Items that have no fit."""
+        return tuple(row for row in self.rows if row.failed)
+
+    @property
+    def statuses(self) -> dict[str, int]:
+        """How many items ended how, the most frequent first."""
+        counts: dict[str, int] = {}
+        for row in self.rows:
+            counts[row.status] = counts.get(row.status, 0) + 1
+        return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+    @property
+    def coverage(self) -> tuple[Coverage, ...]:
+        """Of every value of which something true is known."""
+        found: dict[str, list[EnsembleValue]] = {}
+        for row in self.rows:
+            for value in row.values:
+                if math.isfinite(value.truth):
+                    found.setdefault(value.name, []).append(value)
+        return tuple(_coverage(values) for values in found.values())
+
+    def to_dict(self) -> list[dict[str, str | float]]:
+        """A flat row per item and value, as ``pandas.DataFrame`` takes them."""
+        return [
+            {"item": row.index, "label": row.label, "status": row.status, **vars(value)}
+            for row in self.rows
+            for value in row.values
+        ]
+
+
+def _coverage(values: Sequence[EnsembleValue]) -> Coverage:
+    judged = [value for value in values if value.is_judged]
+    pulls = [value.pull for value in judged]
+    return Coverage(
+        name=values[0].name,
+        unit=values[0].unit,
+        judged=len(judged),
+        determined=sum(value.verdict == Verdict.DETERMINED for value in judged),
+        withheld=len(values) - len(judged),
+        held68=Share(sum(value.holds(0.68) for value in judged), len(judged)),
+        held95=Share(sum(value.holds(0.95) for value in judged), len(judged)),
+        pulls=tuple(pull for pull in pulls if math.isfinite(pull)),
+    )

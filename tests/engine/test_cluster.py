@@ -1,0 +1,55 @@
+"""Workers of a cluster that cannot be used, and files that are not where they are wanted."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import fitting
+from fitting.engine import files
+from fitting.engine.files import NeededFile, place_of
+from fitting.engine.place import opened
+from fitting.text.errors import BadInput
+
+
+def test_without_the_package_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.delitem(sys.modules, "fitting.engine.cluster", raising=False)
+    with (
+        pytest.raises(BadInput, match=r"scheduler: wants the package distributed; install"),
+        opened("tcp://127.0.0.1:9", ()),
+    ):
+        pass
+
+
+def test_a_worker_of_another_version_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="fmu-fit[cluster] is not installed")
+    from fitting.engine.cluster import Files
+
+    sent = Files({})
+    monkeypatch.setattr(fitting, "__version__", "0.0.1")
+    with pytest.raises(BadInput, match=r"fmu-fit 0\.0\.1 there, wanted"):
+        sent.setup(SimpleNamespace(local_directory=str(tmp_path)))
+
+
+def test_a_file_that_was_sent_is_known_by_its_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(files, "_SENT", {})
+    path = tmp_path / "model.fmu"
+    path.write_bytes(b"one")
+    file = NeededFile.of(path)
+    assert place_of(file) == path
+    (tmp_path / "there").mkdir()
+    files.keep({file: b"one"}, tmp_path / "there")
+    path.write_bytes(b"two")
+    assert place_of(file).read_bytes() == b"one"
+    assert place_of(NeededFile.of(path)) == path
+    path.unlink()
+    with pytest.raises(BadInput, match="no such file on the machine of this worker"):
+        place_of(NeededFile(str(path), "0"))

@@ -1,0 +1,110 @@
+"""Local processes: what is lost with one of them, and what never is."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fitting.engine.local import LocalProcesses, LostProcess
+from fitting.engine.place import opened
+from fitting.engine.run import Place, run
+from fitting.text.errors import BadInput
+from tests.support import work
+from tests.support.processes import is_gone, wait_until
+from tests.support.work import Piece
+
+
+@pytest.fixture(scope="module")
+def two() -> Iterator[LocalProcesses]:
+    executor = LocalProcesses(2)
+    yield executor
+    executor.shutdown()
+
+
+def test_every_item_is_done_once(two: LocalProcesses) -> None:
+    ended = list(run(work.squared, (Piece(k) for k in range(40)), Place(two)))
+    assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(40)]
+    assert all(e.item.number == e.result[0] for e in ended if e.result)
+
+
+def test_a_lost_process_costs_its_item_a_repetition(two: LocalProcesses, tmp_path: Path) -> None:
+    pieces = [Piece(k, str(tmp_path)) for k in range(8)]
+    ended = list(run(work.squared_after_a_loss, pieces, Place(two)))
+    assert (tmp_path / "lost").exists()
+    assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(8)]
+
+
+def test_one_that_is_lost_twice_is_told_and_costs_no_other(
+    two: LocalProcesses, tmp_path: Path
+) -> None:
+    pieces = [Piece(k, str(tmp_path)) for k in range(8)]
+    ended = list(run(work.always_lost, pieces, Place(two)))
+    assert len(list(tmp_path.glob("lost*"))) == 2
+    [lost] = [e for e in ended if e.lost]
+    assert (lost.item.number, lost.result) == (3, None)
+    assert "killed by signal 9" in lost.lost
+    assert sorted(e.result for e in ended if e.result) == [(k, k * k) for k in range(8) if k != 3]
+
+
+def test_what_no_pickle_can_carry_is_told(two: LocalProcesses) -> None:
+    with pytest.raises(RuntimeError, match="Local cannot be handed over"):
+        two.submit(work.refusing, Piece(1)).result()
+    assert two.submit(work.refusing, Piece(2)).result() == (2, 4)
+
+
+def test_processes_have_one_thread_and_nothing_of_the_callers_program(two: LocalProcesses) -> None:
+    assert two.submit(work.environment, "OPENBLAS_NUM_THREADS").result() == "1"
+    assert two.submit(work.main_file, 0).result() == "child.py"
+
+
+def test_an_end_is_not_waited_for_and_leaves_nothing(tmp_path: Path) -> None:
+    executor = LocalProcesses(1)
+    running = executor.submit(work.endless, Piece(0, str(tmp_path)))
+    waiting = executor.submit(work.squared, Piece(1))
+    wait_until(lambda: any(tmp_path.iterdir()), "the endless item")
+    [pid] = executor.pids
+    home = executor._home.path
+    executor.shutdown(wait=False)
+    assert isinstance(running.exception(), LostProcess)
+    assert waiting.cancelled()
+    assert is_gone(pid)
+    assert not home.exists()
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        executor.submit(work.squared, Piece(2))
+
+
+SCRIPT = """
+import sys
+from fitting.engine.local import LocalProcesses
+from tests.support import work
+executor = LocalProcesses(1)
+executor.submit(work.endless, work.Piece(0, sys.argv[1])).result()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_processes_end_with_a_caller_that_is_killed(tmp_path: Path) -> None:
+    caller = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, str(tmp_path)],
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+    )
+    try:
+        wait_until(lambda: any(tmp_path.glob("pid*")), "the endless item")
+    finally:
+        caller.send_signal(signal.SIGKILL)
+        caller.wait()
+    [mark] = tmp_path.glob("pid*")
+    wait_until(lambda: is_gone(int(mark.name.removeprefix("pid"))), "the end of the process")
+
+
+@pytest.mark.parametrize("count", [0, 257])
+def test_an_impossible_number_of_processes_is_refused(count: int) -> None:
+    with pytest.raises(BadInput, match="wanted 1 to 256"), opened(count, ()):
+        pass
