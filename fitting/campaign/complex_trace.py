@@ -33,9 +33,10 @@ from fitting.signal.complex_line import complex_line
 from fitting.signal.peaks import MIN_SWEEP_POINTS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.frequency import hertz_of
 from fitting.text.keys import Keys, Text
 from fitting.text.notation import prefixed
-from fitting.text.units import convert, hertz_of
+from fitting.text.units import convert
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
 #: mode describes it that well the other way: root mean square over that of the data.

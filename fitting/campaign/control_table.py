@@ -14,9 +14,9 @@ from fitting.campaign.instruments import RawTrace, read_trace, unit_of
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
+from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
 from fitting.text.tables import Table, read_table
-from fitting.text.units import hertz_of
 from fitting.text.written import Written
 
 #: Column that names the file of each spectrum.

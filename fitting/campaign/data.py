@@ -29,9 +29,10 @@ from fitting.signal.amplitudes import to_peak
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
+from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
 from fitting.text.tables import Column, Table, parse_number, read_table
-from fitting.text.units import convert, hertz_of
+from fitting.text.units import convert
 from fitting.text.written import Written
 
 #: Column of the experiments file that names the FMU output an experiment observes.

@@ -12,8 +12,9 @@ from fitting.campaign.recognised import Recognised, recognised
 from fitting.resonance.trace import Trace, trace_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.frequency import hertz_of
 from fitting.text.notation import listed
-from fitting.text.units import convert, hertz_of, same_kind
+from fitting.text.units import convert, same_kind
 
 #: Units of squares of amplitudes, with and without the density over frequency.
 POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")

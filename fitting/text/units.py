@@ -8,14 +8,11 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, shown
 
 if TYPE_CHECKING:  # takes a while to load: only where a unit is met
@@ -118,25 +115,6 @@ def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float
     if not math.isfinite(converted):
         raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
     return converted
-
-
-def hertz_of(values: Iterable[float], unit: str, *, where: str) -> FloatArray:
-    """Frequencies in Hz of a column, each rounded once: 6.94016 MHz is the tone 6940160 Hz exactly.
-
-    Equal frequencies are then equal, whichever unit each file writes them in. Angular frequencies
-    omega are omega/(2 pi): a column that says rad/s means these.
-
-    Args:
-        values: of the column, shape (n,).
-        unit: of the column.
-        where: what complaints begin with.
-
-    Raises:
-        BadInput: another kind of unit.
-    """
-    if same_kind(unit, "rad/s"):
-        return np.array([convert(float(v), unit, "rad/s", where=where) for v in values]) / math.tau
-    return np.array([convert(float(v), unit, "Hz", where=where) for v in values])
 
 
 def is_frequency(unit: str) -> bool:

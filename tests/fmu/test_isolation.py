@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import socket
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -30,7 +31,8 @@ PULLED = Run(
 )
 LIMITS = Isolation(memory_mb=200.0, processor_s=0.5, files=40, written_mb=2.0)
 # values of `misbehave`, in the order of the enum in model.h
-HANGS, FILLS_MEMORY, FILLS_DISK, OPENS_MANY, OPENS_SOCKET, ESCAPES = 1, 16, 17, 18, 19, 20
+HANGS, ABORTS, FILLS_MEMORY, FILLS_DISK = 1, 10, 16, 17
+OPENS_MANY, OPENS_SOCKET, ESCAPES = 18, 19, 20
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,6 @@ def landlock() -> bool:
 @pytest.mark.parametrize(
     ("how", "label", "words"),
     [
-        (FILLS_MEMORY, "", "wanted more than 200 MB of memory and was stopped"),
         (FILLS_DISK, "one", "wrote more than 2 MB and was stopped"),
         (FILLS_DISK, "many", "wrote more than 2 MB and was stopped"),
         (HANGS, "", "took more than 0.5 s of processor time and was stopped"),
@@ -71,6 +72,36 @@ def test_what_takes_too_much_is_stopped(
     with pytest.raises(FmuFailure, match=words):
         isolated.run([misbehaving(how, label)])
     isolated.run([PULLED])
+
+
+#: A small caller, and one of 600 MB: Linux counts a caller's memory for what it starts.
+CALLER = """
+import sys
+from pathlib import Path
+from fitting.text.errors import FmuFailure
+from fitting.fmu import FmuWorkers
+from tests.fmu.test_isolation import LIMITS, misbehaving
+ballast = bytearray(int(sys.argv[2]) * 1000000)
+with FmuWorkers(Path(sys.argv[1]), timeout_s=100.0, isolation=LIMITS) as workers:
+    try:
+        workers.run([misbehaving(int(sys.argv[3]))])
+    except FmuFailure as failure:
+        print(failure)
+"""
+
+
+@pytest.mark.parametrize(
+    ("caller_mb", "how", "of_memory"),
+    [(0, FILLS_MEMORY, True), (600, FILLS_MEMORY, False), (600, ABORTS, False)],
+)
+def test_memory_is_named_where_it_is_known_to_have_been_the_end(
+    good: Path, caller_mb: int, how: int, of_memory: bool
+) -> None:
+    """What a caller of 600 MB starts counts as that large: its sentence names the limits alone."""
+    command = [sys.executable, "-c", CALLER, str(good), str(caller_mb), str(how)]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    assert ("wanted more than 200 MB of memory" in ended.stdout) is of_memory
+    assert of_memory or "it ran isolated, with 200 MB of memory" in ended.stdout
 
 
 def test_nothing_is_written_outside_its_folder(isolated: FmuWorkers, tmp_path: Path) -> None:

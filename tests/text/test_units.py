@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.text.errors import BadInput
+from fitting.text.frequency import hertz_of
 from fitting.text.units import (
     convert,
-    hertz_of,
     is_frequency,
     parse_quantity,
     product_words,

@@ -96,6 +96,19 @@ def allow_processor_time(isolation: Isolation) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (soft, hard))
 
 
+def most_memory() -> int:
+    """The most resident memory that the system counts for this process so far, bytes.
+
+    Under Linux that begins with the memory of the process that started it; 0 where it is not told.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
 def _limit(isolation: Isolation) -> None:
     import resource
 

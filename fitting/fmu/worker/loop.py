@@ -20,11 +20,19 @@ import numpy as np
 
 from fitting.fmu.run_requests import Handled, Layout, RunRequest
 from fitting.fmu.runs import Counts
-from fitting.fmu.worker.confinement import allow_processor_time, confine
+from fitting.fmu.worker.confinement import allow_processor_time, confine, most_memory
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
 from fitting.fmu.worker.messages import Batch, Reply, Task
-from fitting.fmu.worker.pulse import AT_RUN, BEGUN, FREEING, IN_TRIAL, OWN_MEMORY, open_pulse
+from fitting.fmu.worker.pulse import (
+    AT_RUN,
+    BEGUN,
+    COUNTED_MEMORY,
+    FREEING,
+    IN_TRIAL,
+    OWN_MEMORY,
+    open_pulse,
+)
 from fitting.fmu.worker.reuse import Instances, run_with_reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
@@ -159,7 +167,7 @@ def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
     task: Task = messages.get()
     pulse = open_pulse(Path(task.pulse_path)).numbers
     holder = _Holder(task, Log(sys.stderr.fileno()), pulse)
-    pulse[OWN_MEMORY] = _memory()
+    pulse[OWN_MEMORY], pulse[COUNTED_MEMORY] = _memory(), most_memory()
     if task.isolation is not None:
         # here and not earlier: the thread that reads messages clears up, and stays as it was
         holder.log.warn(confine(task.isolation, Path.cwd(), has_network=has_network))
