@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,8 @@ def start(
 ) -> tuple[subprocess.Popen[bytes], connection.Connection]:
     """A process that serves a pipe, and the caller's end of that pipe.
 
-    As `fitting.fmu.worker.process` starts one for an FMU, without what an FMU wants besides. It
-    heads a group of its own, which the processes that it starts belong to and end with, and has the
-    caller's import path. What it prints comes by ``stdout`` of the process.
+    It heads a group of its own, which the processes that it starts belong to and end with, and has
+    the caller's import path. What it prints comes by ``stdout`` of the process.
 
     Args:
         module: whose ``serve`` is called with the child's end of the pipe.
@@ -45,10 +44,15 @@ def start(
         raise
     finally:
         theirs.close()
-    # the import path by itself: what follows cannot be read before it is known
-    for message in ([os.path.abspath(place) for place in sys.path], module):
-        with contextlib.suppress(OSError):  # it has ended: found out by who waits for an answer
-            ours.send(message)
+    try:
+        # the import path by itself: what follows cannot be read before it is known
+        for message in ([os.path.abspath(place) for place in sys.path], module):
+            with contextlib.suppress(OSError):  # it has ended: found out by who waits for an answer
+                ours.send(message)
+    except BaseException:
+        end(process)
+        ours.close()
+        raise
     return process, ours
 
 
@@ -68,7 +72,9 @@ def end(process: subprocess.Popen[bytes], within_s: float = 0.0) -> None:
     process.wait()
 
 
-def messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
+def messages(
+    pipe: connection.Connection, orphaned: Callable[[], None] = lambda: None
+) -> queue.SimpleQueue[Any]:
     """The caller's messages as they come; the process ends when they cannot come any more.
 
     They are read by a thread of their own, so that the end of a caller that was killed is noticed
@@ -76,6 +82,7 @@ def messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
 
     Args:
         pipe: the child's end.
+        orphaned: what is done before that, as the caller cannot any more.
     """
     arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
     caller = os.getppid()
@@ -89,7 +96,7 @@ def messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
                         raise EOFError
                 arrived.put(pipe.recv())
         except (EOFError, OSError):
-            pass
+            orphaned()
         except BaseException:
             traceback.print_exc()
         _end_group()

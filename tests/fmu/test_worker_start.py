@@ -107,7 +107,7 @@ def test_a_worker_imports_what_it_needs_and_no_more() -> None:
     for library in ("scipy", "matplotlib", "jinja2", "pint", "mpmath", "tqdm", "pythonfmu"):
         assert library not in loaded
     rooms = {name.split(".")[1] for name in loaded if name.startswith("fitting.")}
-    assert rooms <= {"fmu", "signal", "text"}
+    assert rooms <= {"engine", "fmu", "signal", "text"}
 
 
 def test_fmpy_is_loaded_only_for_what_needs_it() -> None:

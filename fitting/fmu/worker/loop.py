@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import os
-import queue
 import shutil
-import signal
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Sequence
 from multiprocessing import connection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from fitting.engine.process import messages
 from fitting.fmu.run_requests import Handled, Layout, RunRequest
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.confinement import allow_processor_time, confine, most_memory
@@ -163,8 +160,10 @@ def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
         pipe: the worker's end.
         has_network: whether the process is in the network of the machine.
     """
-    messages = _messages(pipe)
-    task: Task = messages.get()
+    homes: list[Path] = []
+    arriving = messages(pipe, lambda: _clear(homes))
+    task: Task = arriving.get()
+    homes.append(Path(task.fmu.folder).parent)
     pulse = open_pulse(Path(task.pulse_path)).numbers
     holder = _Holder(task, Log(sys.stderr.fileno()), pulse)
     pulse[OWN_MEMORY], pulse[COUNTED_MEMORY] = _memory(), most_memory()
@@ -173,7 +172,7 @@ def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
         holder.log.warn(confine(task.isolation, Path.cwd(), has_network=has_network))
     baseline: int | None = None
     while True:
-        batch: Batch | None = messages.get()
+        batch: Batch | None = arriving.get()
         if batch is None:
             holder.close()
             break
@@ -188,43 +187,10 @@ def serve(pipe: connection.Connection, *, has_network: bool = True) -> None:
     os._exit(0)
 
 
-def _messages(pipe: connection.Connection) -> queue.SimpleQueue[Any]:
-    """The caller's messages as they come; the process ends when they cannot come any more.
-
-    They are read by a thread of their own, so that the end of a caller that was killed is noticed
-    even while the FMU is in an endless loop.
-    """
-    arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    caller = os.getppid()
-
-    def read() -> None:
-        home: Path | None = None
-        try:
-            while True:
-                # a fork of the caller may keep its end of the pipe open
-                while not pipe.poll(CALLER_S):
-                    if os.getppid() != caller:
-                        raise EOFError
-                message = pipe.recv()
-                if isinstance(message, Task):
-                    home = Path(message.fmu.folder).parent
-                arrived.put(message)
-        except (EOFError, OSError):
-            if home is not None:  # which the caller cannot clear up
-                shutil.rmtree(home, ignore_errors=True)
-        except BaseException:
-            traceback.print_exc()
-        _end_group()
-        os._exit(1)
-
-    threading.Thread(target=read, daemon=True).start()
-    return arrived
-
-
-def _end_group() -> None:
-    """End this process together with those that the FMU has started, where it heads their group."""
-    if sys.platform != "win32" and os.getpgrp() == os.getpid():
-        os.killpg(os.getpid(), signal.SIGKILL)
+def _clear(homes: Sequence[Path]) -> None:
+    """Remove the folder of the FMU, as its caller cannot."""
+    for home in homes:
+        shutil.rmtree(home, ignore_errors=True)
 
 
 def _answer(holder: _Holder, batch: Batch, pulse: memoryview) -> Reply:

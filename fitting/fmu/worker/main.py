@@ -1,53 +1,25 @@
-"""The program of a worker process: ``python main.py HANDLE``, started by `WorkerProcess`.
-
-A program of its own, so that nothing of the caller is imported again: neither its ``__main__``,
-which need not be guarded then, nor what that imports. HANDLE is the worker's end of the pipe, an
-inherited file descriptor (a handle on Windows), which no other process can have.
-"""
+"""What a worker process does first, while it has one thread: see `fitting.engine.process.start`."""
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
 from multiprocessing import connection
 
-#: What asks a process to end is for the caller to deal with: it ends its workers.
-IGNORED = [signal.SIGINT, signal.SIGTERM]
-if sys.platform != "win32":
-    IGNORED.append(signal.SIGHUP)
 
-
-def main(handle: int) -> None:
-    """Ignore what asks to end, take over the caller's import path, and serve.
-
-    Where the FMU is to be isolated, the network is left before there is a second thread.
+def serve(pipe: connection.Connection) -> None:
+    """Leave the network where the FMU is to be isolated, then serve it.
 
     Args:
-        handle: file descriptor of the pipe.
+        pipe: the worker's end.
     """
-    for number in IGNORED:
-        signal.signal(number, signal.SIG_IGN)
-    if sys.platform == "win32":
-        os.set_handle_inheritable(handle, False)  # not for the processes that an FMU may start
-        pipe = connection.PipeConnection(handle)
-    else:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED)
-        os.set_inheritable(handle, False)
-        pipe = connection.Connection(handle)
     has_network = True
     try:
-        sys.path[:] = pipe.recv()
         if pipe.recv():
             from fitting.fmu.worker.confinement import leave_network
 
             has_network = not leave_network()
     except EOFError:  # the caller has gone already
         return
-    from fitting.fmu.worker.loop import serve
+    # it starts threads
+    from fitting.fmu.worker import loop
 
-    serve(pipe, has_network=has_network)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    loop.serve(pipe, has_network=has_network)

@@ -6,18 +6,15 @@ import contextlib
 import os
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
 from time import sleep
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, NamedTuple, cast
 
+from fitting.engine.process import end, start
 from fitting.fmu.isolation import MB
-from fitting.fmu.worker import main as worker_main
 from fitting.fmu.worker.messages import Batch, Reply, Task
 from fitting.fmu.worker.printed import Printed
 from fitting.fmu.worker.pulse import (
@@ -30,6 +27,8 @@ from fitting.fmu.worker.pulse import (
     new_pulse,
 )
 
+#: The module that serves an FMU.
+PROGRAM = "fitting.fmu.worker.main"
 START_S = 120.0  # longest start of a process, before it touches the FMU
 #: Looks whether a process has ended that has closed its pipe, and the time between them, s.
 ENDED_LOOKS, ENDED_S = 1000, 0.01
@@ -61,23 +60,18 @@ class WorkerProcess:
         self._pulse = new_pulse(pulse_path)
         self._isolation = task.isolation
         self._folder = Path(tempfile.mkdtemp(prefix=f"{pulse_path.stem}-", dir=pulse_path.parent))
-        self.pipe, theirs = Pipe()
         try:
-            self._process = _start(theirs, self._folder)
-        except OSError:
-            self.pipe.close()
+            self._process, self.pipe = start(PROGRAM, self._folder)
+        except BaseException:
             self._pulse.close()
             raise
-        finally:
-            theirs.close()
         self._printed = Printed(cast("IO[bytes]", self._process.stdout))
         self._ended = False
         self._most_memory = 0
         self._begun = -1
         self._since = 0.0
-        # the import path by itself: what follows cannot be read before it is known
         try:
-            self._hand_over([os.path.abspath(place) for place in sys.path])
+            # by itself: the network is left before there is a thread that reads what follows
             self._hand_over(task.isolation is not None)
             self._hand_over(task)
         except BaseException:
@@ -220,13 +214,7 @@ class WorkerProcess:
         if self._ended:
             return
         self._ended = True
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(within_s)
-        self._process.kill()
-        if sys.platform != "win32":
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self.pid, signal.SIGKILL)
-        self._process.wait()
+        end(self._process, within_s)
         self.pipe.close()
         self._pulse.close()
         shutil.rmtree(self._folder, ignore_errors=True)
@@ -234,35 +222,6 @@ class WorkerProcess:
     def _hand_over(self, message: object) -> None:
         with contextlib.suppress(OSError):
             self.pipe.send(message)
-
-
-def _start(theirs: connection.Connection, folder: Path) -> subprocess.Popen[bytes]:
-    """A process with its end of the pipe and nothing else of the caller's, in a folder."""
-    python, environment = _interpreter()
-    handle = theirs.fileno()
-    # -P: neither the current folder nor that of the program is a place to import from
-    command = [python, "-P", worker_main.__file__, str(handle)]
-    options: dict[str, Any]
-    if sys.platform == "win32":
-        os.set_handle_inheritable(handle, True)
-        options = {
-            "startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]}),
-            "creationflags": subprocess.CREATE_NEW_PROCESS_GROUP,
-        }
-    else:
-        # a session of its own: what a terminal sends when keys are pressed or it closes is for the
-        # caller to deal with
-        options = {"pass_fds": (handle,), "start_new_session": True}
-    with _signals_held():
-        return subprocess.Popen(  # noqa: S603
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            cwd=folder,
-            env=environment,
-            **options,
-        )
 
 
 def _signal_name(code: int | None) -> str:
@@ -273,31 +232,3 @@ def _signal_name(code: int | None) -> str:
         return signal.Signals(-code).name
     except ValueError:
         return f"signal {-code}"
-
-
-def _interpreter() -> tuple[str, dict[str, str] | None]:
-    """Path of Python, and the environment that it wants (None: the present one).
-
-    On Windows, python.exe of a virtual environment only starts another process, which would outlive
-    it when it is killed. `multiprocessing.set_executable` is heeded, for embedded interpreters.
-    """
-    python = os.fsdecode(spawn.get_executable())
-    if os.path.dirname(python):  # the process has another current folder
-        python = os.path.abspath(python)
-    base = getattr(sys, "_base_executable", python)
-    if sys.platform == "win32" and python == sys.executable != base:
-        return base, {**os.environ, "__PYVENV_LAUNCHER__": python}
-    return python, None
-
-
-@contextlib.contextmanager
-def _signals_held() -> Iterator[None]:
-    """A process that is started meanwhile is not asked to end before it can ignore that."""
-    if sys.platform == "win32":
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, worker_main.IGNORED)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
