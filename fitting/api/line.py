@@ -51,7 +51,8 @@ def line(
     """One resonance of a measured response: eigenfrequency, full width and quality, with errors.
 
     What stands beside the line, nothing, a constant or a slope, is found by comparing, see
-    `fitting.resonance.form` for the formula. Errors hold for noise as it is seen in what the fit
+    `fitting.resonance.form` for the formula. Where points outside of ``within_hz`` show another
+    line, its tail is fitted, too. Errors hold for noise as it is seen in what the fit
     leaves, and are wider where neighbouring points follow each other.
 
     Args:
@@ -61,7 +62,7 @@ def line(
         unit: Of these values.
         within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
         wiring: "transmission", "fano", "sloped", "notch" or "reflection", of amplitudes also
-            "offset", "floor" or "rice"; empty: they are compared.
+            "offset", "floor", "rice" or "tail"; empty: they are compared.
         columns: Of a file, what it does not tell.
 
     Returns:

@@ -21,7 +21,7 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.binding import bind_alternatives, bind_experiment, free_scale, with_laws
 from fitting.campaign.bound import BoundCampaign, SweepData
 from fitting.campaign.conflicts import check_conflicts
-from fitting.campaign.file import ContinuationSettings
+from fitting.campaign.file import ContinuationSettings, offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, MeasuredExperiment, MeasuredSweep, Phases
 from fitting.campaign.noise import Noise
@@ -245,7 +245,8 @@ class Sweep:
         scale: The factor between simulated and measured amplitudes: "fit": least squares over the
             points; "maximum": ratio of the maxima; "robust": Huber's estimate over the points;
             "free": a fitted one; "none": 1.
-        background: Of the line that is fitted to it without the FMU: "none" or "complex".
+        background: Of the line that is fitted to it without the FMU: "none" or "complex"; "offset"
+            (use "fit"): a constant added to the amplitudes, which is solved beside the FMU's, too.
         amplitude_unit: The detector's.
         series: Measurements of one series share their scale and setup.
 
@@ -283,6 +284,8 @@ class Sweep:
                 )
         if self.setting_sigma and self.use != "fit":
             raise BadInput('sweep: setting_sigma has a meaning with use = "fit" only')
+        for trouble in offset_trouble(self.background, self.use, self.scale):
+            raise BadInput(f"sweep: background: {trouble}")
         measured = MeasuredSweep(
             frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
             amplitude_v=self.amplitude_v,  # type: ignore[arg-type]

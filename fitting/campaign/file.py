@@ -20,7 +20,7 @@ from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
-from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS
+from fitting.signal.peaks import BACKGROUNDS, FLOOR_KINDS, OFFSET
 from fitting.signal.scale import SCALES
 from fitting.text.choices import CRITERIA, ESTIMATORS, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput
@@ -363,12 +363,32 @@ class WrittenSweep(WrittenTrace):
     """From simulated to measured amplitudes: "maximum": ratio of maxima; "fit": least squares
     over the sweep; "robust": Huber's estimate over it; "free": a fitted ln_scale; "none": 1."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
-    """Of the line fit to the sweep: "none" or one "complex" constant."""
+    """Of the line fit to the sweep: "none" or one "complex" constant; "offset" (use = "fit"): a
+    constant that is added to its amplitudes, as a detector's zero, solved beside the FMU's, too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.set_sigma and self.use != "fit":
             raise Refused('has a meaning with use = "fit" only', "set_sigma")
+        for trouble in offset_trouble(self.background, self.use, self.scale):
+            raise Refused(trouble, "background")
+
+
+def offset_trouble(background: str, use: str, scale: str) -> tuple[str, ...]:
+    """What a constant beside the amplitudes of a sweep wants and lacks, in words; mostly nothing.
+
+    Args:
+        background: of the sweep.
+        use: of the sweep.
+        scale: of the sweep.
+    """
+    if background != OFFSET:
+        return ()
+    if use != "fit":
+        return ('"offset" has a meaning with use = "fit" only',)
+    if scale in ("maximum", "robust"):
+        return (f'"offset" is solved with scale = "fit", "free" or "none", found "{scale}"',)
+    return ()
 
 
 @dataclass(frozen=True, kw_only=True)

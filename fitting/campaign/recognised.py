@@ -26,6 +26,8 @@ from fitting.text.errors import BadInput
 from fitting.text.units import is_frequency, same_kind
 
 ROLES = ("frequency", "amplitude", "phase", "re", "im", "complex", "time")
+#: Those of them that are no words.
+ROLE_WORDS = {"re": "real part", "im": "imaginary part", "complex": "complex values"}
 #: How many times more, of its size, a column varies than one that is held.
 FAR_MORE = 10.0
 _PHASE_UNITS = ("deg", "rad", "°")
@@ -163,7 +165,9 @@ class _Roles:
         self.found[channel.name] = role
         if why:
             self.guessed.add(channel.name)
-            self.remarks.append(f"column '{channel.name}' is taken for the {role}: {why}")
+            self.remarks.append(
+                f"column '{channel.name}' is taken for the {ROLE_WORDS.get(role, role)}: {why}"
+            )
         return True
 
     def _axis(self) -> None:

@@ -15,7 +15,17 @@ NAME = "line"
 EXAMPLE = "fmu-fit line afm_sensor/afm_sensor_sweep.dat --out out/line"
 DOCUMENT = "the line"
 FILES = ("line.json", "line.csv", "line.png", "line.svg")
-WIRINGS = ("transmission", "fano", "sloped", "notch", "reflection", "offset", "floor", "rice")
+WIRINGS = (
+    "transmission",
+    "fano",
+    "sloped",
+    "notch",
+    "reflection",
+    "offset",
+    "floor",
+    "rice",
+    "tail",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

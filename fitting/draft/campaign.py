@@ -13,6 +13,7 @@ from fitting.draft.files import Files, SweepFile, TableFile
 from fitting.draft.model import Offer
 from fitting.draft.values import Box
 from fitting.resonance.form import FANO, SLOPED
+from fitting.signal.peaks import OFFSET
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz
 from fitting.text.toml import Tables, put, rewritten, toml_text
@@ -282,9 +283,13 @@ def _add_sweeps(
             if fitted
             else "what the file means: peak or rms"
         )
-        if sweep.line is not None and sweep.line.forms[0].name == FANO:
+        beside = "" if sweep.line is None else sweep.line.forms[0].name
+        if beside == FANO:
             tables["sweep"]["background"] = "complex"
             remarks["sweep", "background"] = "of the line by itself, found by comparing"
+        if beside == OFFSET and fitted:
+            tables["sweep"]["background"] = OFFSET
+            remarks["sweep", "background"] = "a constant beside the line: solved inside"
         remarks["sweep", "use"] = "every point is fitted, too"
         remarks["sweep", "scale"] = "of measured over simulated amplitudes: by least squares"
 
@@ -334,11 +339,11 @@ def _columns(sweep: SweepFile, remarks: Remarks, at: tuple[str | int, ...]) -> d
 
 
 def _told(channel: Any, roles: Any) -> str:
-    """A column's name, with its unit where only the user knows it."""
+    """A column's name, with its unit where only the user knows it, and 1 where it has none."""
     own = roles.recording.column(channel.name).unit
-    if own == channel.unit:
+    if own is not None and own == channel.unit:
         return str(channel.name)
-    return f"{channel.name} ({channel.unit})"
+    return f"{channel.name} ({channel.unit or 1})"
 
 
 def parameter_table(box: Box, k: int, remarks: Remarks) -> dict[str, Any]:
@@ -368,7 +373,7 @@ def meaning(sweep_units: Sequence[str], kind: str) -> str:
         sweep_units: units of the amplitudes, the first one counts.
         kind: "peak" or "rms".
     """
-    unit = next((u for u in sweep_units if u), "V")
+    unit = next((u for u in sweep_units if u), "1" if sweep_units else "V")
     if unit in ("dBm", "dB"):
         return unit
     for base in ("V", "m", "A", "rad", "m/s", "Pa", "K"):

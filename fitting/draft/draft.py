@@ -18,9 +18,9 @@ from fitting.draft.source import Source
 from fitting.draft.traces import Recording, traces_of
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
 from fitting.measurements.kinds import read_campaign
-from fitting.resonance.form import FANO, SLOPED
+from fitting.resonance.form import FANO, WORDS_BESIDE
 from fitting.resonance.line import Line, LineForm
-from fitting.signal.peaks import FLOOR, OFFSET, RICE
+from fitting.signal.peaks import FLOOR, OFFSET, RICE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -116,26 +116,22 @@ def _boxes(boxes: Sequence[Box]) -> list[str]:
 
 def _beside(form: LineForm) -> list[str]:
     """What was found beside the line, which the campaign has too."""
-    found = {
-        FANO: "a complex constant",
-        SLOPED: "a complex background that changes linearly",
-        OFFSET: "a constant that is added to its amplitude",
-        FLOOR: "noise whose power is added to its own",
-        RICE: "noise, of which amplitudes were averaged",
-    }
-    beside = [found[form.name]] if form.name in found else []
+    beside = [WORDS_BESIDE[form.name]] if form.name in WORDS_BESIDE else []
     beside += ["the delay of a cable"] if form.delayed else []
     return [f"Beside the line, found by comparing: {listed(beside)}."] if beside else []
 
 
 def _beyond_fmu(line: Line) -> list[str]:
     """What stands beside a line of amplitudes is in no FMU: what to do about it."""
-    cannot = "Amplitudes cannot be fitted with it through an FMU that has no background"
-    if line.forms[0].name in (FANO, RICE):
+    cannot = (
+        "Amplitudes cannot be fitted with it through an FMU that has no background, and the "
+        "campaign may end as one that does not describe its data (exit code 4)"
+    )
+    if line.forms[0].name in (FANO, RICE, TAIL):
         return [f"{cannot}: with phases, or X and Y, they could."]
     size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
     if line.forms[0].name == OFFSET:
-        return [f"{cannot}: with {size} taken off, they can."]
+        return [f"The campaign solves for it beside the FMU's amplitudes; here it is {size}."]
     if line.forms[0].name == FLOOR:
         return [f"{cannot}: with the square of {size} taken off their squares, they can."]
     return []

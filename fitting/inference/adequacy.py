@@ -28,6 +28,7 @@ from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.signal.peaks import BESIDE_WORDS, OFFSET
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
@@ -117,10 +118,11 @@ def adequacy_sentences(
         optimum: the most likely point and its likelihood.
         structure: of the residuals of curves, None without any.
     """
-    inflation = optimum.likelihood.inflation
+    likelihood = optimum.likelihood
+    inflation = likelihood.inflation
     said = f"χ² = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
     if not adequacy.describes:
-        return (misfit_sentence(adequacy),)
+        return (misfit_sentence(adequacy, drifts=bool(likelihood.objective.data.tones)),)
     if structure is not None and structure.widening > TOLD:
         return (
             f"The residuals of the curve {' and '.join(structure.found)}: errors are "
@@ -134,34 +136,40 @@ def adequacy_sentences(
     return (f"{said}: the stated noise explains the residuals.",)
 
 
-def misfit_sentence(adequacy: Adequacy) -> str:
+def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:
     """That the model does not describe the data, as far as was searched, and why.
 
     Args:
         adequacy: of the rows of known noise.
+        drifts: whether there are experiments between which something may drift.
     """
     return (
         f"The model does not describe the data: χ² = {adequacy.chi_square:.3g} on "
-        f"{adequacy.freedom:.3g} degrees of freedom. {misfit_advice(adequacy)}"
+        f"{adequacy.freedom:.3g} degrees of freedom. {misfit_advice(adequacy, drifts=drifts)}"
     )
 
 
-def misfit_advice(adequacy: Adequacy) -> str:
+def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
     """How far the best parameters are from describing the data, and what may help.
 
     Args:
         adequacy: of the rows of known noise.
+        drifts: whether there are experiments between which something may drift.
     """
     times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
     if adequacy.against:
+        way = "a sweep without that, phases, or another model"
+        if adequacy.against.endswith(BESIDE_WORDS[OFFSET]):
+            way = f'[sweep] background = "{OFFSET}", which solves for it, or another model'
         return (
             f"What it leaves of the sweep is {times} (in squares) what {adequacy.against} leaves. "
-            "No value is called determined; wanted a sweep without that, phases, or another model."
+            f"No value is called determined; wanted {way}."
         )
     return (
         f"At the best parameters that were found χ² is {times} what the noise explains. No value "
         "is called determined; wanted narrower boxes or a nearer start, if better parameters were "
-        "missed, else another model, another drift, or the noise that the data have."
+        f"missed, else another model, {'another drift, ' if drifts else ''}or the noise that the "
+        "data have."
     )
 
 

@@ -26,18 +26,21 @@ from scipy.special import fdtrc
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.sweep import Sweep
-from fitting.signal.peaks import BESIDE, FLOOR, LINE, OFFSET, RICE, Resonance, fit_resonance
+from fitting.signal.peaks import (
+    BESIDE_WORDS,
+    FLOOR,
+    OFFSET,
+    RICE,
+    UNKNOWNS,
+    Resonance,
+    fit_resonance,
+)
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
-#: The forms that are tried, in words.
-WORDS = {
-    "complex": "a line on a complex constant",
-    OFFSET: "a line with a constant added to its amplitude",
-    FLOOR: "a line with noise whose power is added to its own",
-    RICE: "a line with noise, of which amplitudes were averaged",
-}
+#: The forms that are tried.
+TRIED = ("complex", OFFSET, FLOOR, RICE)
 #: Mean squares over those of the other form, and probability, from which the model is given up.
 RATIO, IMPROBABLE = 25.0, 1e-4
 
@@ -54,7 +57,12 @@ def closer_form(solution: Solution) -> Adequacy | None:
         return None
     data = solution.objective.data
     tried = [
-        compared(sweep.frequency_hz, sweep.amplitude_v, solution.final.residuals[mine])
+        compared(
+            sweep.frequency_hz,
+            sweep.amplitude_v,
+            solution.final.residuals[mine],
+            beside=OFFSET if sweep.has_offset else "none",
+        )
         for sweep, mine in zip(data.measurements, data.slices, strict=True)
         if isinstance(sweep, Sweep) and sweep.fitted and not np.any(sweep.sigma > 0.0)
     ]
@@ -63,7 +71,11 @@ def closer_form(solution: Solution) -> Adequacy | None:
 
 
 def compared(
-    frequency_hz: FloatArray, amplitude_v: FloatArray, residuals: FloatArray
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    residuals: FloatArray,
+    *,
+    beside: str = "none",
 ) -> Adequacy | None:
     """What a model leaves of a sweep, against the form that leaves least; None without any form.
 
@@ -71,32 +83,35 @@ def compared(
         frequency_hz: rising, shape (n,), Hz.
         amplitude_v: peak, shape (n,), V.
         residuals: of the model, over the largest amplitude, shape (n,).
+        beside: what is solved for beside the model, "none" or "offset": forms with more are tried.
     """
     largest = float(np.max(amplitude_v))
     found = [
         (float(np.sum(((form.curve - amplitude_v) / largest) ** 2)), name, form)
         for name, form in _forms(frequency_hz, amplitude_v)
+        if UNKNOWNS[name] > UNKNOWNS[beside]
     ]
-    if not found or residuals.size <= LINE + max(BESIDE.values()):
+    if not found or residuals.size <= max(UNKNOWNS[name] for name in TRIED):
         return None
     squares, name, form = min(found, key=lambda each: each[0])
-    left, free = float(residuals @ residuals), residuals.size - LINE - BESIDE[name]
+    left, free = float(residuals @ residuals), residuals.size - UNKNOWNS[name]
     least = max(squares, residuals.size * SMALLEST_RESIDUAL**2)
     freedom = free / form.structure.widening**2
-    gain = max(0.0, (left - least) / BESIDE[name] * freedom / least)
-    chance = float(fdtrc(BESIDE[name], freedom, gain))
+    more = UNKNOWNS[name] - UNKNOWNS[beside]
+    gain = max(0.0, (left - least) / more * freedom / least)
+    chance = float(fdtrc(more, freedom, gain))
     bad = left > RATIO * least and chance < IMPROBABLE
     return Adequacy(
         chi_square=left * free / least,
         freedom=float(free),
         p_value=chance,
         describes=not bad,
-        against=WORDS[name],
+        against=f"a line with {BESIDE_WORDS[name]}",
     )
 
 
 def _forms(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Iterator[tuple[str, Resonance]]:
     """Every form that can be fitted to the sweep by itself."""
-    for name in WORDS:
+    for name in TRIED:
         with contextlib.suppress(BadInput):
             yield name, fit_resonance(frequency_hz, amplitude_v, background=name)

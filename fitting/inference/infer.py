@@ -321,7 +321,8 @@ def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: floa
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
     """The ending in sentences, that of the optimiser last."""
     if ending.words == MISFIT and adequacy is not None:
-        return ending.told(f"{misfit_advice(adequacy)} {fit.message}")
+        drifts = bool(fit.solution.objective.data.tones)
+        return ending.told(f"{misfit_advice(adequacy, drifts=drifts)} {fit.message}")
     return ending.told(fit.message)
 
 

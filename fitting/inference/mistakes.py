@@ -58,21 +58,34 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         problem: with its sweeps.
         solution: end of the fit.
     """
-    faults = tuple(fault_sentences(problem, _explained(problem, solution)))
+    explained = _explained(problem, solution)
+    faults = tuple(fault_sentences(problem, tuple(explained)))
     sweeps = {name: bound.sweep for name, bound in problem.campaigns.items()}
     return SweepFindings(
-        lines={name: line_of_sweep(sweep) for name, sweep in sweeps.items() if sweep is not None},
+        lines={
+            name: line_of_sweep(sweep, explained.get(name, math.nan))
+            for name, sweep in sweeps.items()
+            if sweep is not None
+        },
         faults=faults,
         # a sweep that is no line contradicts the peaks for that reason
         agreement=() if faults else sweep_agreement(solution),
     )
 
 
-def _explained(problem: Problem, solution: Solution) -> frozenset[str]:
-    """Series whose sweep is fitted and leaves noise: the model has its shape, one line or not."""
+def _explained(problem: Problem, solution: Solution) -> dict[str, float]:
+    """What is left (rms, over the largest) of fitted sweeps by series, where it is noise.
+
+    The model then has the shape of the sweep, one line or not.
+    """
     if solution.structure is None or solution.structure.order > 0:
-        return frozenset()
-    return frozenset(m.series for m in problem.measurements if isinstance(m, Sweep) and m.fitted)
+        return {}
+    pairs = zip(problem.measurements, solution.objective.data.slices, strict=True)
+    return {
+        m.series: float(np.sqrt(np.mean(solution.final.residuals[mine] ** 2)))
+        for m, mine in pairs
+        if isinstance(m, Sweep) and m.fitted
+    }
 
 
 def fault_sentences(problem: Problem, explained: Collection[str] = ()) -> list[str]:

@@ -11,16 +11,20 @@ from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
-from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
+from fitting.signal.peaks import BESIDE_WORDS, OFFSET, UNKNOWNS, Resonance, fit_resonance
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, found_words
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import probability, quantity, with_error
+from fitting.text.notation import number, probability, quantity, with_error
 
+#: Backgrounds whose fits stand beside each other, whatever the campaign chose.
+COMPARED = ("none", "complex")
 #: A background counts as seen where noise alone gains as much less often than this.
 BACKGROUND_P = 1e-3
 #: Two fits disagree from this many standard errors of their difference.
 APART_SIGMA = 3.0
+#: How many times what a model leaves one line has to leave for the sweep to be none.
+FAR_MORE = 2.0
 #: Widening of the errors from which it is worth a warning.
 WORTH_TELLING = 1.5
 
@@ -60,8 +64,9 @@ class SweepLine:
     amplitude. NaN where the sweep shows no such line: ``message`` says why, or how the fit ended.
     ``instrument`` holds the instrument's own estimates ("frequency_hz", "q"), ``notes`` all that
     the head of its file says. ``fits`` are the fits without and with a complex background, whatever
-    the campaign chose; ``background_p`` is the probability that noise alone lets the background
-    gain as much (F-test), NaN where one of them failed or nothing is left to gain. ``values`` names
+    the campaign chose, and with an offset if it chose that or that leaves less; ``background_p`` is
+    the probability that noise alone lets the last of them gain as much (F-test), NaN where one of
+    them failed or nothing is left to gain. ``values`` names
     values of the fit that are this line's "frequency", "width" or "q" (`line_values`).
     """
 
@@ -85,7 +90,7 @@ class SweepLine:
     values: Mapping[str, str] = field(default_factory=dict)
 
 
-def line_of_sweep(sweep: SweepData) -> SweepLine:
+def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
     """One damped mode fitted to a sweep, with the background that the campaign declares.
 
     The fit with the other background stands beside it, to show what hangs on that choice. A sweep
@@ -94,11 +99,13 @@ def line_of_sweep(sweep: SweepData) -> SweepLine:
 
     Args:
         sweep: the measured sweep.
+        left: root mean square over the largest amplitude that a fitted model leaves of it, if that
+            is noise; where one line leaves far more, the sweep shows no single one.
     """
     notes = dict(sweep.notes or {})
     instrument = own_estimates(notes)
-    tried = {background: _fit(sweep, background) for background in BACKGROUNDS}
-    fit = tried[sweep.background]
+    tried = _tried(sweep)
+    fit = _held_against(tried[sweep.background], sweep, left)
     fits = tuple(_line_fit(background, found) for background, found in tried.items())
     nan = math.nan
     if isinstance(fit, str):
@@ -136,7 +143,38 @@ def line_of_sweep(sweep: SweepData) -> SweepLine:
         notes=notes,
         fits=fits,
         freedom=fit.freedom,
-        background_p=background_p(sweep.amplitude_v, tried["none"], tried["complex"]),
+        background_p=background_p(sweep.amplitude_v, tried["none"], *list(tried.items())[-1]),
+    )
+
+
+def _tried(sweep: SweepData) -> dict[str, Resonance | str]:
+    """The fits without and with a complex background; last one with an offset, where that is more.
+
+    An offset is tried where the campaign names it or it leaves less than a complex background.
+    """
+    tried = {background: _fit(sweep, background) for background in COMPARED}
+    offset, full = _fit(sweep, OFFSET), tried["complex"]
+    less = not isinstance(offset, str) and (isinstance(full, str) or _left(offset) < _left(full))
+    if sweep.background == OFFSET or less:
+        tried[OFFSET] = offset
+    return tried
+
+
+def _left(fit: Resonance) -> float:
+    """Root mean square of what a fit leaves, in the sweep's unit."""
+    return fit.residual_rms * fit.amplitude
+
+
+def _held_against(fit: Resonance | str, sweep: SweepData, left: float) -> Resonance | str:
+    """The fit, or that it is none where a model leaves noise and it leaves far more."""
+    if isinstance(fit, str) or math.isnan(left) or fit.structure.order == 0:
+        return fit
+    own = _left(fit) / float(np.max(sweep.amplitude_v))
+    if not own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
+        return fit
+    return (
+        f"it is no single line; the best one leaves {number(100.0 * own, 2)} % of the peak, the "
+        f"fitted model {number(100.0 * left, 2)} %"
     )
 
 
@@ -185,19 +223,22 @@ def _line_fit(background: str, fit: Resonance | str) -> LineFit:
     )
 
 
-def background_p(amplitude_v: FloatArray, plain: Resonance | str, full: Resonance | str) -> float:
-    """Probability that noise alone lets a complex background gain this much; NaN if not to be told.
+def background_p(
+    amplitude_v: FloatArray, plain: Resonance | str, name: str, full: Resonance | str
+) -> float:
+    """Probability that noise alone lets a background gain this much; NaN if not to be told.
 
-    F = ((S0 - S1)/2)/(S1/(m - 5))/w^2 with 2 and (m - 5)/w^2 degrees of freedom: S0, S1 the sums of
-    squares without and with background, w the widening of the latter's errors, which turns points
-    into independent points.
+    F = ((S0 - S1)/b)/(S1/(m - k))/w^2 with b and (m - k)/w^2 degrees of freedom: S0, S1 the sums of
+    squares without and with a background of b unknowns, k in all, w the widening of the latter's
+    errors, which turns points into independent points.
 
     Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
 
     Args:
         amplitude_v: amplitudes (n,), V peak.
         plain: line without a background.
-        full: line with a complex background.
+        name: of the background, "complex" or "offset".
+        full: line with it.
     """
     if isinstance(plain, str) or isinstance(full, str):
         return math.nan
@@ -209,8 +250,9 @@ def background_p(amplitude_v: FloatArray, plain: Resonance | str, full: Resonanc
     )
     if not left > 0.0:
         return 0.0
-    freedom = (amplitude_v.size - 5) / full.structure.widening**2
-    return float(fdtrc(2.0, freedom, max(0.0, 0.5 * (without - left) * freedom / left)))
+    more = UNKNOWNS[name] - UNKNOWNS["none"]
+    freedom = (amplitude_v.size - UNKNOWNS[name]) / full.structure.widening**2
+    return float(fdtrc(more, freedom, max(0.0, (without - left) / more * freedom / left)))
 
 
 def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
@@ -227,7 +269,7 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
     if chosen is not None and chosen.widening > WORTH_TELLING and not fitted:
         said.append(f"Sweep by itself: {_structure_words(chosen)}.")
     if depends_on_background(line):
-        plain, full = fits["none"], fits["complex"]
+        plain, full = line.fits[0], line.fits[-1]
         shift = full.frequency_hz - plain.frequency_hz
         text = (
             f"The line of the sweep depends on its model: {_fit_words(plain)}; {_fit_words(full)}. "
@@ -236,6 +278,8 @@ def line_warnings(line: SweepLine, *, fitted: bool) -> list[str]:
         )
         if fitted:
             text += " Values fitted through an FMU that has no background share this dependence."
+        if fitted and full.background == OFFSET:
+            text += ' [sweep] background = "offset" solves for it beside the FMU\'s amplitudes.'
         said.append(text)
     return said
 
@@ -281,7 +325,8 @@ def _structure_words(fit: LineFit) -> str:
 
 
 def _fit_words(fit: LineFit) -> str:
-    name = "without background" if fit.background == "none" else "with a complex background"
+    named = {"none": "without background", "complex": "with a complex background"}
+    name = named.get(fit.background) or f"with {BESIDE_WORDS[fit.background]}"
     if math.isnan(fit.frequency_hz):
         return f"{name} cannot be fitted ({fit.message})"
     return (
@@ -297,9 +342,9 @@ def depends_on_background(line: SweepLine) -> bool:
     Args:
         line: that the sweep shows by itself.
     """
-    if len(line.fits) < len(BACKGROUNDS) or math.isnan(line.background_p):
+    if line.background == OFFSET or math.isnan(line.background_p):
         return False
-    plain, full = line.fits
+    plain, full = line.fits[0], line.fits[-1]
     apart = abs(full.width_hz - plain.width_hz) / math.hypot(plain.width_std_hz, full.width_std_hz)
     return max(apart, _apart(plain, full)) > APART_SIGMA or line.background_p < BACKGROUND_P
 

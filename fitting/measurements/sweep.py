@@ -31,7 +31,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, both
 from fitting.measurements.tones import PLATEAU
-from fitting.signal.peaks import Resonance, fit_resonance
+from fitting.signal.peaks import OFFSET, Resonance, fit_resonance
 from fitting.signal.scale import (
     FINE_POINTS,
     SCALES,
@@ -65,6 +65,8 @@ SCALE_WORDS = {
 SPACINGS = (0.5, 0.25, 0.12)
 #: Rounds of further sweep points, at most, to bracket a maximum or to lower its bias.
 SEARCH_ROUNDS = 12
+#: Share of the scale without a constant beside the amplitudes below which the other never falls.
+LEAST_SHARE = 1e-3
 #: Residuals below this share of the sweep's maximum are no misfit, however flat the sweep is.
 SMALLEST_MISFIT = 1e-3
 
@@ -78,7 +80,10 @@ class Sweep(MeasurementKind):
     deviation of every point, `known` where it was declared, else it is the scatter of the top;
     `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error;
     `label` is empty where nothing is fitted for it alone, as an offset is; `unit` is that of the
-    amplitudes, `background` that of the line which its figure shows.
+    amplitudes, `background` that of the line which its figure shows; with "offset" a constant
+    beside the amplitudes of a fitted sweep is solved inside, too:
+
+        r_i = (chi A(f_i) + c - L_i)/max L        c = mean(L - chi A)
 
     Raises:
         ValueError: no points, shapes that differ, an unknown scale.
@@ -139,8 +144,41 @@ class Sweep(MeasurementKind):
 
     @cached_property
     def measured_rows(self) -> FloatArray:
-        """Measured amplitude over the maximum, (rows,)."""
-        return self.amplitude_v / self.maximum_v if self.fitted else np.empty(0)
+        """Measured amplitude over the maximum, (rows,); over its mean, where c follows chi."""
+        return self._shape / self.maximum_v if self.fitted else np.empty(0)
+
+    @property
+    def has_offset(self) -> bool:
+        """Whether a constant beside its amplitudes is solved inside."""
+        return self.fitted and self.background == OFFSET
+
+    @property
+    def _shape(self) -> FloatArray:
+        """Measured amplitudes (n,), less their mean where a constant stands beside them."""
+        return self._less_mean(self.amplitude_v)
+
+    def _less_mean(self, amplitudes: FloatArray) -> FloatArray:
+        return np.asarray(amplitudes - np.mean(amplitudes)) if self.has_offset else amplitudes
+
+    def offset(self, prediction: Prediction, chi: float) -> float:
+        """The constant c beside the amplitudes, in ``unit``; zero where none is solved for.
+
+        Args:
+            prediction: of the sweep, without scale.
+            chi: scale, laboratory over simulation.
+        """
+        return (
+            float(np.mean(self.amplitude_v - chi * _real(prediction))) if self.has_offset else 0.0
+        )
+
+    @property
+    def solved_inside(self) -> int:
+        """The constant."""
+        return int(self.has_offset)
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives (rows, 1) of the rows by the constant over the maximum."""
+        return np.ones((self.rows, self.solved_inside))
 
     @property
     def takes_scale_from_rows(self) -> bool:
@@ -159,7 +197,7 @@ class Sweep(MeasurementKind):
             return 0.0
         if self.scaled_by == "maximum" and self.maximum_sigma > 0.0:
             return self.maximum_sigma
-        return sweep_scale_sigma(self.amplitude_v, self.sigmas_v, self.scaled_by)
+        return sweep_scale_sigma(self._shape, self.sigmas_v, self.scaled_by)
 
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
@@ -301,7 +339,7 @@ class Sweep(MeasurementKind):
         if self.scaled_by == "none":
             return None
         if self.scaled_by in ("fit", "free"):
-            return Scale(chi_of_sweep(self.amplitude_v, _real(prediction)))
+            return Scale(self._least_squares(_real(prediction)))
         if self.scaled_by == "robust":
             return Scale(chi_robust(self.amplitude_v, _real(prediction)))
         maximum = prediction.maximum
@@ -310,11 +348,29 @@ class Sweep(MeasurementKind):
         bias = maximum.bias if maximum.bracketed else 0.0
         return Scale(chi_of_maxima(self.maximum_v, maximum.value), bias)
 
+    def _least_squares(self, simulated: FloatArray) -> float:
+        """chi by least squares, beside the constant if there is one.
+
+        A simulated line elsewhere goes with what the constant leaves in the wrong sense: chi stays
+        positive.
+        """
+        chi = chi_of_sweep(self.amplitude_v, simulated)
+        if not self.has_offset:
+            return chi
+        shape = self._less_mean(simulated)
+        if not np.max(shape) > 0.0:
+            return chi
+        return max(chi_of_sweep(self._shape, shape), LEAST_SHARE * chi)
+
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
-        """(chi A - L)/max L, shape (rows,)."""
+        """(chi A + c - L)/max L, shape (rows,)."""
         if not self.fitted:
             return np.empty(0)
-        return (chi * _real(prediction) - self.amplitude_v) / self.maximum_v
+        return (self.scaled(prediction, chi) - self.amplitude_v) / self.maximum_v
+
+    def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
+        """The prediction times the scale, and the constant."""
+        return chi * _real(prediction) + self.offset(prediction, chi)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """A fitted sweep of whose variance less than half is explained is not described."""
@@ -338,6 +394,7 @@ class Sweep(MeasurementKind):
             unit=self.unit,
         )
         role = "is fitted point by point" if self.fitted else "sets the scale χ only"
+        role += " beside a constant, which is solved for" if self.has_offset else ""
         if resonance is None:
             line = f"One damped mode could not be fitted to it: {found}"
         else:

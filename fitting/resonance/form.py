@@ -7,8 +7,8 @@
 the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for; but what knows no
 phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``floor`` is
 sqrt(|a g|^2 + c^2) (noise of which powers were averaged), ``rice`` the mean amplitude with the same
-noise. A notch and a reflection are curves of the form ``fano``: only what a and b mean is different
-there.
+noise, and ``tail`` is |a g + c g'|, g' of another line outside of the points. A notch and a
+reflection are curves of the form ``fano``: only what a and b mean is different there.
 """
 
 from __future__ import annotations
@@ -24,11 +24,15 @@ from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line, mean_delay
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import (
+    BESIDE_WORDS,
     FLOOR,
     MIN_SWEEP_POINTS,
     OFFSET,
     RICE,
+    TAIL,
+    UNKNOWNS,
     Resonance,
+    fit_beside_tail,
     fit_resonance,
     mode_response,
 )
@@ -38,8 +42,20 @@ from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
-#: Of amplitudes, with the number of real unknowns.
-AMPLITUDE_FORMS = {TRANSMISSION: 3, OFFSET: 4, FLOOR: 4, RICE: 4, FANO: 5}
+#: Of amplitudes, and what each is called where amplitudes are fitted.
+AMPLITUDE_FORMS = {
+    TRANSMISSION: "none",
+    OFFSET: OFFSET,
+    FLOOR: FLOOR,
+    RICE: RICE,
+    FANO: "complex",
+    TAIL: TAIL,
+}
+#: What each form is, in words; what stands beside the line alone.
+WORDS_BESIDE = {
+    **{form: BESIDE_WORDS[name] for form, name in AMPLITUDE_FORMS.items() if name != "none"},
+    SLOPED: BESIDE_WORDS["slope"],
+}
 #: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
 STEP = 1e-5
 #: Widths about a top or a bottom of which a line is guessed.
@@ -59,6 +75,7 @@ class FittedForm:
         width_hz: full width at half of the power, Hz, and its error.
         q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
+        mirrored: the other amplitude with which amplitudes are the same curve; NaN without one.
         beside: the constant c of amplitudes, in their unit; zero in other forms.
         delay_s: of the cable, s, and its error; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
@@ -81,6 +98,7 @@ class FittedForm:
     q_std: float
     amplitude: float
     amplitude_std: float
+    mirrored: float
     beside: float
     delay_s: float
     delay_std_s: float
@@ -95,7 +113,12 @@ class FittedForm:
 
 
 def fit_amplitudes(
-    frequency_hz: FloatArray, amplitude: FloatArray, name: str, source: str
+    frequency_hz: FloatArray,
+    amplitude: FloatArray,
+    name: str,
+    source: str,
+    others: Sequence[tuple[float, float]] = (),
+    room: float = 1.0,
 ) -> FittedForm:
     """A form fitted to amplitudes.
 
@@ -104,15 +127,23 @@ def fit_amplitudes(
         amplitude: shape (n,), any unit.
         name: of the form, one of `AMPLITUDE_FORMS`.
         source: of the data, for complaints.
+        others: where the line of a tail may be, Hz, and how wide, Hz.
+        room: how far that may be off, see `fit_beside_tail`.
 
     Raises:
         BadInput: too few points, no resonance among them, or one that they do not determine.
     """
     if name == FANO:
         found = _peak_or_dip(frequency_hz, amplitude, source)
+    elif name == TAIL:
+        found = fit_beside_tail(frequency_hz, amplitude, others, room=room, source=source)
     else:
-        background = "none" if name == TRANSMISSION else name
+        background = AMPLITUDE_FORMS[name]
         found = fit_resonance(frequency_hz, amplitude, background=background, source=source)
+    if name in (FANO, TAIL) and not found.amplitude_std < found.amplitude:
+        raise BadInput(
+            f"{source}: the points do not tell how high its line is beside {WORDS_BESIDE[name]}"
+        )
     if name in (FLOOR, RICE) and found.background.real < 0.0:
         raise BadInput(f"{source}: the noise beside its line would have a negative power")
     left = (found.curve - amplitude) / float(np.max(amplitude))
@@ -126,10 +157,11 @@ def fit_amplitudes(
         q_std=found.q_std,
         amplitude=found.amplitude,
         amplitude_std=found.amplitude_std,
+        mirrored=found.mirrored,
         beside=0.0 if name == FANO else found.background.real,
         delay_s=math.nan,
         delay_std_s=math.nan,
-        unknowns=AMPLITUDE_FORMS[name],
+        unknowns=UNKNOWNS[AMPLITUDE_FORMS[name]],
         freedom=found.freedom,
         squares=float(left @ left),
         residual=found.residual_rms,
@@ -178,8 +210,8 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
     top, bottom = int(np.argmax(size)), int(np.argmin(size))
     half = 0.5 * (float(np.median(size)) + size[bottom])
     widths = {
-        float(f[top]): _extent(f, size >= math.sqrt(0.5) * size[top], top),
-        float(f[bottom]): _extent(f, size <= half, bottom),
+        float(f[top]): extent(f, size >= math.sqrt(0.5) * size[top], top),
+        float(f[bottom]): extent(f, size <= half, bottom),
     }
     delays = dict.fromkeys((0.0, whole.delay_s, *_far_delays(f, values, widths)))
     places = [(eta, part * width) for eta, width in widths.items() for part in (0.5, 1.0, 2.0)]
@@ -193,12 +225,18 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
     ]
 
 
-def _extent(f: FloatArray, chosen: BoolArray, middle: int) -> float:
-    """Width of the region about a point where all points are chosen, Hz."""
+def extent(frequency_hz: FloatArray, chosen: BoolArray, middle: int) -> float:
+    """Width of the region about a point where all points are chosen, Hz.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        chosen: shape (n,).
+        middle: number of the point.
+    """
     others = np.flatnonzero(~chosen)
     low = int(np.max(others[others < middle], initial=0))
-    high = int(np.min(others[others > middle], initial=f.size - 1))
-    return float(f[high] - f[low])
+    high = int(np.min(others[others > middle], initial=frequency_hz.size - 1))
+    return float(frequency_hz[high] - frequency_hz[low])
 
 
 def _far_delays(f: FloatArray, values: ComplexArray, widths: Mapping[float, float]) -> list[float]:
@@ -353,6 +391,7 @@ class _ComplexFit:
             q_std=eta / width * math.sqrt(max(0.0, float(quality @ spread @ quality))),
             amplitude=self.top * abs(gain),
             amplitude_std=self.top * math.sqrt(float(along @ spread @ along)),
+            mirrored=math.nan,
             beside=0.0,
             delay_s=delay if self.delayed else math.nan,
             delay_std_s=math.sqrt(spread[2, 2]) / self.span if self.delayed else math.nan,

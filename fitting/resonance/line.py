@@ -35,9 +35,16 @@ from fitting.resonance.form import (
     fit_complex,
     guesses,
 )
+from fitting.resonance.further_lines import (
+    Flank,
+    FurtherLine,
+    beyond_ends,
+    flank,
+    further_lines,
+)
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
-from fitting.signal.peaks import FLOOR, MIN_SWEEP_POINTS, OFFSET, RICE
+from fitting.signal.peaks import AMONG, FLOOR, MIN_SWEEP_POINTS, OFFSET, RICE, TAIL, UNKNOWNS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
@@ -46,10 +53,15 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number
 
 #: What may be asked for: forms, and those of their readings that are no form of their own.
-WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, OFFSET, FLOOR, RICE)
+WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, OFFSET, FLOOR, RICE, TAIL)
 #: A resonance is there if noise alone were to look like one less often than this.
 SEEN_P = 1e-3
 
+#: Points at an end of which one is the largest where the end cuts off a line.
+AT_END = 3
+#: Widths, and logarithm of a factor on the width, by which another line may not be where a point
+#: outside is largest, or where it is only supposed.
+SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
 #: Akaike's criterion by which a form with a delay must be better than all without one.
 PLAINLY = 10.0
 
@@ -59,7 +71,8 @@ class LineForm:
     """A form of the line and what it gives; NaN where it could not be fitted (``message``).
 
     Attributes:
-        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor" or "rice", too.
+        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor", "rice" or
+            "tail", too.
         delayed: whether the delay of a cable is fitted, too.
         criterion: Akaike's, over the least of all forms; 10 is plainly worse.
         residual: root mean square of what is left, over the line's amplitude.
@@ -106,6 +119,8 @@ class Line:
         width_hz: full width at half of the power, Hz.
         q: their ratio.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
+        amplitude_mirrored: the other amplitude that amplitudes beside a complex constant or a tail
+            do not tell from it, in ``unit``; NaN in other forms.
         beside: the constant of "offset", "floor" and "rice", in ``unit``; zero in other forms.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
@@ -119,6 +134,7 @@ class Line:
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
         faults: what makes the points no damped line.
+        further_hz: where points outside of the chosen range show another line, Hz.
         instrument: the instrument's own estimates, "frequency_hz" and "q", as far as it says.
         turned: whether the file counts phases the other way, as Re[value exp(-i 2 pi f t)].
         said: how the file was read, in sentences.
@@ -137,6 +153,7 @@ class Line:
     q_ci95: tuple[float, float]
     amplitude: float
     amplitude_std: float
+    amplitude_mirrored: float
     beside: float
     unit: str
     wiring: str
@@ -152,6 +169,7 @@ class Line:
     forms: tuple[LineForm, ...]
     readings: tuple[DipReading, ...]
     faults: tuple[SweepFault, ...]
+    further_hz: tuple[float, ...]
     instrument: Mapping[str, float]
     turned: bool
     said: tuple[str, ...]
@@ -183,7 +201,7 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
     if wiring == SLOPED and not trace.is_complex:
         raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
-    if wiring in (OFFSET, FLOOR, RICE) and trace.is_complex:
+    if wiring in (OFFSET, FLOOR, RICE, TAIL) and trace.is_complex:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
     try:
         return _line_of(_turned(trace), wiring)
@@ -194,16 +212,19 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
 
 
 def _line_of(trace: Trace, wiring: str) -> Line:
-    found, failed = _fitted(trace)
-    criteria = _criteria(found, _rows(trace))
+    further = further_lines(trace)
     asked = FANO if wiring in (NOTCH, REFLECTION) else wiring
+    found, failed = _fitted(trace, further, asked)
+    criteria = _criteria(found, _rows(trace))
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
+    if further and not asked:
+        order = _with_tail(found, criteria, order)
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
     order = _without_doubtful_delay(found, criteria, order, asked)
     best = found[order[0]]
     if asked and best.name != asked:
         raise BadInput(next(form.message for form in failed if form.name == asked))
-    _check_one(trace, best)
+    _check_one(trace, best, further, failed)
     return Line(
         source=trace.source,
         frequency_hz=best.frequency_hz,
@@ -217,6 +238,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         q_ci95=_interval(best.q, best.q_std, best.freedom),
         amplitude=best.amplitude,
         amplitude_std=best.amplitude_std,
+        amplitude_mirrored=best.mirrored,
         beside=best.beside,
         unit=trace.unit,
         wiring=wiring or best.name,
@@ -232,6 +254,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
         readings=dip_readings(trace, best, wiring),
         faults=_faults(trace, best),
+        further_hz=tuple(line.frequency_hz for line in further),
         instrument=own_estimates(trace.notes),
         turned=trace.turned,
         said=trace.said,
@@ -256,6 +279,19 @@ def _without_doubtful_delay(
     if not plain or criteria[plain[0]] - criteria[order[0]] >= PLAINLY:
         return order
     return [plain[0], *(k for k in order if k != plain[0])]
+
+
+def _with_tail(found: Sequence[FittedForm], criteria: FloatArray, order: list[int]) -> list[int]:
+    """The order in which forms are taken where another line is seen: with its tail.
+
+    It is known to be there: a form without it is as good where noise hides it, and then moves the
+    line by up to some standard errors of its own.
+    """
+    tail = [k for k in order if found[k].name == TAIL]
+    worse = any(criteria[k] - criteria[order[0]] >= PLAINLY for k in tail)
+    if not tail or (worse and found[tail[0]].structure.order > 0):
+        return order
+    return [*tail, *(k for k in order if k not in tail)]
 
 
 def _points(trace: Trace, best: FittedForm) -> LinePoints:
@@ -290,28 +326,67 @@ def _turned(trace: Trace) -> Trace:
     return replace(trace, values=np.conj(y), turned=True, said=(*trace.said, words))
 
 
-def _fitted(trace: Trace) -> tuple[list[FittedForm], list[LineForm]]:
+def _fitted(
+    trace: Trace, further: Sequence[FurtherLine], asked: str
+) -> tuple[list[FittedForm], list[LineForm]]:
     """Every form, as it was fitted; those that could not be."""
     found: list[FittedForm] = []
     unresolved: list[FittedForm] = []
     failed: list[LineForm] = []
-    for (name, delayed), fit in _tries(trace):
-        try:
-            form = fit()
-        except BadInput as error:
-            failed.append(_failure(name, delayed, str(error)))
-            continue
-        (unresolved if delayed and not _resolves_delay(trace, form) else found).append(form)
+
+    def tried(tries: Sequence[_Try]) -> None:
+        for (name, delayed), fit in tries:
+            try:
+                form = fit()
+            except BadInput as error:
+                failed.append(_failure(name, delayed, str(error)))
+                continue
+            (unresolved if delayed and not _resolves_delay(trace, form) else found).append(form)
+
+    tried(_tries(trace))
+    if not trace.is_complex:
+        noisy = any(form.structure.order == 0 for form in found)
+        if further or asked == TAIL or not noisy:
+            tried([_tail(trace, further)])
     if not (found or unresolved):
-        raise BadInput(failed[0].message)
+        _complain_of_flank(trace, further, math.inf)
+        _complain_of_ends(trace)
+        if trace.is_complex or trace.values.size < MIN_SWEEP_POINTS:
+            raise BadInput(failed[0].message)
+        ends = hertz(*trace.frequency_hz[[0, -1]], digits=8, joined=" and ")
+        raise BadInput(
+            f"{trace.source}: shows no resonance between {ends}: no form of a line can be fitted"
+        )
     return found or unresolved, failed
 
 
-def _tries(trace: Trace) -> list[tuple[tuple[str, bool], Callable[[], FittedForm]]]:
+#: Name of a form, whether a delay is fitted, too, and its fit.
+_Try = tuple[tuple[str, bool], Callable[[], FittedForm]]
+
+
+def _tail(trace: Trace, further: Sequence[FurtherLine]) -> _Try:
+    """The fit of a line beside the tail of another one, seen or beyond the ends."""
+    others = [(line.frequency_hz, line.width_hz) for line in _outside(trace, further)]
+    room = SEEN_ROOM if further else UNSEEN_ROOM
+
+    def fit() -> FittedForm:
+        f, a = trace.frequency_hz, trace.amplitude
+        return fit_amplitudes(f, a, TAIL, trace.source, others, room)
+
+    return (TAIL, False), fit
+
+
+def _outside(trace: Trace, further: Sequence[FurtherLine]) -> Sequence[FurtherLine]:
+    """Lines that are seen outside, or where they may be."""
+    return further or beyond_ends(trace.frequency_hz, 0.1 * float(np.ptp(trace.frequency_hz)))
+
+
+def _tries(trace: Trace) -> list[_Try]:
     f, source = trace.frequency_hz, trace.source
     if not trace.is_complex:
         a = trace.amplitude
-        return [((n, False), partial(fit_amplitudes, f, a, n, source)) for n in AMPLITUDE_FORMS]
+        names = [name for name in AMPLITUDE_FORMS if name != TAIL]
+        return [((n, False), partial(fit_amplitudes, f, a, n, source)) for n in names]
     if f.size < MIN_SWEEP_POINTS:
         raise BadInput(
             f"{source}: {f.size} points are too few for a resonance fit; wanted at least "
@@ -379,7 +454,12 @@ def _failure(name: str, delayed: bool, message: str) -> LineForm:
     )
 
 
-def _check_one(trace: Trace, best: FittedForm) -> None:
+def _check_one(
+    trace: Trace,
+    best: FittedForm,
+    further: Sequence[FurtherLine],
+    failed: Sequence[LineForm],
+) -> None:
     """Complain of no line, two of them, and one that the ends of the sweep cut off."""
     f = trace.frequency_hz
     ends = hertz(f[0], f[-1], digits=8, joined=" and ")
@@ -400,12 +480,17 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
             "points as well"
         )
+    _complain_of_flank(trace, further, best.squares, best.unknowns)
     if _chance(trace, best, best.structure.together) > SEEN_P:
+        _complain_of_ends(trace)
+        for form in failed:
+            if form.name == TAIL and AMONG in form.message:
+                raise BadInput(f"{form.message}; wanted a range that holds one, --from and --to")
         worth = max(1.0, f.size / best.structure.together**2)
         raise BadInput(
-            f"{trace.source}: shows nothing between {ends} that is surely a resonance: the "
-            f"residuals of the best form {TOGETHER}, so that its {f.size} points are worth "
-            f"{number(worth, 2)} independent ones"
+            f"{trace.source}: no form of a line describes its points between {ends}: the residuals "
+            f"of the best one, {best.name}, at {hertz(best.frequency_hz, digits=8)}, {TOGETHER}, "
+            f"so that the {f.size} points are worth {number(worth, 2)} independent ones"
         )
     left, right = best.frequency_hz - f[0], f[-1] - best.frequency_hz
     if min(left, right) < 0.5 * best.width_hz:
@@ -415,6 +500,60 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
             f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
             f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
         )
+
+
+def _complain_of_flank(
+    trace: Trace, further: Sequence[FurtherLine], squares: float, unknowns: int = 0
+) -> None:
+    """Complain where the flank of a line beyond the ends describes amplitudes as well."""
+    if trace.is_complex:
+        return
+    found = flank(trace, _outside(trace, further))
+    straight, rows = _straight(trace), _rows(trace)
+    if found is None or not found.squares > 0.0 or rows <= UNKNOWNS["none"] + 1:
+        return
+    gain = (straight - found.squares) * (rows - UNKNOWNS["none"]) / found.squares
+    if fdtrc(1, rows - UNKNOWNS["none"], max(0.0, gain)) > SEEN_P / rows:
+        return
+    more = unknowns - UNKNOWNS["none"]
+    if more > 0:
+        better = (found.squares - squares) / more * (rows - unknowns) / squares
+        if rows * fdtrc(more, rows - unknowns, max(0.0, better)) <= SEEN_P:
+            return
+    raise _cut_off(trace, found, further)
+
+
+def _complain_of_ends(trace: Trace) -> None:
+    """Complain of amplitudes of which an end holds the largest, where no form describes them."""
+    f, top = trace.frequency_hz, int(np.argmax(trace.amplitude))
+    if trace.is_complex or AT_END <= top < f.size - AT_END:
+        return
+    end, where = ("first", f[0]) if top < AT_END else ("last", f[-1])
+    raise BadInput(
+        f"{trace.source}: is largest at its {end} point, {hertz(where, digits=8)}, which cuts off "
+        "a line; wanted half a width on both sides at least"
+    )
+
+
+def _cut_off(trace: Trace, line: Flank, further: Sequence[FurtherLine]) -> BadInput:
+    """The complaint of a line beyond an end; where it is, points outside tell."""
+    f = trace.frequency_hz
+    below = line.frequency_hz < f[0]
+    end, where = ("first", f[0]) if below else ("last", f[-1])
+    there = [each.frequency_hz for each in further if (each.frequency_hz < f[0]) is below]
+    place = f", near {hertz(there[0], digits=6)}" if there else ""
+    return BadInput(
+        f"{trace.source}: its {end} point at {hertz(where, digits=8)} cuts off a line: the points "
+        f"are the flank of one beyond it{place}; wanted half a width on both sides at least"
+    )
+
+
+def _straight(trace: Trace) -> float:
+    """What a straight line leaves of amplitudes, squares over the largest."""
+    x = trace.frequency_hz - float(np.mean(trace.frequency_hz))
+    y = trace.amplitude / float(np.max(trace.amplitude))
+    columns = np.column_stack([np.ones_like(x), x / float(np.ptp(x))])
+    return float(np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2))
 
 
 def _chance(trace: Trace, best: FittedForm, widening: float) -> float:

@@ -27,6 +27,7 @@ class Trace:
         turned: whether phases were counted the other way, and are turned.
         said: how the file was read, in sentences.
         notes: header entries of the file.
+        whole: the trace of which this is a part; None: it is whole.
     """
 
     source: str
@@ -37,6 +38,7 @@ class Trace:
     turned: bool = False
     said: tuple[str, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict)
+    whole: Trace | None = None
 
     @property
     def is_complex(self) -> bool:
@@ -77,6 +79,7 @@ class Trace:
             self,
             frequency_hz=self.frequency_hz[kept],
             values=self.values[kept],
+            whole=self if count < self.frequency_hz.size else None,
             said=(*self.said, f"Taken: {count} of {self.frequency_hz.size} points, {part}."),
         )
 

@@ -7,12 +7,15 @@ with others, or whose merit is no plain sum of squares, goes its own way by `dam
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
 
 from fitting.text.arrays import FloatArray
+
+#: Share of the largest singular value below which a direction may be folded; first step along it.
+FOLDED, SMALL = 0.1, 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +24,7 @@ class LeastSquaresFit:
 
     ``values`` (n,), ``covariance`` (n, n) in units of the values, ``residuals`` (m,), ``jacobian``
     (m, n) there, ``converged`` and the solver's own ``message``; ``freedom`` that of the residuals
-    where they tell their noise, infinite where it is known.
+    where they tell their noise, infinite where it is known; ``variance`` that of a residual.
     """
 
     values: FloatArray
@@ -31,6 +34,7 @@ class LeastSquaresFit:
     converged: bool
     message: str
     freedom: float
+    variance: float
 
 
 def minimise_squares(
@@ -39,6 +43,7 @@ def minimise_squares(
     *,
     residual_sigma: float | None = None,
     rounds: int | None = None,
+    gain: float = 1e-15,
 ) -> LeastSquaresFit:
     """Minimise ``sum(residuals(x)**2)`` without bounds, by a trust-region Gauss-Newton method.
 
@@ -52,6 +57,7 @@ def minimise_squares(
         start: shape (n,), of order one in every coordinate.
         residual_sigma: standard deviation of a residual, if known, in its unit.
         rounds: evaluations at most, slopes not counted; None: as many as it takes.
+        gain: relative fall of the sum of squares below which a step is the last one.
 
     Raises:
         ValueError: fewer residuals than unknowns.
@@ -67,7 +73,7 @@ def minimise_squares(
         jac="3-point",
         method="trf",
         xtol=1e-15,
-        ftol=1e-15,
+        ftol=gain,
         gtol=1e-15,
         max_nfev=rounds,
     )
@@ -83,7 +89,59 @@ def minimise_squares(
         converged=bool(fit.status > 0 and np.all(np.isfinite(fit.x))),
         message=str(fit.message),
         freedom=float(freedom) if residual_sigma is None else np.inf,
+        variance=variance,
     )
+
+
+def folded(residuals: Callable[[FloatArray], FloatArray], fit: LeastSquaresFit) -> LeastSquaresFit:
+    """The fit with errors that hold where residuals are even along a direction.
+
+    Two minima that lie mirrored merge where the truth is near the mirror: r(x + t v) = r + t^2 h/2,
+    and slopes along v, a right singular vector of the jacobian with value s, vanish though the data
+    bound t. Where |h'| sigma > s^2, with h' the part of h that other unknowns do not make up for,
+    h takes the place of the slope and t^2/2 that of t:
+
+        |t| = sqrt(2 sigma/|h'|)
+
+    Args:
+        residuals: as they were minimised, of x (n,), shape (m,).
+        fit: their minimum.
+    """
+    left, singular, rows = np.linalg.svd(fit.jacobian, full_matrices=False)
+    sigma = float(np.sqrt(fit.variance))
+    columns, kept, bends = left * singular, np.ones(singular.size, dtype=bool), []
+    for k, along in enumerate(rows):
+        if singular[k] > FOLDED * singular[0]:
+            continue
+        bend = _bend(residuals, fit, along, sigma)
+        rest = np.delete(left, k, axis=1)
+        own = float(np.linalg.norm(bend - rest @ (rest.T @ bend)))
+        if own * sigma > singular[k] ** 2:
+            columns[:, k], kept[k] = bend, False
+            bends.append(k)
+    spread = _covariance(columns, fit.variance)
+    if not bends or not np.all(np.isfinite(spread)):
+        return fit
+    covariance = rows[kept].T @ spread[np.ix_(kept, kept)] @ rows[kept]
+    for k in bends:
+        covariance = covariance + 2.0 * np.sqrt(spread[k, k]) * np.outer(rows[k], rows[k])
+    return replace(fit, covariance=covariance)
+
+
+def _bend(
+    residuals: Callable[[FloatArray], FloatArray],
+    fit: LeastSquaresFit,
+    along: FloatArray,
+    sigma: float,
+) -> FloatArray:
+    """Second derivative (m,) along a direction, over the step that the data allow."""
+    step = SMALL
+    for _ in range(2):
+        ends = residuals(fit.values + step * along) + residuals(fit.values - step * along)
+        bend = (ends - 2.0 * fit.residuals) / step**2
+        size = float(np.linalg.norm(bend))
+        step = float(np.clip(np.sqrt(2.0 * sigma / size), 0.01 * SMALL, 1.0)) if size else SMALL
+    return np.asarray(bend)
 
 
 def damped_step(

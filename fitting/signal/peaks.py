@@ -12,21 +12,37 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ive
 
-from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
-from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.signal.least_squares import LeastSquaresFit, folded, minimise_squares
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 
 FLOOR_KINDS = ("robust", "mean", "none")
-BACKGROUNDS = ("none", "complex")
-#: And what else amplitudes may carry: a constant that is added to them, or noise, of which powers
-#: or amplitudes were averaged.
-OFFSET, FLOOR, RICE = "offset", "floor", "rice"
-#: Unknowns of a line alone, and of what may stand beside it.
-LINE = 3
-BESIDE = {"none": 0, "complex": 2, OFFSET: 1, FLOOR: 1, RICE: 1}
+#: And what else amplitudes may carry: a constant that is added to them, noise, of which powers or
+#: amplitudes were averaged, or the tail of another line.
+OFFSET, FLOOR, RICE, TAIL = "offset", "floor", "rice", "tail"
+#: Unknowns of a line of amplitudes with what may stand beside it.
+UNKNOWNS = {"none": 3, OFFSET: 4, FLOOR: 4, RICE: 4, "complex": 5, TAIL: 7}
+#: What a campaign may declare beside the line of a sweep.
+BACKGROUNDS = ("none", "complex", OFFSET)
+#: What may stand beside a line, in words; "slope" only beside complex values.
+BESIDE_WORDS = {
+    "complex": "a complex constant",
+    "slope": "a complex background that changes linearly with frequency",
+    OFFSET: "a constant that is added to its amplitude",
+    FLOOR: "noise whose power is added to its own",
+    RICE: "noise, of which amplitudes were averaged",
+    TAIL: "the tail of another line",
+}
+#: Evaluations after which the tail of another line that is still looked for is none, and the fall
+#: of the sum of squares that counts.
+ROUNDS_FOR_TAIL, GAIN_OF_TAIL = 80, 1e-8
+#: What a tail is refused for that is none.
+AMONG = "stands among the points"
+#: Median of the modulus of a normal deviate, and deviation of a second difference of noise.
+NORMAL_MEDIAN, SECOND_DIFFERENCE = 0.6745, math.sqrt(6.0)
 #: Power of a line over that of noise from which two terms of a series are exact to rounding.
 RICE_LARGE = 1e8
 
@@ -72,7 +88,8 @@ class Resonance:
     ``eta_hz`` undamped eigenfrequency, ``width_hz`` damping in Hz (the full width at half maximum
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
     constant (0 without; of noise its root mean square), ``residual_rms`` relative to the amplitude,
-    ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes.
+    ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes. ``mirrored`` is the
+    other amplitude that has the same curve, beside a complex constant or a tail; NaN elsewhere.
     """
 
     eta_hz: float
@@ -90,6 +107,7 @@ class Resonance:
     message: str
     structure: Structure
     freedom: float
+    mirrored: float = math.nan
 
 
 def noise_floor(
@@ -295,29 +313,142 @@ def fit_resonance(
     Raises:
         BadInput: too few points, no resonance within the sweep, or one that the points do not hold.
     """
-    if background not in BESIDE:
-        raise ValueError(f"background {background!r}, wanted one of {tuple(BESIDE)}")
-    unknowns = LINE + BESIDE[background]
-    if frequency_hz.size < max(MIN_SWEEP_POINTS, unknowns + 1):
-        raise BadInput(
-            f"{source}: {frequency_hz.size} points are too few for a resonance fit; "
-            f"wanted at least {max(MIN_SWEEP_POINTS, unknowns + 1)}"
-        )
+    if background not in UNKNOWNS or background == TAIL:
+        wanted = tuple(name for name in UNKNOWNS if name != TAIL)
+        raise ValueError(f"background {background!r}, wanted one of {wanted}")
+    _check_count(frequency_hz, background, source)
     eta0, width0, height = (_dip_guess if dip else _first_guess)(frequency_hz, amplitude_v)
 
     def curve(x: FloatArray) -> FloatArray:
         wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
         return height * _amplitudes(wave, x[3:], background)
 
+    def left(x: FloatArray) -> FloatArray:
+        return np.asarray((curve(x) - amplitude_v) / height)
+
     start = _start(amplitude_v / height, background, dip=dip)
-    fit = minimise_squares(
-        lambda x: (curve(x) - amplitude_v) / height,
-        start,
-        residual_sigma=None if sigma_v is None else sigma_v / height,
-    )
+    sigma = None if sigma_v is None else sigma_v / height
+    fit = minimise_squares(left, start, residual_sigma=sigma)
     beside = height * _constant(fit.values[3:], background)
+    mirrored = math.nan
+    if background == "complex":
+        fit = folded(left, fit)
+        mirrored = height * abs(float(fit.values[2]) + 2j * complex(*fit.values[3:]))
     found = _as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
-    return replace(found, background=beside)
+    return replace(found, background=beside, mirrored=mirrored)
+
+
+def _check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
+    least = max(MIN_SWEEP_POINTS, UNKNOWNS[background] + 1)
+    if frequency_hz.size < least:
+        raise BadInput(
+            f"{source}: {frequency_hz.size} points are too few for a resonance fit; "
+            f"wanted at least {least}"
+        )
+
+
+def point_noise(amplitude_v: FloatArray) -> float:
+    """Standard deviation of a point, from the median of second differences, unit of the points.
+
+    Args:
+        amplitude_v: along a smooth curve, shape (n,).
+    """
+    differences = np.abs(np.diff(amplitude_v, 2))
+    return float(np.median(differences)) / NORMAL_MEDIAN / SECOND_DIFFERENCE
+
+
+def fit_beside_tail(
+    frequency_hz: FloatArray,
+    amplitude_v: FloatArray,
+    others: Sequence[tuple[float, float]],
+    *,
+    room: float = 1.0,
+    source: str = "sweep",
+) -> Resonance:
+    """Fit ``|A g(f) + c g'(f)|``, the line and the tail of another one outside of the points.
+
+    g' is the response of another mode, see :func:`mode_response`, c a complex height: seven
+    unknowns. Points that show a tail alone hardly tell from how far it comes: the other line is
+    kept near to where it was seen, by two rows that are the noise at ``room`` of its widths and
+    at a factor exp(``room``) on its width. As magnitudes fix A or its mirror image only,
+    ``mirrored`` is the other one.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+        others: where the other line may be, Hz, and how wide, Hz: the fit begins at each.
+        room: standard deviation of that place, and of the logarithm of that width.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: too few points, no resonance among them, another line that stands among them.
+    """
+    _check_count(frequency_hz, TAIL, source)
+    height = float(np.max(amplitude_v))
+    shares = amplitude_v / height
+    eta0, width0, _ = _first_guess(frequency_hz, _over_chord(frequency_hz, amplitude_v))
+    pull = max(point_noise(shares), SMALLEST_RESIDUAL) / room
+    tried = [
+        _TailFit(frequency_hz, shares, (eta0, width0), other, pull).begun(turn)
+        for other in others
+        for turn in (1.0, np.exp(2j * np.pi / 3.0), np.exp(-2j * np.pi / 3.0))
+    ]
+    fit, tail = min(tried, key=lambda each: float(each[0].residuals @ each[0].residuals))
+    eta, _ = tail.line(fit.values[5:], tail.other)
+    if frequency_hz[0] <= eta <= frequency_hz[-1]:
+        if residual_structure(fit.residuals[:-2], fit.jacobian[:-2]).order == 0:
+            raise BadInput(f"{source}: another line, at {hertz(eta)}, {AMONG}")
+        raise BadInput(f"{source}: has no tail of another line outside of the points")
+    fit = folded(tail.residuals, fit)
+    own = replace(fit, residuals=fit.residuals[:-2], jacobian=fit.jacobian[:-2])
+    curve = height * (own.residuals + shares)
+    found = _as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
+    return replace(found, mirrored=height * tail.mirrored(fit.values))
+
+
+@dataclass(frozen=True)
+class _TailFit:
+    """A line and another one, from where they may be: frequency and width, Hz.
+
+    Unknowns: shift and logarithm of the width of the line, its height, both parts of the height of
+    the other one, and its shift and logarithm of the width.
+    """
+
+    f: FloatArray
+    shares: FloatArray
+    own: tuple[float, float]
+    other: tuple[float, float]
+    pull: float
+
+    @staticmethod
+    def line(x: FloatArray, begin: tuple[float, float]) -> tuple[float, float]:
+        eta, width = begin
+        return eta + width * float(x[0]), width * math.exp(float(np.clip(x[1], -50.0, 50.0)))
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        one = mode_response(self.f, *self.line(x[:2], self.own))
+        two = mode_response(self.f, *self.line(x[5:], self.other))
+        left = np.abs(x[2] * one + complex(x[3], x[4]) * two) - self.shares
+        return np.concatenate([left, self.pull * x[5:]])
+
+    def begun(self, turn: complex) -> tuple[LeastSquaresFit, _TailFit]:
+        near = 0 if self.other[0] < self.f[0] else -1
+        there = abs(mode_response(self.f[[near]], *self.other)[0])
+        size = min(float(self.shares[near]) / there, 1e3) * complex(turn)
+        start = np.array([0.0, 0.0, 1.0, size.real, size.imag, 0.0, 0.0])
+        return minimise_squares(
+            self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL
+        ), self
+
+    def mirrored(self, x: FloatArray) -> float:
+        """The other amplitude with the same curve: the zero of the numerator on the other side."""
+        (eta, width), (eta2, width2) = self.line(x[:2], self.own), self.line(x[5:], self.other)
+        pole, pole2 = eta + 0.5j * width, eta2 + 0.5j * width2
+        one, two = x[2] * width, complex(x[3], x[4]) * width2
+        if one + two == 0.0:
+            return abs(float(x[2]))
+        zero = (one * pole2 + two * pole) / (one + two)
+        return float(abs(x[2]) * abs(pole - np.conj(zero)) / abs(pole - zero))
 
 
 def _amplitudes(wave: ComplexArray, beside: FloatArray, background: str) -> FloatArray:
@@ -384,6 +515,12 @@ def _first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[flo
     spacing = float(np.median(np.diff(frequency_hz)))
     width = max(float(high[-1] - high[0]), spacing)
     return float(frequency_hz[top]), width, height if height > 0.0 else 1.0
+
+
+def _over_chord(frequency_hz: FloatArray, amplitude_v: FloatArray) -> FloatArray:
+    """What stands above the straight line between the ends: a top beside a higher flank, too."""
+    chord = np.interp(frequency_hz, frequency_hz[[0, -1]], amplitude_v[[0, -1]])
+    return np.asarray(amplitude_v - chord)
 
 
 def _dip_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:

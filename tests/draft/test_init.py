@@ -139,6 +139,17 @@ def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None
     assert any("an FMU that has no background" in sentence for sentence in said)
 
 
+def test_the_campaign_of_a_line_on_a_constant_solves_for_it(tmp_path: Path) -> None:
+    """The draft as it is: the truth is in the intervals, and the sweep is described."""
+    rough = np.abs(mode(F, ETA, WIDTH)) + 0.3 + noise(F.size, 2e-3, 1).real
+    sweep = write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough)
+    found = fitted(tmp_path, [str(sweep)])
+    assert found.status == "converged"
+    for name, truth in (("f1", ETA), ("d1", WIDTH)):
+        value = found.parameters[name]
+        assert abs(value.value - truth) < 4.0 * value.std < 0.04 * WIDTH
+
+
 @pytest.mark.parametrize("constant", ["complex constant", "added to its amplitude"])
 def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
     constant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -150,10 +161,31 @@ def test_a_fit_that_leaves_a_constant_does_not_describe_its_sweep(
     _, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough), out=tmp_path / "o")
     assert any(f"{constant}." in sentence for sentence in said)
     campaign, quick = str(tmp_path / "o" / "campaign.toml"), ["--no-report", "--no-profiles"]
+    text = Path(campaign).read_text("utf-8")
+    Path(campaign).write_text(re.sub(r"(?m)^background = .*$", "", text), "utf-8")
     assert main(["reconstruct", campaign, "--out", str(tmp_path / "r"), *quick]) == 4
     told = " ".join(capsys.readouterr().out.split())
     assert re.search(f"times \\(in squares\\) what a line .*{constant} leaves", told)
     assert "no verdict" in told
+    assert "drift" not in told
+    assert ('[sweep] background = "offset"' in told) is ("added" in constant)
+
+
+def test_parts_without_a_unit_are_read_as_line_reads_them(tmp_path: Path) -> None:
+    seen = mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1)
+    path = write_csv(tmp_path / "x.csv", "f (Hz),Re S21,Im S21", F, seen.real, seen.imag)
+    found = fitted(tmp_path, [str(path)])
+    width = found.parameters["d1"]
+    assert abs(width.value - WIDTH) < 4.0 * width.std < 0.04 * WIDTH
+
+
+def test_two_lines_are_not_told_to_be_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fitted(tmp_path, [str(two_modes(tmp_path, phases=False))])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "Sweep by itself: it is no single line; the best one leaves" in told
+    assert "The same sweep" not in told
 
 
 def test_the_fmu_of_somebody_else_is_looked_at_and_fitted(

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from fitting.signal.least_squares import damped_step, minimise_squares
+from fitting.signal.least_squares import damped_step, folded, minimise_squares
+from fitting.text.arrays import FloatArray
 
 
 def test_an_exact_fit_does_not_tell_what_it_does_not_see() -> None:
@@ -72,3 +76,24 @@ def test_a_variable_without_room_stays() -> None:
     assert damped_step(matrix, rows, 0.0, room) == pytest.approx([0.0, 2.0])
     damped = damped_step(matrix, rows, 2.0, room)
     assert damped == pytest.approx([0.0, 1.0])  # 2 y + 2 y = 4
+
+
+def test_a_direction_without_a_slope_has_the_error_of_its_square() -> None:
+    """x^2 is measured n times: its mean has sigma/sqrt(n), and x at zero the root of that."""
+    sigma, count = 0.01, 400
+    seen = sigma * np.random.default_rng(3).standard_normal(count)
+    seen -= np.mean(seen)
+
+    def residuals(x: FloatArray) -> FloatArray:
+        return np.concatenate([x[0] ** 2 - seen, [x[1] - 1.0, x[1] - 1.0]])
+
+    fit = replace(
+        minimise_squares(residuals, np.array([1e-3, 1.0])),
+        variance=sigma**2,
+        jacobian=np.array([*([[0.0, 0.0]] * count), [0.0, 1.0], [0.0, 1.0]]),
+        values=np.array([0.0, 1.0]),
+        residuals=np.concatenate([-seen, [0.0, 0.0]]),
+    )
+    errors = np.sqrt(np.diag(folded(residuals, fit).covariance))
+    assert errors[0] == pytest.approx(math.sqrt(sigma / math.sqrt(count)), rel=1e-6)
+    assert errors[1] == pytest.approx(sigma / math.sqrt(2.0), rel=1e-6)

@@ -13,6 +13,7 @@ from fitting.inference.verdict import Verdict
 from fitting.report.table import wrapped
 from fitting.report.words.values import reported_words, told_twice
 from fitting.result.result import Result
+from fitting.signal.peaks import BESIDE_WORDS, OFFSET
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL
 from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
 
@@ -231,6 +232,20 @@ def _one(value: float, unit: str) -> str:
     return f"{number(value / factor, 3)}\u00a0{shown}".strip()
 
 
+def _otherwise(result: Result) -> str:
+    """What may describe data that the model does not."""
+    against = "" if result.knowledge is None else result.knowledge.adequacy.against
+    if against.endswith(BESIDE_WORDS[OFFSET]):
+        return f'[sweep] background = "{OFFSET}", as {against} describes the sweep'
+    if against:
+        return f"another model, or phases, as {against} describes the sweep better"
+    drift = "another drift, " if result.peaks else ""
+    return (
+        f"another model, {drift}or the noise that the data have; narrower boxes or a nearer start "
+        "if better parameters were missed"
+    )
+
+
 def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     """What to do next, in words and as a command."""
     if result.status == "interrupted":
@@ -238,11 +253,7 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     if result.status == "not converged":
         return "a start nearer to the solution, or more starts (--starts N)", ""
     if result.status != "converged":
-        return (
-            "another model, another drift, or the noise that the data have; narrower boxes or a "
-            "nearer start if better parameters were missed",
-            "",
-        )
+        return _otherwise(result), ""
     if result.knowledge is None:
         return "profiles, which say what the data determine: the same without --no-profiles", ""
     target = _target(result, left)

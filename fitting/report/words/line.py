@@ -7,24 +7,16 @@ import math
 from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
-from fitting.resonance.form import FANO, SLOPED, TRANSMISSION
+from fitting.resonance.form import TRANSMISSION, WORDS_BESIDE
 from fitting.resonance.line import Line, LineForm
-from fitting.signal.peaks import FLOOR, OFFSET, RICE
+from fitting.signal.peaks import FLOOR, RICE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
-from fitting.text.notation import listed, number, percent, prefixed, quantity, with_error
+from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
 
-#: What each form is, in words.
-FORMS = {
-    TRANSMISSION: "the line alone",
-    FANO: "the line and a complex constant beside it",
-    SLOPED: "the line and a complex background beside it that changes linearly with frequency",
-    OFFSET: "the line and a constant that is added to its amplitude",
-    FLOOR: "the line and noise whose power is added to its own",
-    RICE: "the line and noise, of which amplitudes were averaged",
-}
 #: What each wiring is, in words.
 WIRINGS = {
-    **FORMS,
+    TRANSMISSION: "the line alone",
+    **{form: f"the line and {words}" for form, words in WORDS_BESIDE.items()},
     NOTCH: "a resonator beside a feed line",
     REFLECTION: "a resonator at the end of a line",
 }
@@ -62,6 +54,8 @@ def sentences(line: Line) -> list[str]:
         *([] if math.isnan(line.delay_s) else [f"Delay of the cable: {_delay(line)}."]),
         *(_reading(line, reading) for reading in line.readings),
         *_beside(line),
+        *_further(line),
+        *_mirrored(line),
         *_dependence(line),
         *_widening(line),
         *(fault_sentence(fault) for fault in line.faults),
@@ -71,15 +65,24 @@ def sentences(line: Line) -> list[str]:
 
 def _taken(line: Line) -> str:
     left = f"it leaves {number(100.0 * line.residual, 2)} % of the line (rms)"
+    delay = ", and the delay of a cable" if line.forms[0].delayed else ""
     if line.asked:
-        return f"Wiring as asked: {line.wiring}, {WIRINGS[line.wiring]}; {left}."
+        return f"Wiring as asked: {line.wiring}, {WIRINGS[line.wiring]}{delay}; {left}."
+    name = f"{_name(line.forms[0])}, {WIRINGS[line.wiring]}{delay}"
     fitted = [form for form in line.forms if not math.isnan(form.criterion)]
     if len(fitted) < 2:
-        return f"Taken: {line.wiring}, {FORMS[line.wiring]}; {left}."
-    best = f"by Akaike's criterion the best of {len(fitted)} forms"
-    if line.forms[0].criterion > 0.0:
-        best += " but for one with the delay of a cable, which these points do not plainly show"
-    return f"Taken: {line.wiring}, {FORMS[line.wiring]}, {best}; {left}."
+        return f"Taken: {name}; {left}."
+    least = min(form.criterion for form in fitted)
+    if line.forms[0].criterion > least and line.wiring == TAIL:
+        best = "as another line is there, and not for Akaike's criterion"
+    elif line.forms[0].criterion > least:
+        best = (
+            f"by Akaike's criterion the best of the {len(fitted)} forms that could be fitted but "
+            "for one with the delay of a cable, which these points do not plainly show"
+        )
+    else:
+        best = f"by Akaike's criterion the best of the {len(fitted)} forms that could be fitted"
+    return f"Taken: {name}, {best}; {left}."
 
 
 def _beside(line: Line) -> list[str]:
@@ -91,6 +94,32 @@ def _beside(line: Line) -> list[str]:
     if line.wiring in (FLOOR, RICE):
         return [f"The noise beside the line is {size} (rms), the same at every frequency."]
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
+
+
+def _further(line: Line) -> list[str]:
+    """Lines that the points outside of the range show."""
+    if not line.further_hz:
+        return []
+    seen = f"Points outside of the range show another line, near {_places(line.further_hz)}"
+    if line.wiring == TAIL:
+        return [f"{seen}: its tail stands among these points, and is fitted with them."]
+    return [f"{seen}: what its tail does among these points is not in this form."]
+
+
+def _places(frequencies_hz: tuple[float, ...]) -> str:
+    return listed(hertz(f, digits=6) for f in frequencies_hz)
+
+
+def _mirrored(line: Line) -> list[str]:
+    """The other amplitude, where it is another one."""
+    if not abs(line.amplitude_mirrored - line.amplitude) > MOVES * line.amplitude_std:
+        return []
+    factor, unit = prefixed(line.amplitude_mirrored, "" if line.unit == "1" else line.unit)
+    other = f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+    return [
+        f"Without phases A may as well be {other}: both have the same curve, and the same f and "
+        "width."
+    ]
 
 
 def _delay(line: Line) -> str:

@@ -1,0 +1,121 @@
+"""A range about one of two lines: the truth is in the errors, and what an end cuts off is told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.report.words.line import sentences
+from fitting.text.arrays import ComplexArray, FloatArray
+from tests.support.lines import mode, noise
+
+ETA, WIDTH = 7e6, 50.0
+
+
+def two(f: FloatArray, apart: float, ratio: complex, width: float = 40.0) -> ComplexArray:
+    """A line at ETA of height one, and another so many widths above it."""
+    return mode(f, ETA, WIDTH) + ratio * mode(f, ETA + apart * WIDTH, width)
+
+
+def grid(apart: float, count: int = 301) -> FloatArray:
+    return np.linspace(ETA - 10.0 * WIDTH, ETA + (apart + 10.0) * WIDTH, count)
+
+
+def test_errors_are_those_of_the_scatter_where_another_line_stands_outside() -> None:
+    """Pulls of 8 laboratories: a standard normal's mean square over 16 of them is 1 +- 0.35."""
+    rng, pulls = np.random.default_rng(2), []
+    for seed in range(8):
+        apart, ratio = rng.uniform(7.0, 30.0), np.exp(rng.uniform(-1.5, 1.5))
+        f = grid(apart)
+        sigma = 10.0 ** rng.uniform(-3.0, -2.0)
+        turn = np.exp(2j * np.pi * rng.random())
+        seen = np.abs(two(f, apart, ratio * turn)) + noise(f.size, sigma, seed).real
+        half = WIDTH * rng.uniform(1.6, 0.45 * apart)
+        found = ff.line(f, np.abs(seen), within_hz=(ETA - half, ETA + half))
+        assert found.wiring == "tail"
+        assert any("show another line" in sentence for sentence in sentences(found))
+        assert found.amplitude_std < 0.2 * found.amplitude
+        pulls.append((found.frequency_hz - ETA) / found.frequency_std_hz)
+        pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
+    assert 0.2 < float(np.mean(np.square(pulls))) < 2.4
+    assert max(map(abs, pulls)) < 4.0
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (1.0, 6.0, "first point at .* cuts off a line: the points are the flank of one beyond"),
+        (-8.0, -1.0, "last point at .* cuts off a line: the points are the flank of one beyond"),
+        (1.0, 9.0, "largest at its first point|first point at .* cuts off a line"),
+        (0.2, 5.0, "cut off by the first point|cuts off a line"),
+    ],
+    ids=["upper flank", "lower flank", "two flanks", "half"],
+)
+@pytest.mark.parametrize("whole", [True, False], ids=["range", "file"])
+def test_a_line_that_an_end_cuts_off_is_told_as_that(
+    low: float, high: float, words: str, whole: bool
+) -> None:
+    """The line is 200 times the noise; the file may have more points than the range, or not."""
+    f = grid(10.0)
+    seen = np.abs(two(f, 10.0, 0.8)) + noise(f.size, 5e-3, 3).real
+    ends = ETA + low * WIDTH, ETA + high * WIDTH
+    kept = (f >= ends[0]) & (f <= ends[1])
+    with pytest.raises(ff.BadInput, match=words):
+        ff.line(f, seen, within_hz=ends) if whole else ff.line(f[kept], seen[kept])
+
+
+def test_where_the_line_is_points_outside_of_the_range_tell() -> None:
+    f = grid(10.0)
+    seen = np.abs(two(f, 10.0, 0.8)) + noise(f.size, 1e-4, 3).real
+    with pytest.raises(ff.BadInput, match=r"flank of one beyond it, near 7(\.0000\d)? MHz"):
+        ff.line(f, seen, within_hz=(None, ETA - WIDTH))
+
+
+def test_a_range_to_the_middle_between_two_lines_holds_one() -> None:
+    f = grid(10.0)
+    seen = np.abs(two(f, 10.0, 0.8)) + noise(f.size, 5e-3, 3).real
+    kept = f <= ETA + 5.0 * WIDTH
+    for found in (ff.line(f, seen, within_hz=(None, f[kept][-1])), ff.line(f[kept], seen[kept])):
+        assert found.wiring == "tail"
+        assert abs(found.width_hz - WIDTH) < 3.5 * found.width_std_hz < 0.05 * WIDTH
+
+
+def test_without_phases_the_other_amplitude_is_told() -> None:
+    """|A g + b| is the same curve with |A + 2 i b|, as the zero of A + b/g is mirrored."""
+    f = np.linspace(ETA - 8.0 * WIDTH, ETA + 8.0 * WIDTH, 401)
+    beside = 0.3 * np.exp(0.4j)
+    seen = np.abs(mode(f, ETA, WIDTH) + beside) + noise(f.size, 2e-3, 4).real
+    found = ff.line(f, seen)
+    assert found.wiring == "fano"
+    both = sorted([found.amplitude, found.amplitude_mirrored])
+    truth = sorted([1.0, abs(1.0 + 2j * beside)])
+    for value, true in zip(both, truth, strict=True):
+        assert abs(value - true) < 6.0 * found.amplitude_std < 0.05
+    assert any("A may as well be" in sentence for sentence in sentences(found))
+
+
+def test_an_amplitude_that_slopes_do_not_see_has_an_error_that_holds() -> None:
+    """The zero of line and constant on the axis: A and its mirror image meet, and slopes vanish."""
+    f = np.linspace(ETA - 3.0 * WIDTH, ETA + 3.0 * WIDTH, 201)
+    far = 20.0
+    beside = 1.0 / (2.0 * far + 1j)  # |A g + b| = 0 at far widths above the line, outside
+    for seed in range(2):
+        seen = np.abs(mode(f, ETA, WIDTH) + beside) + noise(f.size, 3e-3, seed).real
+        found = ff.line(f, seen, wiring="fano")
+        assert abs(found.amplitude - 1.0) < 3.0 * found.amplitude_std
+        assert found.amplitude_std < 0.2
+
+
+def test_the_form_in_words_is_that_of_the_table() -> None:
+    f = np.linspace(5.99e9, 6.01e9, 401)
+    cable = np.exp(-2j * np.pi * (f - 6e9) * 40e-9)
+    seen = (1.0 - 0.6j * mode(f, 6e9, 6e5)) * cable + noise(f.size, 3e-3, 1)
+    found = ff.line(f, seen)
+    [taken] = [text for text in sentences(found) if text.startswith("Taken: ")]
+    assert found.forms[0].delayed
+    assert taken.startswith(f"Taken: {found.forms[0].name}, delay, the line and a complex ")
+    count = sum(not math.isnan(form.criterion) for form in found.forms)
+    assert f"the best of the {count} forms that could be fitted" in taken
