@@ -112,8 +112,18 @@ def signs_words(names: Iterable[str]) -> str:
     for name in names:
         parts = symbol(name)
         if parts is not None and not name.startswith(parts[0] + parts[1]):
-            told.append(f"{parts[0]}{parts[1].translate(_SUBSCRIPT)} is {name}")
+            told.append(f"{parts[0]}{index(parts[1])} is {name}")
     return f"In figures {listed(told)}." if told else ""
+
+
+def index(text: str) -> str:
+    """An index in plain text: "1" as ₁, "+" as ₊; letters, which have no such signs, as "_fit".
+
+    Args:
+        text: the index, without what it stands at.
+    """
+    low = text.translate(_SUBSCRIPT)
+    return f"_{text}" if any(letter.isalpha() for letter in low) else low
 
 
 def unit_text(unit: str) -> str:
