@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.inference.mistakes import fault_sentence
-from fitting.report.table import Column, Table, tabulate
+from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import FANO, SLOPED, TRANSMISSION
 from fitting.resonance.line import Line, LineForm
@@ -32,6 +32,18 @@ WORSE, AS_GOOD = 10.0, 2.0
 #: Standard errors by which another form that is nearly as good moves the line, and widening of the
 #: errors, from which it is told.
 MOVES, WIDER = 2.0, 1.05
+
+
+def text(line: Line) -> str:
+    """All that the command tells of a line: numbers, sentences, the forms that were compared.
+
+    Args:
+        line: as it was fitted.
+    """
+    lines = [*map(terminal_text, answer(line))]
+    for sentence in sentences(line):
+        lines += wrapped(sentence)
+    return "\n".join([*lines, *text_lines(forms_table(line))])
 
 
 def answer(line: Line) -> list[str]:
