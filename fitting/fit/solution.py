@@ -77,10 +77,10 @@ def solution_of(
     nu = chain.steps[-1].nu if chain.steps else schedule.nu(0)
     initial, final = evaluator.whole([begun, x])
     matrix = evaluator.jacobian(x)
-    structure = curve_structure(objective, final, matrix)
     seen, secant_points = secants(evaluator, x, matrix)
     prior = prior_sigmas(parameters, nu)
     noise = fitted_noise(objective, final, seen, prior)
+    structure = curve_structure(objective, final, matrix, noise)
     widened = noise
     if structure is not None:
         widened = noise.widened(objective.data.curve_rows, structure.widening)
@@ -138,13 +138,19 @@ def negligible(solution: Solution, misfit: str) -> float:
     return max(noise, min(unresolved, UNRESOLVED_SHARE * reached))
 
 
-def curve_structure(objective: Objective, final: Point, matrix: FloatArray) -> Structure | None:
+def curve_structure(
+    objective: Objective, final: Point, matrix: FloatArray, noise: RowNoise
+) -> Structure | None:
     """Structure of the residuals along curves; what they are solved for inside is fitted, too.
+
+    Rows count as the fit weighs them, by their noise over its root mean square: where that is
+    stated, residuals that grow with it are of one size.
 
     Args:
         objective: response, parameters and data.
         final: where the fit ended.
         matrix: dr/dx there, shape (m, n).
+        noise: of all rows, as stated or as they scatter.
     """
     data = objective.data
     mine = data.curve_rows
@@ -153,7 +159,10 @@ def curve_structure(objective: Objective, final: Point, matrix: FloatArray) -> S
         return None
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
         columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
-    return residual_structure(rows, np.column_stack([columns, _solved(objective, final)[mine]]))
+    columns = np.column_stack([columns, _solved(objective, final)[mine]])
+    sigma = noise.sigma[mine]
+    weights = float(np.sqrt(np.mean(sigma**2))) / sigma
+    return residual_structure(rows * weights, columns * weights[:, None])
 
 
 def _solved(objective: Objective, point: Point) -> FloatArray:

@@ -28,6 +28,7 @@ from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
@@ -107,23 +108,24 @@ def is_redundant(optimum: Optimum) -> bool:
 
 
 def adequacy_sentences(
-    adequacy: Adequacy, optimum: Optimum, widening: float = 1.0
+    adequacy: Adequacy, optimum: Optimum, structure: Structure | None = None
 ) -> tuple[str, ...]:
     """How well the model describes the data, in words.
 
     Args:
         adequacy: of the rows of known noise.
         optimum: the most likely point and its likelihood.
-        widening: by how much the noise of curves was taken wider.
+        structure: of the residuals of curves, None without any.
     """
     inflation = optimum.likelihood.inflation
     said = f"χ² = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
     if not adequacy.describes:
         return (misfit_sentence(adequacy),)
-    if widening > 1.0:
+    if structure is not None and structure.widening > TOLD:
         return (
-            f"The residuals of the curve hang together: errors are {widening:.3g} times as wide, "
-            "so that its points weigh as the independent ones they are worth.",
+            f"The residuals of the curve {' and '.join(structure.found)}: errors are "
+            f"{structure.widening:.3g} times as wide, so that its points weigh as the equal and "
+            "independent ones they are worth.",
         )
     if inflation > 1.0:
         return (f"{said}: all errors are {inflation:.3g} times as wide.",)

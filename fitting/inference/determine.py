@@ -45,6 +45,7 @@ from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
+from fitting.signal.residual_tests import Structure
 from fitting.signal.student import ROOT_95
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import span
@@ -66,8 +67,8 @@ class InferenceOptions:
     measurements are taken to be what the model says at the solution. `bootstrap` synthetic data
     sets are fitted anew, through `executor` if there is one. `only` names the values that are
     profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
-    whether fits beyond the box are looked for. `widening`: by how much the noise of a sweep was
-    taken wider because its residuals hang together. `closer` is another form of a line that leaves
+    whether fits beyond the box are looked for. `structure` is that of the residuals of curves, by
+    which their noise was taken wider. `closer` is another form of a line that leaves
     far less of a sweep than the model. `progress` is told the evaluations so far.
     """
 
@@ -85,7 +86,7 @@ class InferenceOptions:
     starts: int = OTHER_STARTS
     directions: bool = True
     beyond: bool = True
-    widening: float = 1.0
+    structure: Structure | None = None
     closer: Adequacy | None = None
     progress: Callable[[int], None] = lambda evaluations: None
 
@@ -167,7 +168,7 @@ def determine(
         without_effect=idle,
         equivalents=equivalents,
         sentences=(
-            *adequacy_sentences(adequacy, optimum, options.widening),
+            *adequacy_sentences(adequacy, optimum, options.structure),
             *outside_sentences(optimum),
             *beyond_sentences(optimum.likelihood, outside, profiles),
             *identifiability.sentences(profiles, directions, idle, equivalents),

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from fitting.fit.fit import Status
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.notation import number
 
 DESCRIBES = "converged and describes the data"
@@ -44,7 +45,7 @@ class Ending:
 
 
 def ending_of(
-    status: Status, adequacy: Adequacy | None, *, inflation: float, structure: float
+    status: Status, adequacy: Adequacy | None, *, inflation: float, structure: Structure | None
 ) -> Ending:
     """How a fit ended.
 
@@ -52,7 +53,7 @@ def ending_of(
         status: of the fit itself, or that its model does not describe the data.
         adequacy: chi square of the rows of known noise, None where it was not looked at.
         inflation: of all errors, for residuals beyond the noise.
-        structure: of the errors of a sweep, for residuals that hang together.
+        structure: of the residuals of curves, None without any.
     """
     if status not in (Status.CONVERGED, Status.MISFIT):
         return Ending(words=NOT_CONVERGED)
@@ -60,10 +61,11 @@ def ending_of(
     if status is Status.MISFIT:
         return Ending(words=MISFIT, ground=chi)
     said = [chi] if chi else []
-    if inflation > 1.0:
+    if inflation > TOLD:
         said.append(f"errors {inflation:.3g} times as wide for residuals beyond the noise")
-    if structure > 1.0:
-        said.append(f"errors {structure:.3g} times as wide for residuals that hang together")
+    if structure is not None and structure.widening > TOLD:
+        found = " and ".join(structure.found)
+        said.append(f"errors {structure.widening:.3g} times as wide for residuals that {found}")
     if len(said) > bool(chi):
         return Ending(words=DESCRIBES, ground=", ".join(said))
     if adequacy is None or not chi:

@@ -130,5 +130,5 @@ def _noise(objective: Objective, begin: FloatArray, expected: bool) -> RowNoise:
     if not point.residuals[curves].size:
         return noise
     matrix = evaluator.likelihood.residuals(optimum.expansion.matrix[: noise.sigma.size])
-    found = curve_structure(objective, point, matrix)
+    found = curve_structure(objective, point, matrix, noise)
     return noise if found is None else noise.widened(curves, found.widening)

@@ -255,7 +255,7 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             budget=request.budget,
             alternatives=_alternatives(fit, noise),
             bootstrap=request.bootstrap,
-            widening=1.0 if solution.structure is None else solution.structure.widening,
+            structure=solution.structure,
             only=request.only or everything,
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
@@ -315,9 +315,7 @@ def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
 
 
 def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: float) -> Ending:
-    structure = fit.solution.structure
-    wide = 1.0 if structure is None else structure.widening
-    return ending_of(status, adequacy, inflation=inflation, structure=wide)
+    return ending_of(status, adequacy, inflation=inflation, structure=fit.solution.structure)
 
 
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
@@ -328,7 +326,7 @@ def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:
 
 
 def noise_at(solution: Solution) -> RowNoise:
-    """Noise of the rows at a solution; a sweep whose residuals hang together weighs less.
+    """Noise of the rows at a solution; curves count by what their residuals are worth.
 
     Args:
         solution: end of the fit.

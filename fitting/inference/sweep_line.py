@@ -12,7 +12,7 @@ from scipy.special import fdtrc
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
 from fitting.signal.peaks import BACKGROUNDS, Resonance, fit_resonance
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOLD, found_words
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import probability, quantity, with_error
@@ -29,8 +29,9 @@ WORTH_TELLING = 1.5
 class LineFit:
     """The sweep's line with one form of background; NaN where that fit failed (`message`).
 
-    `structure_p` is the probability that white noise leaves such residuals, `points` how many
-    independent points they are worth, `widening` the factor that the errors carry for it.
+    `structure_p` is the probability that white noise leaves such residuals, `sizes_p` that noise
+    of one size does, `points` how many independent and equal points they are worth, `widening` the
+    factor that the errors carry for it.
     """
 
     background: str
@@ -45,6 +46,7 @@ class LineFit:
     points: float
     widening: float
     message: str
+    sizes_p: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +180,7 @@ def _line_fit(background: str, fit: Resonance | str) -> LineFit:
         structure_p=found.p_value,
         points=found.points,
         widening=found.widening,
+        sizes_p=found.sizes_p,
         message=fit.message,
     )
 
@@ -264,16 +267,16 @@ def line_sentences(line: SweepLine) -> list[str]:
     for fit in line.fits:
         if fit.background != line.background:
             said.append(f"The same sweep {_fit_words(fit)}.")
-        elif fit.widening > 1.0:
+        elif fit.widening > TOLD:
             said.append(f"{_structure_words(fit).capitalize()}.")
     return said
 
 
 def _structure_words(fit: LineFit) -> str:
     return (
-        f"a single line leaves residuals that hang together ({probability(fit.structure_p)} for "
-        f"white noise): the points are worth {fit.points:.3g} independent ones, and the errors "
-        f"are {fit.widening:.3g} times as wide for it"
+        f"a single line leaves residuals that {found_words(fit.structure_p, fit.sizes_p)}: the "
+        f"points are worth {fit.points:.3g} independent and equal ones, and the errors are "
+        f"{fit.widening:.3g} times as wide for it"
     )
 
 

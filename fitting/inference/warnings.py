@@ -32,18 +32,24 @@ from fitting.inference.sweep_line import SweepLine, line_warnings
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.measurements.dataset import Dataset
+from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.peaks import DETECTION_SIGMA
 from fitting.signal.scale import LaboratoryMaximum, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.notation import hertz, listed, number, probability, settings_words, span
+from fitting.text.notation import hertz, listed, number, settings_words, span
 from fitting.text.units import convert
 
 #: Starts of equal J whose parameters differ by more than this (units of x) are told apart.
 APART = 0.1
 #: Weak peaks that are named one by one.
 MOST_WEAK = 3
+#: What the reader of residuals of unequal size may do.
+STATE_NOISE = (
+    "Where the noise grows with the amplitude, [noise] relative = states it, every point then "
+    "counts as it should, and the errors can be smaller."
+)
 #: Outliers that are named one by one.
 MOST_NAMED = 6
 
@@ -59,7 +65,7 @@ class Kind(Enum):
     SCALE = "the scale"
     BOUND = "a value on a bound of its box"
     INFLATION = "residuals beyond the noise"
-    STRUCTURE = "residuals that hang together"
+    STRUCTURE = "residuals that are no noise of one size"
     MINIMA = "other minima"
     DRIFT = "drift beyond the line width"
     OUTLIERS = "outliers"
@@ -243,16 +249,22 @@ def _inflation(inflation: float) -> list[str]:
     return said
 
 
+def _can_state(solution: Solution) -> bool:
+    """Whether a noise in proportion to the amplitude could be stated, and none is."""
+    measurements = solution.objective.data.measurements
+    return any(isinstance(m, Sweep) and m.fitted and not m.known for m in measurements)
+
+
 def _structure(solution: Solution) -> list[str]:
     said = []
     told = solution.structure
     count = solution.final.residuals[solution.objective.data.curve_rows].size
     if told is not None and told.widening > 1.5:
+        hint = f" {STATE_NOISE}" if told.is_unequal and _can_state(solution) else ""
         said.append(
-            "The residuals of the fitted curve are not noise, they hang together "
-            f"({probability(told.p_value)} for white noise): its "
-            f"{count} points are worth {told.points:.2g} "
-            f"independent ones, and errors are {told.widening:.3g} times as wide for it."
+            f"The residuals of the fitted curve {told.told}: its {count} points are worth "
+            f"{told.points:.2g} independent and equal ones, and errors are {told.widening:.3g} "
+            f"times as wide for it.{hint}"
         )
     return said
 

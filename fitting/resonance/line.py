@@ -38,7 +38,7 @@ from fitting.resonance.form import (
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
 from fitting.signal.peaks import FLOOR, MIN_SWEEP_POINTS, OFFSET, RICE
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
@@ -112,8 +112,10 @@ class Line:
         delay_s: of the cable, s, and its error; NaN where none was found.
         residual: root mean square of what is left, over ``amplitude``.
         freedom: degrees of freedom of the noise.
-        independent_points: how many of the points, that may follow each other, are news.
-        widening: factor on the errors because points follow each other; 1 where they do not.
+        independent_points: how many independent and equal points the points are worth.
+        widening: factor on the errors for residuals that are no noise of one size; else 1.
+        structure_p: probability that white noise leaves such residuals.
+        sizes_p: probability that noise of one size leaves such residuals.
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
         faults: what makes the points no damped line.
@@ -145,6 +147,8 @@ class Line:
     freedom: float
     independent_points: float
     widening: float
+    structure_p: float
+    sizes_p: float
     forms: tuple[LineForm, ...]
     readings: tuple[DipReading, ...]
     faults: tuple[SweepFault, ...]
@@ -223,6 +227,8 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         freedom=best.freedom,
         independent_points=best.structure.points / (2.0 if trace.is_complex else 1.0),
         widening=best.structure.widening,
+        structure_p=best.structure.p_value,
+        sizes_p=best.structure.sizes_p,
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
         readings=dip_readings(trace, best, wiring),
         faults=_faults(trace, best),
@@ -394,12 +400,12 @@ def _check_one(trace: Trace, best: FittedForm) -> None:
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
             "points as well"
         )
-    if _chance(trace, best, best.structure.widening) > SEEN_P:
+    if _chance(trace, best, best.structure.together) > SEEN_P:
+        worth = max(1.0, f.size / best.structure.together**2)
         raise BadInput(
-            f"{trace.source}: shows nothing between {ends} that is surely a resonance: what the "
-            f"best form of a line leaves hangs together, so that its {f.size} points are worth "
-            f"{number(best.structure.points / (2.0 if trace.is_complex else 1.0), 2)} independent "
-            "ones"
+            f"{trace.source}: shows nothing between {ends} that is surely a resonance: the "
+            f"residuals of the best form {TOGETHER}, so that its {f.size} points are worth "
+            f"{number(worth, 2)} independent ones"
         )
     left, right = best.frequency_hz - f[0], f[-1] - best.frequency_hz
     if min(left, right) < 0.5 * best.width_hz:

@@ -100,7 +100,7 @@ def _chance(trace: Trace, best: FittedForm, squares: float) -> float:
     """
     rows, unknowns = (2 * trace.values.size, 10) if trace.is_complex else (trace.values.size, 7)
     more = max(1, unknowns - best.unknowns)
-    freedom = max(1.0, (rows - unknowns) / best.structure.widening**2)
+    freedom = max(1.0, (rows - unknowns) / best.structure.together**2)
     if not squares > 0.0:
         return 0.0
     gain = max(0.0, (best.squares - squares) / more * freedom / squares)

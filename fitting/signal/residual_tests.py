@@ -1,19 +1,23 @@
-"""Whether the residuals of a fit are noise, and how many independent points they are worth.
+"""Whether the residuals of a fit are noise of one size, and how many independent points they are.
 
 A wrong model leaves residuals that hang together. A standard error that counts every point as news
-is then too small, by the square root of points over independent points.
+is then too small, by the square root of points over independent points. Noise that grows with the
+amplitude leaves the largest residuals where the model is steepest: a standard error that takes all
+points for equally good is then too small, too.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import matmul_toeplitz
-from scipy.special import gammaincc
+from scipy.signal import lfilter
+from scipy.special import fdtrc, gammaincc
 
 from fitting.text.arrays import FloatArray
+from fitting.text.notation import probability
 
 #: Residuals count as structured where white ones would look so less often than this.
 STRUCTURED = 0.01
@@ -21,21 +25,63 @@ STRUCTURED = 0.01
 SMALLEST_RESIDUAL = 1e-6
 #: Longest lag that is tested, and highest order of the autoregressive model.
 LAGS = 10
+#: Power of the size of a residual that is close to normal, and regressors per point, at most.
+NORMAL_POWER, REGRESSORS = 2.0 / 3.0, 0.2
+#: Leverage that a residual is taken to have at most: of one that the fit hits exactly none is left.
+MOST_LEVERAGE = 1.0 - 1e-6
+#: What residuals do that are not noise of one size, as all sentences say it.
+TOGETHER, UNEQUAL = "hang together", "are of unequal size"
+#: Widening of the errors from which it is told: what would be printed as one is not.
+TOLD = 1.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Structure:
-    """What the order of the residuals tells.
+    """What the residuals tell of the noise.
 
-    `p_value` of the test against white noise; `order` of the autoregressive model (0 where it is
-    white); `points` independent points they are worth, (0, m]; `widening` >= 1, the factor on
-    standard errors that took all points for independent.
+    `p_value` of the test against white noise, `sizes_p` of that against one size; `order` of the
+    autoregressive model (0 where it is white); `points` independent points they are worth, (0, m];
+    `widening` >= 1, the factor on standard errors that took all points for independent and equal,
+    `together` >= 1, what it would be for points that are equal and only hang together.
     """
 
     p_value: float
+    sizes_p: float
     order: int
     points: float
     widening: float
+    together: float
+
+    @property
+    def is_unequal(self) -> bool:
+        """Whether the residuals are larger at some points than at others."""
+        return self.sizes_p < STRUCTURED
+
+    @property
+    def found(self) -> tuple[str, ...]:
+        """What the residuals do that noise of one size does not, in words."""
+        together = (TOGETHER,) if self.p_value < STRUCTURED else ()
+        return (*together, UNEQUAL) if self.is_unequal else together
+
+    @property
+    def told(self) -> str:
+        """What they do, with the probabilities of it."""
+        return found_words(self.p_value, self.sizes_p)
+
+
+def found_words(p_value: float, sizes_p: float) -> str:
+    """What residuals do that noise of one size does not, with the probabilities of it.
+
+    Args:
+        p_value: of the test against white noise.
+        sizes_p: of the test against one size.
+    """
+    said = []
+    if p_value < STRUCTURED:
+        said.append(f"{TOGETHER} ({probability(p_value)} for white noise)")
+    if sizes_p < STRUCTURED:
+        said.append(f"{UNEQUAL} ({probability(sizes_p)} for noise of one size)")
+    return " and ".join(said)
 
 
 def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure:
@@ -50,57 +96,160 @@ def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure
         widening^2 = lambda (m - n)/(m - tr K),   points = n + (m - n)/widening^2
 
     For AR(1) with coefficient rho, and columns smooth on its scale, lambda is
-    (1 + rho)/(1 - rho). Errors are never made smaller, and points never fewer than n + 1.
+    (1 + rho)/(1 - rho). Where p < 0.01 (`one_size_p`), K is that of the sizes as they are, with e
+    what the autoregression leaves of the residuals r, h the leverages, and V what its inverse,
+    transposed, makes of U (U itself where they are white),
+
+        K = V^T diag(e^2/(1 - h)^2) V,   widening^2 = lambda (m - n)/sum r^2
+
+    if that is more. Errors are never made smaller, and points never fewer than n + 1.
 
     Args:
         residuals: shares of the peak, shape (m,), in the order of the sweep.
         jacobian: their derivatives by what was fitted, shape (m, n).
 
     Source: sandwich covariance as in Newey and West, Econometrica 55 (1987) 703, with the
-    autoregressive spectrum of den Haan and Levin, Handbook of Statistics 15 (1997) 299; the
-    largest generalised effect of Rao and Scott, J. Am. Stat. Assoc. 76 (1981) 221.
+    autoregressive spectrum of den Haan and Levin, Handbook of Statistics 15 (1997) 299; HC3 of
+    MacKinnon and White, J. Econometrics 29 (1985) 305; the largest generalised effect of Rao and
+    Scott, J. Am. Stat. Assoc. 76 (1981) 221.
     """
     m, n = residuals.size, jacobian.shape[1]
     noise = math.sqrt(float(np.mean(residuals**2)))
-    p_value = white_noise_p(residuals) if noise >= SMALLEST_RESIDUAL else 1.0
-    if p_value >= STRUCTURED or m <= n:
-        return Structure(p_value=p_value, order=0, points=float(m), widening=1.0)
-    coefficients = autoregression(residuals, _lags(m))
-    left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
-    basis = left[:, singular > singular[0] * np.finfo(float).eps * m]
-    if basis.shape[1] == 0:  # no column sees anything
-        return Structure(p_value=p_value, order=0, points=float(m), widening=1.0)
-    effect = basis.T @ matmul_toeplitz(autocorrelation(coefficients, m), basis)
-    worst = float(np.linalg.eigvalsh(effect)[-1])
-    freedom = max(m - float(np.trace(effect)), 1.0)
-    square = min(max(1.0, worst * (m - n) / freedom), float(m - n))
+    basis = _basis(jacobian)
+    plain = Structure(
+        p_value=1.0, sizes_p=1.0, order=0, points=float(m), widening=1.0, together=1.0
+    )
+    if noise < SMALLEST_RESIDUAL:
+        return plain
+    p_value = white_noise_p(residuals)
+    if m <= n or basis.shape[1] == 0:  # nothing is left, or no column sees anything
+        return replace(plain, p_value=p_value)
+    coefficients, news, sizes_p = _whitened(residuals, basis, p_value)
+    if sizes_p < STRUCTURED <= (robust := white_noise_p(residuals, equal=False)):
+        p_value = robust  # a few large ones among small ones only look as if they hung together
+        coefficients, news, sizes_p = _whitened(residuals, basis, p_value)
+    together = min(_correlated(coefficients, basis, m - n), float(m - n))
+    square = together
+    if sizes_p < STRUCTURED:
+        weighed = news / (1.0 - _leverage(basis))
+        seen = weighed[:, None] * lfilter([1.0], [1.0, *-coefficients], basis[::-1], axis=0)[::-1]
+        worst = float(np.linalg.norm(seen, 2)) ** 2
+        square = max(square, worst * (m - n) / float(residuals @ residuals))
+    square = min(square, float(m - n))
     return Structure(
         p_value=p_value,
+        sizes_p=sizes_p,
         order=coefficients.size,
-        points=n + (m - n) / square,
+        points=n + (m - n) / square if square > 1.0 else float(m),
         widening=math.sqrt(square),
+        together=math.sqrt(together),
     )
 
 
-def white_noise_p(residuals: FloatArray) -> float:
+def _whitened(
+    residuals: FloatArray, basis: FloatArray, p_value: float
+) -> tuple[FloatArray, FloatArray, float]:
+    """Autoregression of residuals that hang together, what it leaves, and whether of one size."""
+    if p_value >= STRUCTURED:
+        return np.zeros(0), residuals, one_size_p(residuals, basis)
+    coefficients = autoregression(residuals, _lags(residuals.size))
+    news = np.asarray(lfilter([1.0, *-coefficients], [1.0], residuals))
+    first = coefficients.size  # what stands before these is not known
+    return coefficients, news, one_size_p(news[first:], basis[first:])
+
+
+def _basis(jacobian: FloatArray) -> FloatArray:
+    """An orthonormal basis of the columns, (m, rank)."""
+    left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    if not singular.size:
+        return left
+    return left[:, singular > singular[0] * np.finfo(float).eps * jacobian.shape[0]]
+
+
+def _leverage(basis: FloatArray) -> FloatArray:
+    """Share of every residual that the fit takes away, (m,), below one."""
+    return np.asarray(np.minimum(np.sum(basis**2, axis=1), MOST_LEVERAGE))
+
+
+def _correlated(coefficients: FloatArray, basis: FloatArray, freedom: int) -> float:
+    """Square of the widening, at least 1, for residuals that follow an autoregression."""
+    if not coefficients.size:
+        return 1.0
+    m = basis.shape[0]
+    effect = basis.T @ matmul_toeplitz(autocorrelation(coefficients, m), basis)
+    worst = float(np.linalg.eigvalsh(effect)[-1])
+    return float(max(1.0, worst * freedom / max(m - float(np.trace(effect)), 1.0)))
+
+
+def one_size_p(residuals: FloatArray, basis: FloatArray) -> float:
+    """Probability that noise of one size had sizes that go so with the slopes.
+
+    |r_i|^(2/3)/(1 - h_i)^(1/3), which is close to normal for normal noise, is regressed on the
+    leverages h_i = sum_k U_ik^2, and on all products U_ik U_il if they are fewer than a fifth of
+    the points; F tests, twice the smaller probability (Bonferroni). These are the sizes that a
+    standard error notices. 1 for less than 10 points.
+
+    Args:
+        residuals: that follow no pattern, shape (m,), any unit.
+        basis: U, orthonormal, of the slopes of what was fitted, shape (m, n).
+
+    Source: H. White, Econometrica 48 (1980) 817, R. Koenker, J. Econometrics 17 (1981) 107; the
+    power by E. Wilson and M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684.
+    """
+    if _lags(residuals.size) < 2:
+        return 1.0
+    leverage = _leverage(basis)
+    sizes = (np.abs(residuals) / np.sqrt(1.0 - leverage)) ** NORMAL_POWER
+    one, two = np.tril_indices(basis.shape[1])
+    products = np.asarray(basis[:, one] * basis[:, two])
+    tests = [leverage[:, None]]
+    if products.shape[1] < REGRESSORS * residuals.size:
+        tests.append(products)
+    return min(1.0, len(tests) * min(_regression_p(sizes, columns) for columns in tests))
+
+
+def _regression_p(values: FloatArray, columns: FloatArray) -> float:
+    """Probability that values (m,) have so much to do with columns (m, q) by chance; F test."""
+    spread = values - np.mean(values)
+    basis = _basis(columns - np.mean(columns, axis=0))
+    freedom = values.size - basis.shape[1] - 1
+    if basis.shape[1] == 0 or freedom < 1:
+        return 1.0
+    explained = basis.T @ spread
+    gained = float(explained @ explained)
+    left = float(spread @ spread) - gained
+    if not left > 0.0:
+        return 1.0 if not gained > 0.0 else 0.0
+    return float(fdtrc(basis.shape[1], freedom, gained * freedom / (basis.shape[1] * left)))
+
+
+def white_noise_p(residuals: FloatArray, *, equal: bool = True) -> float:
     """Probability that white noise (m,) were as autocorrelated as this; 1 for less than 10 points.
 
-    Q_h = m (m + 2) sum_k r_k^2/(m - k), k = 1..h, is chi-square with h degrees of freedom. Taken
+    Q_h = m (m + 2) sum_k r_k^2/(m - k), k = 1..h, is chi-square with h degrees of freedom; where
+    the sizes are not equal, Q_h = sum_k (sum_i e_i e_(i-k))^2/sum_i e_i^2 e_(i-k)^2 is. Taken
     for h = 1, which sees weak short correlation, and for h = min(10, m/5), which sees patterns of
     several points; twice the smaller probability (Bonferroni).
 
     Args:
         residuals: in the order of the sweep, shape (m,), any unit.
+        equal: whether the noise has one size.
 
-    Source: G. Ljung and G. Box, Biometrika 65 (1978) 297.
+    Source: G. Ljung and G. Box, Biometrika 65 (1978) 297; for unequal sizes I. Lobato, J. Nankervis
+    and N. Savin, Int. Econ. Rev. 42 (2001) 187.
     """
     m = residuals.size
     power = float(residuals @ residuals)
     if _lags(m) < 2 or not power > 0.0:
         return 1.0
     k = np.arange(1, _lags(m) + 1)
-    r = np.array([residuals[lag:] @ residuals[:-lag] for lag in k]) / power
-    q = m * (m + 2) * np.cumsum(r**2 / (m - k))
+    pairs = [residuals[lag:] * residuals[:-lag] for lag in k]
+    sums = np.array([np.sum(pair) for pair in pairs])
+    if equal:
+        q = m * (m + 2) * np.cumsum((sums / power) ** 2 / (m - k))
+    else:
+        scatter = np.array([pair @ pair for pair in pairs])
+        q = np.cumsum(sums**2 / np.where(scatter > 0.0, scatter, 1.0))
     return float(min(1.0, 2.0 * min(gammaincc(0.5 * h, 0.5 * q[h - 1]) for h in (1, k.size))))
 
 

@@ -8,6 +8,7 @@ from scipy.stats import chi2
 from fitting.fit.fit import Status
 from fitting.inference.ending import DESCRIBES, MISFIT, NOT_CONVERGED, Ending, ending_of
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.signal.residual_tests import Structure
 
 
 def adequacy(chi_square: float, freedom: float, describes: bool = True) -> Adequacy:
@@ -19,18 +20,30 @@ def adequacy(chi_square: float, freedom: float, describes: bool = True) -> Adequ
     )
 
 
+def widened(factor: float, p_value: float = 1e-9, sizes_p: float = 1.0) -> Structure:
+    return Structure(
+        p_value=p_value, sizes_p=sizes_p, order=1, points=20.0, widening=factor, together=factor
+    )
+
+
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
 def test_only_a_chi_square_that_noise_explains_is_wholly_good(share: float) -> None:
     found = adequacy(float(chi2.ppf(share, 9.0)), 9.0)
-    ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=1.0)
+    ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None)
     assert ending.whole
     assert ending.words == DESCRIBES
     assert ending.ground.endswith(" on 9 degrees of freedom, as the stated noise explains")
 
 
+def test_errors_that_are_as_wide_as_before_are_not_told_as_wider() -> None:
+    """1.003 would be printed as "1 times as wide"."""
+    ending = ending_of(Status.CONVERGED, None, inflation=1.003, structure=widened(1.003))
+    assert "times as wide" not in ending.ground
+
+
 def test_a_chi_square_far_below_its_freedom_is_not() -> None:
     found = adequacy(float(chi2.ppf(1e-6, 9.0)), 9.0)
-    ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=1.0)
+    ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None)
     assert (ending.words, ending.whole) == (DESCRIBES, False)
     assert "less than the stated noise would leave" in ending.ground
 
@@ -38,12 +51,22 @@ def test_a_chi_square_far_below_its_freedom_is_not() -> None:
 @pytest.mark.parametrize(
     ("inflation", "structure", "told"),
     [
-        (1.7, 1.0, "errors 1.7 times as wide for residuals beyond the noise"),
-        (1.0, 12.3, "errors 12.3 times as wide for residuals that hang together"),
+        (1.7, None, "errors 1.7 times as wide for residuals beyond the noise"),
+        (1.0, widened(12.3), "errors 12.3 times as wide for residuals that hang together"),
+        (
+            1.0,
+            widened(3.1, p_value=0.4, sizes_p=1e-6),
+            "errors 3.1 times as wide for residuals that are of unequal size",
+        ),
+        (
+            1.0,
+            widened(3.1, sizes_p=1e-6),
+            "errors 3.1 times as wide for residuals that hang together and are of unequal size",
+        ),
     ],
-    ids=["inflation", "structure"],
+    ids=["inflation", "together", "unequal", "both"],
 )
-def test_widened_errors_are_told(inflation: float, structure: float, told: str) -> None:
+def test_widened_errors_are_told(inflation: float, structure: Structure | None, told: str) -> None:
     found = adequacy(26.0, 9.0)
     ending = ending_of(Status.CONVERGED, found, inflation=inflation, structure=structure)
     assert (ending.words, ending.whole) == (DESCRIBES, False)
@@ -51,19 +74,19 @@ def test_widened_errors_are_told(inflation: float, structure: float, told: str) 
 
 
 def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:
-    bad = ending_of(Status.MISFIT, adequacy(173.0, 9.0, False), inflation=4.4, structure=1.0)
+    bad = ending_of(Status.MISFIT, adequacy(173.0, 9.0, False), inflation=4.4, structure=None)
     assert bad == Ending(words=MISFIT, ground="χ² = 173 on 9 degrees of freedom")
     assert bad.told("Why so.") == (
         "Converged but does not describe the data: χ² = 173 on 9 degrees of freedom. Why so."
     )
     for status in (Status.NOT_CONVERGED, Status.INTERRUPTED):
-        ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=1.0)
+        ending = ending_of(status, adequacy(4.0, 4.0), inflation=1.0, structure=None)
         assert ending == Ending(words=NOT_CONVERGED)
     assert Ending(words=NOT_CONVERGED).told("Why so.") == "Not converged. Why so."
 
 
 def test_where_nothing_can_be_held_against_the_noise_no_chi_square_is_claimed() -> None:
     for found in (None, adequacy(float("nan"), 0.0)):
-        ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=1.0)
+        ending = ending_of(Status.CONVERGED, found, inflation=1.0, structure=None)
         assert (ending.words, ending.whole) == (DESCRIBES, False)
         assert ending.ground.startswith("as far as can be told")

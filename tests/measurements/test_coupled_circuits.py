@@ -47,8 +47,10 @@ def test_one_law_over_ten_capacitances_finds_what_the_inductors_say(
 def test_every_spectrum_has_a_coupling_of_its_own(swift_fmu: Path, tmp_path: Path) -> None:
     """Errors are linearised ones of scatter that all share; tolerances are not known.
 
-    At 10 nF the upper mode lies above the range that has lines; at 20 and 90 nF the values are two
-    and nearly four of their errors off. The others hold what the components say.
+    Residuals are largest at the resonances: as if all points were equally good, the values at 20
+    and 90 nF would be two and nearly four of their errors off. As wide as the residuals of unequal
+    size ask for, all hold what the components say, but at 10 nF, where the upper mode lies above
+    the range that has lines.
     """
     unit = 'unit = "Hz*F**0.5"'
     text = SPECTRA.read_text().replace(unit, f'{unit}\nscope = "experiment"')
@@ -59,10 +61,12 @@ def test_every_spectrum_has_a_coupling_of_its_own(swift_fmu: Path, tmp_path: Pat
     found = {o.parameter: o for o in fit.result.offsets}
     assert set(found) == {f"k[{c:g} nF]" for c in C3_NF}
     assert np.median([o.value for o in found.values()]) == pytest.approx(COMPONENTS, rel=0.03)
-    for c in (30, 40, 50, 60, 70, 80, 100):
+    for c in (20, 30, 40, 50, 60, 70, 80, 90, 100):
         low, high = found[f"k[{c} nF]"].ci95
         assert low < COMPONENTS < high
-        assert high - low < 0.3 * COMPONENTS
+        assert high - low < 0.7 * COMPONENTS
+    assert fit.record.solution.structure is not None
+    assert fit.record.solution.structure.is_unequal
 
 
 ETAS_AND_WIDTHS = ("eta_plus", "eta_minus", "d1", "d2")

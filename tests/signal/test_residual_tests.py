@@ -17,21 +17,15 @@ from fitting.signal.peaks import Resonance, fit_resonance
 from fitting.signal.residual_tests import (
     autocorrelation,
     autoregression,
+    one_size_p,
     residual_structure,
     white_noise_p,
 )
 from fitting.text.arrays import FloatArray
+from tests.support.coloured import coloured
 
 ETA, WIDTH, NOISE = 30281.3, 25.0, 0.004
 F = ETA + np.linspace(-38.0, 38.0, 256)
-
-
-def coloured(rho: float, points: int, rng: np.random.Generator) -> FloatArray:
-    """Noise of unit variance whose neighbours correlate by rho: e_t = rho e_(t-1) + ..."""
-    e = rng.standard_normal(points)
-    for t in range(1, points):
-        e[t] = rho * e[t - 1] + math.sqrt(1.0 - rho**2) * e[t]
-    return e
 
 
 def trace(background: complex = 0.0) -> FloatArray:
@@ -78,6 +72,61 @@ def test_neighbours_that_correlate_widen_by_the_known_factor(rho: float) -> None
     assert float(np.std(pulls * widenings)) == pytest.approx(known, rel=0.2)
     inside = np.mean(distances(found) < chi2(2).ppf(0.95))
     assert 0.85 < inside <= 1.0
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.7])
+def test_noise_that_grows_with_the_amplitude_widens_the_errors(rho: float) -> None:
+    """1 % of every point: of 68 % and 95 % intervals as many as they say hold the truth."""
+    f, rng = ETA + np.linspace(-6.0 * WIDTH, 6.0 * WIDTH, 256), np.random.default_rng(40)
+    clean = np.abs(WIDTH * ETA / (ETA**2 - f**2 + 1j * f * WIDTH))
+    found = [
+        fit_resonance(f, clean * (1.0 + 0.01 * coloured(rho, f.size, rng))) for _ in range(300)
+    ]
+    assert sum(fit.structure.is_unequal for fit in found) >= 295
+    together = sum(fit.structure.order > 0 for fit in found)
+    assert together >= 270 if rho else together <= 12
+    widenings = np.array([fit.structure.widening for fit in found])
+    for pull in (
+        np.array([(fit.eta_hz - ETA) / fit.eta_std_hz for fit in found]),
+        np.array([(fit.width_hz - WIDTH) / fit.width_std_hz for fit in found]),
+    ):
+        inside = [np.mean(np.abs(pull) < k) for k in (1.0, 1.96)]
+        assert 0.62 < inside[0] < 0.95
+        assert inside[1] > 0.9
+        assert np.std(pull * widenings) > 1.7  # without the widening they would not
+
+
+@pytest.mark.parametrize(("points", "columns"), [(20, 2), (60, 3), (400, 6)])
+def test_the_p_value_of_one_size_is_one(points: int, columns: int) -> None:
+    """Noise of one size falls below a probability as often as it says; growing noise is seen."""
+    rng = np.random.default_rng(41)
+    x = np.linspace(-3.0, 3.0, points)
+    basis, _ = np.linalg.qr(np.stack([np.exp(-(x**2)) * x**k for k in range(columns)], axis=1))
+    away = np.eye(points) - basis @ basis.T
+    noise = rng.standard_normal((1500, points))
+    p = np.array([one_size_p(away @ e, basis) for e in noise])
+    for level in (0.01, 0.05, 0.2):
+        assert 0.3 * level < np.mean(p < level) < 2.0 * level
+    growing = [one_size_p(away @ (e * np.exp(-(x**2))), basis) for e in noise[:100]]
+    assert np.mean(np.array(growing) < 0.01) > (0.5 if points == 20 else 0.99)
+
+
+def test_unequal_sizes_that_do_not_touch_the_slopes_change_nothing() -> None:
+    """The last third of the points is ten times as noisy, and nothing is read from it: HC3 says so.
+
+    The mean of the first points: its variance is that of their noise, s^2/m.
+    """
+    m, rng = 300, np.random.default_rng(42)
+    column = np.where(np.arange(m) < 200, 1.0, 0.0)[:, None]
+    sizes = np.where(np.arange(m) < 200, 1.0, 10.0)
+    e = sizes * rng.standard_normal(m)
+    e[:200] -= np.mean(e[:200])
+    found = residual_structure(e, column)
+    assert found.is_unequal
+    assert (found.widening, found.points) == (1.0, m)  # it would be too wide as it is
+    swapped = residual_structure(e[::-1], np.ascontiguousarray(1.0 - column[::-1]))
+    # the noisy hundred is read: 10^2 against the mean square (200 + 100 10^2)/300
+    assert swapped.widening == pytest.approx(math.sqrt(100.0 / (10200.0 / 300.0)), rel=0.2)
 
 
 def test_points_are_counted_as_their_mean_scatters() -> None:

@@ -13,6 +13,7 @@ from fitting.inference.verdict import Verdict
 from fitting.report.table import wrapped
 from fitting.report.words.values import reported_words, told_twice
 from fitting.result.result import Result
+from fitting.signal.residual_tests import TOGETHER, UNEQUAL
 from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
 
 Found = ParameterResult | DerivedResult
@@ -249,11 +250,13 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
         return "", ""
     left = {target: left[target]} if target in left else {}
     head = "" if left else f"{target} is known least; for a better value"
-    if not (left or result.peaks) and "hang together" in result.ending.ground:
+    if not (left or result.peaks) and TOGETHER in result.ending.ground:
         return (
             "what the residuals still hold, which is not noise: a background, or another model",
             "",
         )
+    if not (left or result.peaks) and UNEQUAL in result.ending.ground:
+        return f"{head}: less noise, or [noise] relative where it grows with the amplitude", ""
     if not (left or result.peaks):
         return f"{head}: less noise, or more points where the model depends on it", ""
     command = _design_command(result, target)

@@ -10,6 +10,7 @@ from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import FANO, SLOPED, TRANSMISSION
 from fitting.resonance.line import Line, LineForm
 from fitting.signal.peaks import FLOOR, OFFSET, RICE
+from fitting.signal.residual_tests import TOLD, found_words
 from fitting.text.notation import listed, number, percent, prefixed, quantity, with_error
 
 #: What each form is, in words.
@@ -29,9 +30,8 @@ WIRINGS = {
 }
 #: Akaike's criterion from which a form is plainly worse, and below which it is as good.
 WORSE, AS_GOOD = 10.0, 2.0
-#: Standard errors by which another form that is nearly as good moves the line, and widening of the
-#: errors, from which it is told.
-MOVES, WIDER = 2.0, 1.05
+#: Standard errors by which another form that is nearly as good moves the line to be told.
+MOVES = 2.0
 
 
 def text(line: Line) -> str:
@@ -156,13 +156,13 @@ def _dependence(line: Line) -> list[str]:
 
 
 def _widening(line: Line) -> list[str]:
-    if line.widening <= WIDER:
+    if line.widening <= TOLD:
         return []
     points = len(line.points.frequency_hz)
     return [
-        f"What is left is no noise, neighbours follow each other: the {points} points count as "
-        f"{number(line.independent_points, 2)}, and the errors are {number(line.widening, 2)} "
-        "times as wide for it."
+        f"The residuals {found_words(line.structure_p, line.sizes_p)}: the {points} points count "
+        f"as {number(line.independent_points, 2)} independent and equal ones, and the errors are "
+        f"{number(line.widening, 2)} times as wide for it."
     ]
 
 

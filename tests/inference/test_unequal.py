@@ -1,0 +1,69 @@
+"""Noise that grows with the amplitude, in sweeps fitted through the FMU: lines of known truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import fitting as ff
+from fitting.text.arrays import Scalar
+from tests.support.complex_data import mode
+
+ETA, WIDTH, SHARE = 1000.0, 12.5, 0.01
+F = ETA + np.linspace(-75.0, 75.0, 121)
+START: dict[str, Scalar] = {
+    "periodic_start": True,
+    "theta": 0.0,
+    "d2": 10.0,
+    "eta_minus": 2000.0,
+    "u2": 1500.0,
+}
+DRIVE = ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2"))
+SETUP = ff.Setup(DRIVE, "q1_hybrid", start_values=START, steady_start=True)
+PARAMETERS = (
+    ff.Parameter("d1", 15.0, bounds=(1.0, 100.0), unit="Hz", scale=5.0),
+    ff.Parameter("eta_plus", 1001.0, bounds=(980.0, 1020.0), unit="Hz", scale=5.0),
+)
+
+
+def fitted(fmu: Path, seed: int, noise: ff.Noise | None = None) -> ff.Fit:
+    """A line whose points are off by 1 % each."""
+    off = 1.0 + SHARE * np.random.default_rng(seed).standard_normal(F.size)
+    sweep = ff.Sweep(SETUP, F, np.abs(mode(F, ETA, WIDTH)) * off, settings={"u2": 1500.0})
+    problem = ff.Problem(fmu, PARAMETERS, sweep, noise=noise or ff.Noise())
+    return ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1)
+
+
+def stated(fmu: Path) -> ff.Fit:
+    """The first of them, whose noise is told."""
+    return fitted(fmu, 0, ff.Noise(relative=SHARE))
+
+
+def test_errors_hold_where_nobody_stated_that_noise_grows(swift_fmu: Path) -> None:
+    off = []
+    for seed in range(3):
+        fit = fitted(swift_fmu, seed)
+        structure = fit.record.solution.structure
+        assert structure is not None
+        assert structure.is_unequal
+        assert structure.widening > 1.5
+        off += [abs(fit[n].value - v) / fit[n].std for n, v in (("d1", WIDTH), ("eta_plus", ETA))]
+    assert np.max(off) < 2.5
+    assert sum(each < 1.0 for each in off) >= 3
+
+
+def test_the_noise_that_is_stated_is_of_one_size(swift_fmu: Path) -> None:
+    """Residuals count by the noise that is stated; errors are then those of weighted points."""
+    fit = stated(swift_fmu)
+    structure = fit.record.solution.structure
+    assert structure is not None
+    assert not structure.is_unequal
+    assert structure.widening == 1.0
+
+
+def test_the_warning_names_what_states_it(swift_fmu: Path) -> None:
+    told = [" ".join(fit.warnings) for fit in (fitted(swift_fmu, 0), stated(swift_fmu))]
+    assert "are of unequal size" in told[0]
+    assert "[noise] relative" in told[0]
+    assert "of unequal size" not in told[1]
