@@ -10,7 +10,7 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -30,7 +30,7 @@ from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind
-from fitting.report.table import Table, html_table, terminal_text, text_lines
+from fitting.report.table import Table, html_table, terminal_text, text_lines, wrapped
 from fitting.report.tables.values import interval_table
 from fitting.result.provenance import Identity, job_of
 from fitting.result.reconstruction import identify_fmu, result_through
@@ -38,7 +38,7 @@ from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import LIKELIHOOD
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.notation import number, quantity, span
+from fitting.text.notation import listed, number, quantity, span, unit_text
 
 __all__ = [
     "Fit",
@@ -57,6 +57,8 @@ __all__ = [
 Found = ParameterResult | DerivedResult | OffsetResult
 #: Levels at which intervals are known.
 LEVELS = (0.68, 0.95)
+#: Ends of parameters that are told under a table, at most.
+MOST_ENDS = 6
 
 
 @dataclass(frozen=True)
@@ -303,12 +305,25 @@ class Valued(ABC):
             "",
             *text_lines(self.table),
             "",
+            *wrapped(self._of_estimators()),
             self.inferred.message,
         ]
         return terminal_text("\n".join(lines))
 
     def _repr_html_(self) -> str:
-        return html_table(self.table)
+        return html_table(replace(self.table, note=self._of_estimators()))
+
+    def _of_estimators(self) -> str:
+        """Whose the values are, and what `Fit.x` is beside them."""
+        if self.source.record.options.estimator != LIKELIHOOD:
+            return "Values are those of Algorithm 2, as fit.x is; errors are the likelihood's."
+        ends = zip(self.source.record.problem.parameters, self.source.x, strict=True)
+        shared = [(p, end) for p, end in ends if not p.experiments][:MOST_ENDS]
+        told = [f"{p.name} = {number(float(end), 9)} {unit_text(p.unit)}" for p, end in shared]
+        return (
+            "Values are the most likely ones. Algorithm 2 ended (fit.x) at "
+            f"{listed(text.rstrip() for text in told)}."
+        )
 
 
 class Fit(Valued):
@@ -361,7 +376,12 @@ class Fit(Valued):
 
     @property
     def x(self) -> FloatArray:
-        """Where the optimiser stopped, shape (n,), in the parameters' units: see `values`."""
+        """Where Algorithm 2 ended, shape (n,), in the parameters' units.
+
+        It is least in the sum of |r| and the Tikhonov term. The most likely value for the stated
+        noise is another, mostly within its error: ``fit["name"].value``, which is nan where the
+        data leave the parameter open. This one stands beside it as ``fit["name"].algorithm2``.
+        """
         return self.record.x
 
     @property

@@ -45,7 +45,7 @@ def write_report(found: Check, out_dir: Path) -> Path:
         title=d.model_name,
         kind="what a doctor finds of an FMU",
         status=_status(found),
-        answer=() if costs is None else (Line("Cost", words=costs_line(costs)),),
+        answer=() if costs is None else (Line("Cost", words=_sentence(costs_line(costs))),),
         sections=tuple(s for s in _sections(found, figures) if s is not None),
         synthetic=False,
         warnings=found.warnings,
@@ -61,8 +61,13 @@ def _status(found: Check) -> Status:
     careful = sum(f.count for f in found.findings if f.severity is Severity.CAREFUL)
     if careful:
         things = "thing" if careful == 1 else "things"
-        return Status("Runs", f"{careful} {things} to be careful about", good=True, doubtful=True)
-    return Status("Sound", "it runs, repeats, and breaks no rule that matters", good=True)
+        return Status("Runs", f"{careful} {things} to be careful about.", good=True, doubtful=True)
+    return Status("Sound", "It runs, repeats, and breaks no rule that matters.", good=True)
+
+
+def _sentence(line: str) -> str:
+    """A line of the terminal as a sentence."""
+    return f"{line[0].upper()}{line[1:]}."
 
 
 def _sections(found: Check, figures: tuple[FigureFile, ...]) -> list[Section | None]:

@@ -64,4 +64,5 @@ def page_of(found: Ensemble, figures: Sequence[FigureFile]) -> Page:
         ),
         sections=tuple(sections),
         synthetic=found.synthetic,
+        published=True,
     )

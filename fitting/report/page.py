@@ -76,6 +76,7 @@ class Page:
     """A page: what it is about, its kind in the title bar, how it ended, warnings, sections.
 
     `answer` and `notes` on it stand first, with the figure that shows most, the `lead`.
+    `published`: what it tells was found by the published method, which it then cites.
     """
 
     title: str
@@ -87,6 +88,7 @@ class Page:
     answer: tuple[Line, ...] = ()
     notes: tuple[str, ...] = ()
     lead: FigureFile | None = None
+    published: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

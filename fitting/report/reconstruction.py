@@ -96,6 +96,7 @@ def page_of(result: Result, data: ShownCampaign, figures: Sequence[FigureFile]) 
         answer=answer_block(answer),
         notes=(*answer.notes, *filter(None, [signs])),
         lead=lead,
+        published=True,
     )
 
 

@@ -35,6 +35,8 @@ _SIGNS = {"plus": "+", "minus": "−"}
 _SYMBOL = re.compile(r"([A-Za-z]+?)_?(\d+|(?<=_)[A-Za-z0-9]+)?")
 _SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊₋₋")
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: A unit as `prefixed` makes it where no prefix will do.
+_POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
 #: Numbers below this are written without a power of ten.
 _PLAIN_BELOW = 1e9
 #: Values whose range is below this share of their size are shown as differences from one of them.
@@ -112,8 +114,18 @@ def signs_words(names: Iterable[str]) -> str:
     for name in names:
         parts = symbol(name)
         if parts is not None and not name.startswith(parts[0] + parts[1]):
-            told.append(f"{parts[0]}{parts[1].translate(_SUBSCRIPT)} is {name}")
+            told.append(f"{parts[0]}{index(parts[1])} is {name}")
     return f"In figures {listed(told)}." if told else ""
+
+
+def index(text: str) -> str:
+    """An index in plain text: "1" as ₁, "+" as ₊; letters, which have no such signs, as "_fit".
+
+    Args:
+        text: the index, without what it stands at.
+    """
+    low = text.translate(_SUBSCRIPT)
+    return f"_{text}" if any(letter.isalpha() for letter in low) else low
 
 
 def unit_text(unit: str) -> str:
@@ -267,6 +279,8 @@ def number(value: float, digits: int = 6) -> str:
 def with_error(value: float, error: float, unit: str = "") -> str:
     """Value ± error, the value rounded where the error's second digit stands, with its unit.
 
+    A unit that begins with a power of ten multiplies both: "(1.2 ± 0.1) × 10³⁰ 1/s".
+
     Args:
         value: the number.
         error: standard deviation, in the same unit.
@@ -277,10 +291,14 @@ def with_error(value: float, error: float, unit: str = "") -> str:
         return number(value, 9) + tail
     place = math.floor(math.log10(error)) - 1
     if not -12 <= place < 6:
-        return f"{number(value, 9)}\u00a0±\u00a0{number(error, 2)}{tail}"
-    digits = max(0, -place)
-    rounded = [f"{round(v, -place):.{digits}f}".replace("-", "−") for v in (value, error)]
-    return f"{rounded[0]}\u00a0±\u00a0{rounded[1]}{tail}"
+        both = f"{number(value, 9)}\u00a0±\u00a0{number(error, 2)}"
+    else:
+        digits = max(0, -place)
+        rounded = [f"{round(v, -place):.{digits}f}".replace("-", "−") for v in (value, error)]
+        both = f"{rounded[0]}\u00a0±\u00a0{rounded[1]}"
+    if _POWER_FIRST.match(unit):  # it multiplies both
+        return f"({both})\u00a0×{tail}"
+    return f"{both}{tail}"
 
 
 def quantity(value: float, error: float, unit: str) -> str:

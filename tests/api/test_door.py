@@ -20,6 +20,7 @@ import fitting as ff
 from fitting.api.choices import SCENES
 from fitting.api.design import CAMPAIGN_FOLDER, TABLE_NAME
 from fitting.api.written import DESIGN_FILES, LEVELS_FILE, STUDY_FILES
+from fitting.cli.main import main
 from fitting.design import result as design_result
 from fitting.design.campaign import CAMPAIGN_NAME, EXPERIMENTS_NAME, SWEEP_NAME
 from fitting.design.sweep_campaign import SWEEPS_NAME
@@ -86,6 +87,20 @@ def test_every_name_is_there_and_listed() -> None:
         assert getattr(ff, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'solve'"):
         _ = ff.solve  # type: ignore[attr-defined]
+
+
+def test_a_line_prints_itself_as_the_command_does(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    noise = 1.0 + 0.01 * np.random.default_rng(1).standard_normal(F_HZ.size)
+    file = tmp_path / "sweep.csv"
+    rows = zip(F_HZ.tolist(), (A_V * noise).tolist(), strict=True)
+    file.write_text("frequency (Hz),amplitude (V)\n" + "".join(f"{f!r},{a!r}\n" for f, a in rows))
+    found = ff.line(file)
+    assert main(["line", str(file)]) == 0
+    assert f"{found}\n" == capsys.readouterr().out
+    assert str(found).startswith("f ")
+    assert isinstance(found, ff.Line)
 
 
 def callables() -> list[tuple[str, Callable[..., Any]]]:

@@ -69,7 +69,14 @@ def test_the_estimate_of_algorithm_2_is_the_value_where_asked_for(fit: ff.Fit) -
         assert paper.interval(0.68) == own.interval(0.68)
         assert "by Algorithm 2 (most likely" in repr(paper)
     assert "most likely" in repr(papers)
-    assert "most likely" not in repr(fit)
+    assert "Values are those of Algorithm 2" in repr(papers)
+    # both estimates are named, and where the other one is
+    told = " ".join(repr(fit).split())
+    assert "Values are the most likely ones. Algorithm 2 ended (fit.x) at" in told
+    assert "Values are the most likely ones" in fit._repr_html_()
+    for name in ("theta", "d1", "d2"):  # not the offsets of single experiments
+        end = fit.x[fit.problem.names.index(name)]
+        assert f"{name} = {end:.9g}" in told
     assert papers.result.fitted_values == pytest.approx(
         dict(zip(fit.problem.names, fit.x, strict=True))
     )

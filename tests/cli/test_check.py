@@ -29,6 +29,7 @@ def test_a_sound_fmu(oscillator_fmu: Path, capsys: pytest.CaptureFixture[str]) -
     assert "eta_plus" in text
     assert "suits this FMU" in text
     assert "same bit for bit" in text
+    assert "no fault: something inside it, as a drive, goes by the time" in text
     assert (
         "needsExecutionTool: needs further software on the machine, here a libpython of "
         "Python 3.8 to 3.13\n" in text
@@ -118,9 +119,11 @@ def test_the_page_tells_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[s
     told = capsys.readouterr().out
     page = (out / "report.html").read_text("utf-8")
     [careful] = re.findall("^careful: (outputs repeat to .*)$", told, re.MULTILINE)
-    for words in (careful, "here a step takes about", "DrivenOscillator", "stiffness"):
+    for words in (careful, "a step takes about", "DrivenOscillator", "stiffness"):
         assert words in told
         assert words in page
+    assert page.count("a step takes about") == 1
+    assert "2412.07301" not in page  # no fit was made
     assert "data:image/svg+xml" in page
     assert (out / "figures" / "1_repeats.csv").exists()
     assert main(["check", str(fmu), "--report", str(fmu)]) == 2  # a file is no folder

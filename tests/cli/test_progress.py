@@ -73,6 +73,27 @@ def test_the_profiles_have_a_pace_of_their_own() -> None:
     assert remaining.walking(1000).endswith("1000 evaluations, longer than expected")
 
 
+def test_no_time_is_told_of_a_pace_that_was_hardly_seen() -> None:
+    now = iter([0.0, 1.0, 10.0])
+    remaining = Remaining(EXPECTED, clock=lambda: next(now))
+    assert remaining.walking(0).endswith(" 0 evaluations")
+    assert remaining.walking(400).endswith(" 400 evaluations")  # fast ones, for a second
+    assert remaining.walking(500).endswith(" left")
+    hardly = replace(FIRST, evaluations=9, done=1, seconds_each=0.1)
+    assert "left" not in Remaining(EXPECTED).searching(hardly)
+
+
+def test_the_time_left_runs_down_while_estimates_waver_and_follows_what_they_say() -> None:
+    """The paces that are seen would say 90, 89, 121 and 95 s."""
+    now = iter([0.0, 10.0, 11.0, 12.0, 13.0, 40.0])
+    told = Remaining(replace(EXPECTED, profiles=(0.0, 10_000.0)), clock=lambda: next(now))
+    told.walking(0)
+    said = [told.walking(n).partition("up to ")[2] for n in (1000, 1100, 900, 1200)]
+    assert said == ["90 s left", "89 s left", "88 s left", "87 s left"]
+    # half as fast as it was: 40 s for 2000 leave 160 s for the other 8000
+    assert told.walking(2000).endswith("up to 3 min left")
+
+
 def test_nothing_is_shown_where_it_is_hidden(capsys: pytest.CaptureFixture[str]) -> None:
     before = threading.active_count()
     with hidden(), status_line("job") as tell:

@@ -213,3 +213,16 @@ def test_an_output_that_is_a_parameter_is_told_once(result: Result) -> None:
     other = replace(same, value=1.001 * d1.value)
     apart = answer_of(replace(twice, derived={"width": other}))
     assert {k.named for k in apart.known} == {"d1", "width"}
+
+
+def test_two_outputs_that_are_one_number_are_told_once(result: Result) -> None:
+    """Two equal circuits: f1 is f2, whatever the parameters are."""
+    f1 = replace(result.derived["D11"], spread=0.0)
+    for f2, names in (
+        (replace(f1), {"d1", "f1 = f2"}),
+        (replace(f1, value=1.001 * f1.value), {"d1", "f1", "f2"}),
+        (replace(f1, unit="rad"), {"d1", "f1", "f2"}),
+        (replace(f1, ci95=(f1.ci95[0], 2.0 * f1.ci95[1])), {"d1", "f1", "f2"}),
+    ):
+        pair = replace(result, derived={"f1": f1, "f2": f2}, line=None)
+        assert {k.named for k in answer_of(pair).known} == names

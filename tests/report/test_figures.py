@@ -351,6 +351,20 @@ def test_parameters_of_one_unit_share_a_panel_of_corrections(data: ShownCampaign
     assert ends["$d_{\\mathrm{2}}$"] == pytest.approx(98.424576 - 100.0)
 
 
+def test_an_end_found_elsewhere_is_no_second_tick_of_the_last_level(
+    result: Result, data: ShownCampaign
+) -> None:
+    last = result.history[-1]
+    ended = replace(result, history=(*result.history, replace(last, level=last.level + 1)))
+    for one, more in ((result, ()), (ended, ("end",))):
+        figure = drawn(draw_convergence, one, data)
+        for axes in figure.axes[:5]:
+            labels = [text.get_text() for text in axes.get_xticklabels()]
+            assert len(set(labels)) == len(labels)
+            assert tuple(label for label in labels if label == "end") == more
+    assert "“end” is the reported end" in draw_convergence(ended, data).caption
+
+
 def test_the_fit_of_the_response_gives_the_line_back(result: Result, data: ShownCampaign) -> None:
     caption = draw_response(result, data).caption
     words = caption.split("full width = ")[1].replace("\u00a0", " ").split()

@@ -20,11 +20,14 @@ from matplotlib.figure import Figure as Canvas
 
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
 from fitting.report import plot
-from fitting.report.figures.data import figure_csv
+from fitting.report import table as tables
+from fitting.report.figures.data import bare, figure_csv
 from fitting.report.figures.numbers import numbered
 from fitting.report.figures.style import Drawing, FigureFile
 from fitting.report.interactive.document import interactive, library
+from fitting.report.interactive.looks import MARKERS
 from fitting.report.reconstruction import write_report
+from fitting.text.notation import mathtext
 from tests.support import report_records as records
 
 #: Bytes that a page has at most: mail programs and browsers take it.
@@ -135,6 +138,46 @@ def test_legends_switch_what_they_name(page: Any) -> None:
     for number, entry in enumerate(live["legend"]):
         assert entry["switches"] == (number in tags)
         assert tags[number] <= {entry["label"], ""}
+
+
+def test_legends_show_the_markers_and_lines_that_are_drawn(page: Any) -> None:
+    """The shape of every marker is known to the page; whole lines are no dashes."""
+    script = (tables.TEMPLATES / "interactive.js").read_text("utf-8")
+    shapes = script.partition("const SHAPES = {")[2].partition("};")[0]
+    known = set(re.findall(r"(\w+): \"<", shapes))
+    assert set(MARKERS.values()) <= known
+    spectra = json.loads(unpacked(page, "live-6"))["legend"]
+    looks = {entry["label"]: (entry["marker"], entry["dash"]) for entry in spectra}
+    assert looks["difference"] == ("", "solid")
+    assert looks["simulated × χ"] == ("circle", "dashed")
+    assert looks["measured peak ± σ, floor removed"] == ("bar", "")
+
+
+def test_indices_stand_low_without_signs_of_mathematics(page: Any) -> None:
+    assert bare("$\\eta_{\\mathrm{+}}$ − 2 (Hz)".replace("\\eta", "η")) == "η₊ − 2 (Hz)"
+    assert bare(mathtext("D11")) == "D₁₁"
+    assert bare(r"$J_{\mathrm{fit}}$") == "J_fit"
+    for figure in page.iter("figure"):
+        live = json.loads(unpacked(page, f"live-{figure.get('data-number')}"))
+        for model in objects(live["document"]):
+            label = str(model.get("attributes", {}).get("axis_label") or "")
+            assert not re.search(r"_[\d+−]", label)
+
+
+def test_markers_on_the_lower_edge_are_whole() -> None:
+    """Bokeh cuts at the frame what matplotlib draws beyond it."""
+    for cut, low in ((True, 0.0), (False, -0.02)):
+        canvas = Canvas(layout="constrained")
+        axes = canvas.subplots()
+        axes.plot([1.0, 2.0], [0.0, 1.0], "o", clip_on=cut)
+        axes.set_ylim(0.0, 1.0)
+        canvas.draw_without_rendering()
+        ranges = [
+            m.get("attributes", {})
+            for m in objects(interactive(canvas)["document"])
+            if m["name"] == "Range1d"
+        ]
+        assert low in [found.get("start", 0.0) for found in ranges]
 
 
 def test_a_map_is_read_off_in_its_own_values() -> None:

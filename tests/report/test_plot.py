@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -254,6 +255,28 @@ def test_points_that_fit_are_told_from_those_that_do_not(axes: Axes) -> None:
     assert 1e3 * (x + y) == pytest.approx(200.0)
     assert sorted(set(np.round(1e3 * x, 6))) == [91.5, 94.0, 96.5]
     assert len(line(axes, "does not fit")[0]) == 3 * 4  # each profile: 2 and 3 sigma, both sides
+
+
+def test_one_period_of_what_goes_round_is_not_framed_as_its_box(axes: Axes) -> None:
+    wide = {n: replace(p, box=(80.0, 120.0)) for n, p in KNOWLEDGE.parameters.items()}
+    plot.together(replace(KNOWLEDGE, parameters=wide), "d1", "d2", ax=axes)
+    assert sorted(edges(axes)) == ["x 120", "x 80", "y 120", "y 80"]
+    axes.clear()
+    wide["d1"] = replace(wide["d1"], ends=("round", "round"))
+    plot.together(replace(KNOWLEDGE, parameters=wide), "d1", "d2", ax=axes)
+    assert sorted(edges(axes)) == ["y 120", "y 80"]
+
+
+def edges(axes: Axes) -> list[str]:
+    """Grey lines from edge to edge: the axis, and where they stand on it."""
+    found = []
+    for letter, whole, data in (
+        ("x", axes.get_xaxis_transform(which="grid"), "get_xdata"),
+        ("y", axes.get_yaxis_transform(which="grid"), "get_ydata"),
+    ):
+        lines = (line for line in axes.get_lines() if line.get_transform() == whole)
+        found += [f"{letter} {getattr(line, data)()[0]:g}" for line in lines]
+    return found
 
 
 def test_a_spectrum_names_its_tones_with_their_peaks(axes: Axes) -> None:

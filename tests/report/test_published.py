@@ -48,7 +48,7 @@ def test_the_points_of_a_figure_are_written_as_they_are_drawn() -> None:
     assert tuple(head) == HEADS
     own = [row for row in rows if row[0] == "a panel"]
     assert {tuple(row[1:4]) for row in own} == {
-        ("λ_1 squared".replace("λ", "lambda"), "frequency (Hz)", "amplitude (V)")
+        ("lambda₁ squared", "frequency (Hz)", "amplitude (V)")
     }
     assert [(float(row[4]), float(row[5])) for row in own] == [(v, v**2) for v in x]
     rest = [(row[1], float(row[4]), float(row[5])) for row in rows if row[0] == "2"]

@@ -16,7 +16,6 @@ from scipy.optimize import least_squares
 import fitting as ff
 from fitting.cli.main import main
 from fitting.report.words.line import sentences
-from fitting.resonance.line import Line
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.records import read_json
 from tests.support.lines import mode, noise, write_csv
@@ -260,7 +259,7 @@ def test_the_command_tells_the_number_first_and_writes_what_it_found(
     assert told[0].startswith("f ")
     assert abs(value - ETA) < 4 * error < 1.0
     assert any("real part 'X' (mV)" in line for line in told)
-    found = read_json(out / "line.json", Line)
+    found = read_json(out / "line.json", ff.Line)
     assert found == ff.line(file)
     table = (out / "line.csv").read_text("utf-8").splitlines()
     assert table[0].startswith("frequency (Hz),measured X (mV)")

@@ -149,3 +149,19 @@ def test_signs_of_figures_are_told_where_they_are_not_the_name() -> None:
         "In figures θ is theta and η₊ is eta_plus."
     )
     assert notation.signs_words(["d1"]) == ""
+
+
+def test_a_power_of_ten_before_a_unit_multiplies_value_and_error() -> None:
+    shown = notation.quantity(9.958e31, 7.6e29, "1/(m2.s2)").replace("\u00a0", " ")
+    assert shown == "(99.58 ± 0.76) × 10³⁰ 1/(m2.s2)"
+    assert notation.quantity(9.958e6, 7.6e3, "Hz").replace("\u00a0", " ") == "9.9580 ± 0.0076 MHz"
+
+
+def test_an_index_is_low_where_it_has_such_signs() -> None:
+    assert [notation.index(text) for text in ("1", "+", "−", "12", "fit")] == [
+        "₁",
+        "₊",
+        "₋",
+        "₁₂",
+        "_fit",
+    ]

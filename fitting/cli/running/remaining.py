@@ -9,8 +9,11 @@ from collections.abc import Callable
 from fitting.api.cost import Expected, Range, added, times
 from fitting.api.fitted import Progress
 
-#: Evaluations of the profiles from which their own pace is taken, not that of the search.
-ENOUGH = 50
+#: Evaluations of the profiles from which their own pace is taken, not that of the search, and
+#: seconds that a pace was seen for before it is told: the first evaluations are not like the rest.
+ENOUGH, SEEN_S = 50, 5.0
+#: What was said runs down like a clock until a new estimate is off by this factor.
+CALM = 1.5
 
 
 class Remaining:
@@ -25,6 +28,7 @@ class Remaining:
         self._expected, self._clock = expected, clock
         self._seconds_each = math.nan
         self._begun_s = math.nan
+        self._told_s: Range | None = None
 
     def searching(self, state: Progress) -> str:
         """Where a search is, in words.
@@ -33,7 +37,7 @@ class Remaining:
             state: as `fitting.fit` hands it out.
         """
         e = self._expected
-        if math.isfinite(state.seconds_each):
+        if state.seconds_each * state.evaluations >= SEEN_S:
             self._seconds_each = state.seconds_each
         words = [
             f"alternative {state.alternative + 1}/{state.alternatives}",
@@ -43,9 +47,8 @@ class Remaining:
         j = state.j_fit + state.j_reg
         words += [f"J = {j:.5g}"] if math.isfinite(j) else []
         share = 1.0 - state.done / max(state.of, 1)
-        return ", ".join(
-            [*words, *self._left(added(times(share, e.search), e.profiles, e.bootstrap))]
-        )
+        left = added(times(share, e.search), e.profiles, e.bootstrap)
+        return ", ".join([*words, *self._left(left, self._clock())])
 
     def walking(self, evaluations: int) -> str:
         """Where the profiles are, in words.
@@ -56,18 +59,24 @@ class Remaining:
         e, now_s = self._expected, self._clock()
         if math.isnan(self._begun_s):
             self._begun_s = now_s
-        if evaluations >= ENOUGH:
+        if evaluations >= ENOUGH and now_s - self._begun_s >= SEEN_S:
             self._seconds_each = (now_s - self._begun_s) / evaluations
         low, high = e.profiles[0] - evaluations, e.profiles[1] - evaluations
         bounds = (max(low, 0.0) + e.bootstrap[0], high + e.bootstrap[1])
         words = f"profiles of {e.profiled} values, {evaluations} evaluations"
-        return ", ".join([words, *(self._left(bounds) if high > 0.0 else ["longer than expected"])])
+        late = ["longer than expected"]
+        return ", ".join([words, *(self._left(bounds, now_s) if high > 0.0 else late)])
 
-    def _left(self, evaluations: Range) -> list[str]:
+    def _left(self, evaluations: Range, now_s: float) -> list[str]:
         """How long so many evaluations take; nothing before a pace was seen."""
         if not self._seconds_each > 0.0:
             return []
         low_s, high_s = (count * self._seconds_each for count in evaluations)
+        if self._told_s is not None:
+            low_then_s, high_then_s = (max(at_s - now_s, 0.0) for at_s in self._told_s)
+            if max(high_s, high_then_s) <= CALM * min(high_s, high_then_s):
+                low_s, high_s = min(low_s, low_then_s), high_then_s
+        self._told_s = (now_s + low_s, now_s + high_s)
         if high_s < 1.0:
             return ["a second left"]
         unit, size = ("s", 1.0) if high_s < 120.0 else ("min", 60.0)

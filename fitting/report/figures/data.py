@@ -16,12 +16,14 @@ from matplotlib.figure import Figure
 
 from fitting.report.plot.measurement import PLACES
 from fitting.text.arrays import FloatArray
+from fitting.text.notation import index
 
 HEADS = ("panel", "series", "along x", "along y", "x", "y")
 #: Further columns of a figure with a map: what its colours stand for.
 MAP_HEADS = ("colours", "value")
 #: What matplotlib's mathematics adds to a name.
 _MARKUP = re.compile(r"\\mathrm|[${}\\]")
+_INDEX = re.compile(r"_\{\\mathrm\{([^{}]*)\}\}")
 
 
 @dataclass(frozen=True)
@@ -143,9 +145,9 @@ def _label(label: object) -> str:
 
 
 def bare(text: str) -> str:
-    """A label without the marks of mathematics, on one line.
+    """A label without the marks of mathematics, on one line: d₁ for what is set as its symbol.
 
     Args:
         text: as matplotlib sets it.
     """
-    return " ".join(_MARKUP.sub("", text).split())
+    return " ".join(_MARKUP.sub("", _INDEX.sub(lambda found: index(found[1]), text)).split())

@@ -7,6 +7,7 @@ import math
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, new_figure, panels
+from fitting.report.plot.fit import ends_elsewhere
 from fitting.report.shown import ShownCampaign
 from fitting.report.words.values import box_words, reported_words
 from fitting.result.result import Result
@@ -56,13 +57,16 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Drawing:
             f" A curve that settles is no sign that the data determine the value: {listed(unsure)} "
             f"{'is' if len(unsure) == 1 else 'are'} not determined by these data."
         )
+    levels, end = len(result.history) - 1, ""
+    if ends_elsewhere(result):
+        levels, end = levels - 1, " “end” is the reported end, found elsewhere, at the last ν."
     caption = (
         "Way of the reported chain over the levels of the regularisation ν, from its start point: "
         "fitted parameters (those of one unit as corrections to their reference), means of the "
         "derived outputs over the experiments, misfit and regularisation term. Dashed grey: value "
-        f"at the reference parameters; a start far outside is told in words.{warning}"
+        f"at the reference parameters; a start far outside is told in words.{end}{warning}"
     )
-    alt = f"Values over {len(result.history) - 1} levels of ν, ending at {listed(values)}."
+    alt = f"Values over {levels} levels of ν, ending at {listed(values)}."
     return Drawing(name="convergence", title=title, caption=caption, alt=alt, figure=figure)
 
 

@@ -14,7 +14,7 @@ from fitting.inference.warnings import WORTH_SAYING
 from fitting.report import plot
 from fitting.report.figures.style import Drawing, handles_of, legend_below, new_figure, panels
 from fitting.report.plot.axes import BLUE, GREY
-from fitting.report.plot.inference import VERDICT_COLOURS
+from fitting.report.plot.inference import VERDICT_COLOURS, goes_round
 from fitting.text.notation import listed
 
 PER_ROW = 3
@@ -145,11 +145,13 @@ def draw_together(knowledge: Knowledge, campaign: str, *, synthetic: bool) -> Dr
         plot.together(knowledge, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
     names = list(_together(knowledge))
+    around = [name for name in names if goes_round(knowledge.parameters[name])]
+    period = f", of {listed(around)} one period is drawn" if around else ""
     caption = (
         "Every point of every profile: filled where it fits the data at 95 % (Δχ² ≤ 3.84), pale "
-        "where it does not; frames are the box. Filled points along a line or curve are a "
-        "combination that the data hold while its parts are free; filled points everywhere are no "
-        "knowledge at all."
+        f"where it does not; grey lines are ends of the box{period}. Filled points along a line or "
+        "curve are a combination that the data hold while its parts are free; filled points "
+        "everywhere are no knowledge at all."
     )
     alt = f"Fits in the planes of {listed(names)}."
     return Drawing(name="together", title=title, caption=caption, alt=alt, figure=figure)
@@ -165,7 +167,7 @@ def _along(knowledge: Knowledge) -> tuple[str, list[str]] | None:
     # one that goes round is an angle, and what hangs on an angle is best seen over it
     names.sort(
         key=lambda n: (
-            knowledge.parameters[n].ends[0] != "round",
+            not goes_round(knowledge.parameters[n]),
             knowledge.parameters[n].shrinkage,
         )
     )

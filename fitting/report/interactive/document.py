@@ -12,6 +12,7 @@ from bokeh.document import Document
 from bokeh.resources import Resources
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -109,12 +110,24 @@ def _legend(figure: Figure, shown: Sequence[Axes], curves: Sequence[Curve]) -> l
                 "label": label,
                 "colour": look.colour,
                 "fill": look.fill,
-                "marker": look.marker if isinstance(handles[label], Line2D) else "square",
-                "dash": look.dash,
+                **_swatch(handles[label], look, next((c for c in mine if c.label == label), None)),
                 "switches": bool(mine),
             }
         )
     return entries
+
+
+def _swatch(handle: Artist, look: Look, named: Curve | None) -> dict[str, str]:
+    """Marker and dash of an entry: those of the curve that has its name, where one has.
+
+    Matplotlib makes a dashed line of what stands in a legend for a collection of whole ones, and
+    the bars of errors for points with bars.
+    """
+    if isinstance(handle, Line2D):
+        return {"marker": look.marker, "dash": named.look.dash if named else look.dash}
+    if isinstance(handle, LineCollection):
+        return {"marker": "bar", "dash": ""}
+    return {"marker": "square", "dash": look.dash}
 
 
 def _switches(label: str, look: Look, curve: Curve, looks: dict[str, Look]) -> bool:

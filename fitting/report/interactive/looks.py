@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 #: Pixels of a point of print.
 PIXELS = 1.35
-_MARKERS = {
+MARKERS = {
     "o": "circle",
     ".": "circle",
     "^": "triangle",
@@ -86,7 +86,7 @@ def look_of(artist: Artist) -> Look:
 
 
 def _of_line(line: Line2D) -> Look:
-    marker = _MARKERS.get(str(line.get_marker()), "")
+    marker = MARKERS.get(str(line.get_marker()), "")
     edge = line.get_markeredgecolor() if marker else line.get_color()
     open_ = line.get_fillstyle() == "none" or to_rgba(line.get_markerfacecolor())[3] == 0.0
     return Look(
@@ -109,11 +109,16 @@ def _of_collection(found: Collection) -> Look:
         colour=to_hex(edge),
         fill=to_hex(face) if face and face[3] > 0.0 else "",
         marker="circle" if sizes else "",
-        dash="solid",
+        dash="dashed" if any(pattern for _, pattern in _dashes(found)) else "solid",
         size=PIXELS * math.sqrt(sizes[0]) if sizes else 0.0,
         width=max(1.0, PIXELS * float(widths[0])) if widths.size else 1.0,
         alpha=(face and face[3]) or edge[3],
     )
+
+
+def _dashes(found: Collection) -> list[Any]:
+    """Offset and pattern (None: whole lines) of every dash of a collection."""
+    return list(found.get_linestyle())
 
 
 def _first(colours: Any) -> tuple[float, float, float, float] | None:

@@ -40,6 +40,8 @@ from fitting.report.interactive.looks import Look, look_of
 PER_INCH, LEAST = 104.0, 130
 #: Room for an axis at the left, in pixels: with its label, and beside many others.
 ROOM, CROWDED = 78, 36
+#: Room below a lower edge on which markers stand, as a share of the axis.
+HALF_MARKER = 0.02
 #: Colours of a map, from its own.
 SHADES = 64
 #: Digits of the numbers under the pointer: as many as a double has for sure.
@@ -110,8 +112,23 @@ def _range(axes: Axes, letter: str, ranges: Ranges) -> Any:
     key = (letter, min(id(other) for other in group.get_siblings(axes)))
     if key not in ranges:
         low, high = axes.get_xlim() if letter == "x" else axes.get_ylim()
+        if letter == "y" and axes.get_yscale() == "linear" and _stand_on(axes, low):
+            low -= HALF_MARKER * (high - low)
         ranges[key] = Range1d(float(low), float(high))
     return ranges[key]
+
+
+def _stand_on(axes: Axes, low: float) -> bool:
+    """Whether markers that the drawing does not cut stand on the lower edge: Bokeh would cut them.
+
+    Those of a peak that is matched to a millionth of the axis stand on it, too.
+    """
+    near = 1e-6 * abs(axes.get_ylim()[1] - low)
+    return any(
+        bool(np.any(np.abs(np.asarray(line.get_ydata(), float) - low) <= near))
+        for line in axes.get_lines()
+        if not line.get_clip_on() and str(line.get_marker()) not in ("None", "", " ")
+    )
 
 
 def _entitle(plot: Any, axes: Axes) -> None:

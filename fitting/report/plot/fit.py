@@ -217,13 +217,25 @@ def _nu_axis(axes: Axes, result: Result) -> None:
     ticks = [0, *range(count - 1, 0, -step)]
     if len(ticks) > 2 and ticks[-1] < max(1, step // 2 + 1):
         ticks.pop()
-    axes.set_xticks(ticks, [_nu_text(result.history[k].nu) for k in ticks])
+    axes.set_xticks(ticks, [_nu_text(result, k) for k in ticks])
     axes.set_xlim(-0.4, max(count - 0.6, 0.6))
     axes.set_xlabel("ν", labelpad=1.0)
 
 
-def _nu_text(nu: float) -> str:
-    return "start" if math.isnan(nu) else on_log_axis(nu)
+def _nu_text(result: Result, row: int) -> str:
+    nu = result.history[row].nu
+    if math.isnan(nu):
+        return "start"
+    return "end" if ends_elsewhere(result) and row == len(result.history) - 1 else on_log_axis(nu)
+
+
+def ends_elsewhere(result: Result) -> bool:
+    """Whether the last row of a history is the reported end beside Algorithm 2, at its last ν.
+
+    Args:
+        result: a reconstruction with a history.
+    """
+    return len(result.history) > 1 and result.history[-1].nu == result.history[-2].nu
 
 
 def _room_around(axes: Axes, values: Sequence[float]) -> None:

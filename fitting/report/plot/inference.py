@@ -98,7 +98,8 @@ def together(knowledge: Knowledge, one: str, other: str, *, ax: Axes | None = No
     """Draw two parameters against each other over all fits that the profiles went through.
 
     Filled where a point fits the data at 95 % (Δχ² ≤ 3.84), pale where it does not; the star is the
-    most likely point, lines are the box where points come near it.
+    most likely point, lines are the box where points come near it. A value that goes round has no
+    such lines: its profile holds one period, wherever its box ends.
 
     Args:
         knowledge: profiles of a result.
@@ -112,8 +113,10 @@ def together(knowledge: Knowledge, one: str, other: str, *, ax: Axes | None = No
     up = scaling_for([*profiles[other].box], profiles[other].unit)
     _scatter(axes, [across(v) for v in x], [up(v) for v in y], delta)
     _star(axes, across(profiles[one].best), up(profiles[other].best))
-    _frame(axes, [across(v) for v in x], [across(v) for v in profiles[one].box], vertical=False)
-    _frame(axes, [up(v) for v in y], [up(v) for v in profiles[other].box], vertical=True)
+    if not goes_round(profiles[one]):
+        _frame(axes, [across(v) for v in x], [across(v) for v in profiles[one].box], vertical=False)
+    if not goes_round(profiles[other]):
+        _frame(axes, [up(v) for v in y], [up(v) for v in profiles[other].box], vertical=True)
     plain_ticks(axes, x=4)
     axes.set_xlabel(across.label(mathtext(one)))
     axes.set_ylabel(up.label(mathtext(other)))
@@ -160,6 +163,15 @@ def output(knowledge: Knowledge, name: str, parameter: str, *, ax: Axes | None =
     return axes
 
 
+def goes_round(found: Profile) -> bool:
+    """Whether a profile went once round a period, whose two ends are one place.
+
+    Args:
+        found: the profile.
+    """
+    return found.ends[0] == "round"
+
+
 def _cloud(knowledge: Knowledge, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Values of a parameter or output at all points of all profiles, and Dchi^2 there."""
     values, deltas = [], []
@@ -169,7 +181,7 @@ def _cloud(knowledge: Knowledge, name: str) -> tuple[np.ndarray, np.ndarray]:
             deltas += list(found.delta)
     cloud, delta = np.array(values), np.array(deltas)
     own = knowledge.parameters.get(name)
-    if own is not None and own.ends[0] == "round":
+    if own is not None and goes_round(own):
         low, high = own.box
         cloud = low + np.mod(cloud - low, high - low)
     return cloud, delta

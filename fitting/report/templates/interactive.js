@@ -21,16 +21,18 @@
     return element;
   };
   const SHAPES = {
-    circle: "<circle cx='14' cy='7' r='4'/>", square: "<path d='M10 3h8v8h-8z'/>", diamond: "<path d='M14 2l5 5-5 5-5-5z'/>",
+    circle: "<circle cx='14' cy='7' r='4'/>", square: "<path d='M10 3h8v8h-8z'/>", diamond: "<path d='M14 1l3.3 6-3.3 6-3.3-6z'/>",
     triangle: "<path d='M14 2l5 9h-10z'/>", inverted_triangle: "<path d='M14 12l5-9h-10z'/>", hex: "<path d='M9 7l2.5-4.5h5l2.5 4.5-2.5 4.5h-5z'/>",
     star: "<path d='M14 1l1.8 4h4l-3.2 2.6 1.2 4.2-3.8-2.5-3.8 2.5 1.2-4.2-3.2-2.6h4z'/>", dash: "<path d='M9 7h10'/>",
+    square_pin: "<path d='M9.5 2.5q4.5 3 9 0-3 4.5 0 9-4.5-3-9 0 3-4.5 0-9z'/>", bar: "<path d='M14 1v12m-4-6h8'/>",
+    triangle_dot: "<path d='M14 2l5 9h-10z'/><circle cx='14' cy='8' r='.5'/>", square_dot: "<path d='M10 3h8v8h-8z'/><circle cx='14' cy='7' r='.5'/>",
     x: "<path d='M10 3l8 8m0-8l-8 8'/>", cross: "<path d='M14 2v10m-5-5h10'/>",
   };
   const DASHES = { dashed: "6 4", dotted: "2 3", dashdot: "6 3 2 3" };
   const swatch = (entry) => {
     const found = made("span", "swatch");
     const line = entry.dash ? `<path d='M0 7h28' stroke-dasharray='${DASHES[entry.dash] || ""}'/>` : "";
-    const shape = entry.marker ? SHAPES[entry.marker] || SHAPES.circle : "";
+    const shape = SHAPES[entry.marker] || "";
     found.innerHTML = `<svg width='28' height='14' aria-hidden='true' stroke='${entry.colour}' stroke-width='2' fill='${entry.fill || "none"}'>${line}${shape}</svg>`;
     return found;
   };

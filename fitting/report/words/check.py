@@ -13,7 +13,7 @@ from fitting.fmu.trial.costs import Costs
 from fitting.fmu.trial.findings import ROUNDING
 from fitting.fmu.trial.inputs import InputEffect
 from fitting.fmu.trial.resets import Resets
-from fitting.fmu.trial.steps import Repeatability, Trial
+from fitting.fmu.trial.steps import SHIFT, Repeatability, Trial
 from fitting.text.controls import spelled_out
 from fitting.text.notation import listed
 
@@ -72,12 +72,13 @@ def check_lines(found: Check) -> list[str]:
     if found.suits is not None:
         lines.append(suits_line(found.suits))
     lines += examination_lines(found)
+    lines += [] if found.examination.costs is None else [costs_line(found.examination.costs)]
     lines += [f"the FMU warns: {warning}" for warning in found.warnings]
     return [spelled_out(line) for line in lines]
 
 
 def examination_lines(found: Check) -> list[str]:
-    """What came of everything that was tried on the running FMU.
+    """What came of what was tried on the running FMU, but for what it costs.
 
     Args:
         found: of the FMU.
@@ -86,8 +87,7 @@ def examination_lines(found: Check) -> list[str]:
     lines = [] if tried.trial is None else [_trial(tried.trial, found.description)]
     lines += [] if tried.repeats is None else _repeats(tried.repeats)
     lines += [] if tried.resets is None else _resets(tried.resets)
-    lines += _effects(tried.effects)
-    return [*lines, *([] if tried.costs is None else [costs_line(tried.costs)])]
+    return [*lines, *_effects(tried.effects)]
 
 
 def suits_line(suits: Suits) -> str:
@@ -147,8 +147,9 @@ def _repeats(repeats: Repeatability) -> list[str]:
         lines.append("repeated on a new instance: the same bit for bit")
     if repeats.later > ROUNDING and not repeats.by_time:
         lines.append(
-            f"begun a part of a step later: outputs differ by up to {repeats.later:.1e}; something "
-            "inside it, as a drive, goes by the time"
+            f"the same run, begun at {SHIFT:.2g} steps instead of at time zero: outputs differ by "
+            f"up to {repeats.later:.1e} of their largest value; no fault: something inside it, as "
+            "a drive, goes by the time, and runs that are compared begin at one time"
         )
     return lines
 

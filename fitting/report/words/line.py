@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fitting.inference.mistakes import fault_sentence
-from fitting.report.table import Column, Table, tabulate
+from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import TRANSMISSION, WORDS_BESIDE
 from fitting.resonance.line import Line, LineForm
@@ -24,6 +24,18 @@ WIRINGS = {
 WORSE, AS_GOOD = 10.0, 2.0
 #: Standard errors by which another form that is nearly as good moves the line to be told.
 MOVES = 2.0
+
+
+def text(line: Line) -> str:
+    """All that the command tells of a line: numbers, sentences, the forms that were compared.
+
+    Args:
+        line: as it was fitted.
+    """
+    lines = [*map(terminal_text, answer(line))]
+    for sentence in sentences(line):
+        lines += wrapped(sentence)
+    return "\n".join([*lines, *text_lines(forms_table(line))])
 
 
 def answer(line: Line) -> list[str]:

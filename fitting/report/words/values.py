@@ -44,22 +44,26 @@ class Valued(Protocol):
 
 
 def told_twice(result: Valued) -> dict[str, str]:
-    """Outputs that are one of the parameters under another name, with the name of that.
+    """Outputs that are a parameter, or an earlier output, under another name, with that name.
 
-    One mode's eigenfrequency is such an output: value, error and interval are the same number.
+    One mode's eigenfrequency is such an output, and the frequencies of two equal circuits are:
+    value, error and interval are the same number.
 
     Args:
         result: of a reconstruction, or what was inferred of a fit.
     """
-    found = {}
+    found: dict[str, str] = {}
+    first: dict[str, ParameterResult | DerivedResult] = dict(result.parameters)
     for name, d in result.derived.items():
-        for other, p in result.parameters.items():
-            if d.unit == p.unit and _same(d, p):
-                found[name] = other
+        same = [other for other, p in first.items() if d.unit == p.unit and _same(d, p)]
+        if same:
+            found[name] = same[-1]
+        else:
+            first[name] = d
     return found
 
 
-def _same(one: DerivedResult, other: ParameterResult) -> bool:
+def _same(one: DerivedResult, other: ParameterResult | DerivedResult) -> bool:
     """Whether two values are one number, in all that was found of them."""
     if one.identifiable is not other.identifiable or one.spread > SAME * abs(one.value):
         return False

@@ -1,6 +1,6 @@
-/* What an FMU of FMI 3.0 has to export besides single numbers of the types Float64, Int32, Int64,
-   Boolean and texts that are set, and besides the functions of its own kind: MODEL_EXCHANGE is defined
-   for that, else it is co-simulation. Nothing here calls it. */
+/* What an FMU of FMI 3.0 has to export besides entry3.h and the functions of its own kind:
+   MODEL_EXCHANGE is defined for that, else it is co-simulation. OWN_TYPES: it has numbers of the types
+   Int32, Int64, Boolean and texts that are set. Nothing here calls it. */
 #define ABSENT(NAME) fmi3Status NAME(void) { return fmi3Error; }
 ABSENT(fmi3SetDebugLogging) ABSENT(fmi3InstantiateScheduledExecution)
 ABSENT(fmi3GetFloat32) ABSENT(fmi3GetInt8) ABSENT(fmi3GetUInt8) ABSENT(fmi3GetInt16)
@@ -19,6 +19,10 @@ ABSENT(fmi3SetIntervalDecimal) ABSENT(fmi3SetIntervalFraction)
 ABSENT(fmi3SetShiftDecimal) ABSENT(fmi3SetShiftFraction)
 ABSENT(fmi3EvaluateDiscreteStates) ABSENT(fmi3EnterStepMode)
 ABSENT(fmi3GetOutputDerivatives) ABSENT(fmi3ActivateModelPartition)
+#ifndef OWN_TYPES
+ABSENT(fmi3GetInt32) ABSENT(fmi3SetInt32) ABSENT(fmi3GetInt64) ABSENT(fmi3SetInt64)
+ABSENT(fmi3GetBoolean) ABSENT(fmi3SetBoolean) ABSENT(fmi3SetString)
+#endif
 #ifdef MODEL_EXCHANGE
 ABSENT(fmi3InstantiateCoSimulation) ABSENT(fmi3DoStep)
 #else

@@ -14,9 +14,11 @@ static void start_values(Model *m) {
     for (int i = 0; i < N_REALS; i++) m->reals[i] = reals[i];
 }
 
-static void initialise(Model *m) { m->reals[X] = m->reals[HEIGHT]; }
+static void model_begin(Model *m, double start) { m->time = start; }
 
-static double get(Model *m, unsigned which) {
+static void model_initialise(Model *m) { m->reals[X] = m->reals[HEIGHT]; }
+
+static double model_get(Model *m, unsigned which) {
     double *r = m->reals;
     r[DV] = (r[FORCE] + r[WEIGHT] - r[DAMPING] * r[V] - r[STIFFNESS] * r[X]) / r[MASS];
     r[Y] = r[X] + r[THROUGH] * r[FORCE];
@@ -33,3 +35,5 @@ static double update(Model *m) {
     m->reals[CLOCK] = floor(m->time + 1e-9);
     return m->reals[CLOCK] + 1;
 }
+
+#include "kept.h"

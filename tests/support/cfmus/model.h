@@ -66,8 +66,10 @@ static void model_output(Model *m) {
     if (m->misbehave == NAN_OUTPUT && m->time > 0) m->reals[DISPLACEMENT] = NAN;
 }
 
-static void model_initialise(Model *m, double start) {
-    m->time = m->own_time = start;
+static void model_begin(Model *m, double start) { m->time = start; }
+
+static void model_initialise(Model *m) {
+    m->own_time = m->time;
     if (!m->derived) {
         m->reals[EIGENFREQUENCY] = sqrt(m->reals[STIFFNESS] / m->reals[MASS]) / (2 * PI);
         m->reals[LINE_WIDTH] = m->reals[DAMPING] / m->reals[MASS] / (2 * PI);
@@ -208,8 +210,28 @@ static int model_reset(Model *m) {
     }
 }
 
+static double model_get(const Model *m, unsigned which) { return m->reals[which]; }
+
+#define LISTENS(M, LOGGER, ENVIRONMENT) (M)->logger = (void *)(LOGGER), (M)->environment = (ENVIRONMENT)
+
+/* with ONLY_ONE_INSTANCE a second one in a process fails */
 static Model *model_new(void) {
-    Model *m = calloc(1, sizeof *m);
+    Model *m;
+#ifdef ONLY_ONE_INSTANCE
+    static int instances;
+    if (instances++) return NULL;
+#endif
+    m = calloc(1, sizeof *m);
     model_start_values(m);
     return m;
+}
+
+static void model_free(Model *m) {
+#ifdef CRASHES_WHEN_FREED
+    model_crash();
+#endif
+#ifdef HANGS_WHEN_FREED /* and tells so in a file of that name */
+    fclose(fopen(HANGS_WHEN_FREED, "w")), model_hang();
+#endif
+    free(m);
 }

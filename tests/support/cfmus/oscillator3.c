@@ -3,41 +3,24 @@
 #include "fmi3PlatformTypes.h"
 #include "model.h"
 
+#define OWN_START
+#define OWN_TYPES
+#include "entry3.h"
+
 static void say(Model *m, fmi3Status status, const char *text) {
     if (m->logger) ((fmi3LogMessageCallback)m->logger)(m->environment, status, "log", text);
 }
 
-const char *fmi3GetVersion(void) { return "3.0"; }
-
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources,
-                                         fmi3Boolean visible, fmi3Boolean logging, fmi3Boolean events,
-                                         fmi3Boolean early, const fmi3ValueReference required[],
-                                         size_t n, fmi3InstanceEnvironment environment,
-                                         fmi3LogMessageCallback log,
-                                         fmi3IntermediateUpdateCallback update) {
-    Model *m = model_new();
-    m->logger = (void *)log;
-    m->environment = environment;
-    return m;
-}
-void fmi3FreeInstance(fmi3Instance c) { free(c); }
-
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean t, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean s, fmi3Float64 stop) {
     Model *m = c;
-    m->time = start;
+    model_begin(m, start);
     if (m->misbehave == FAILS_AT_START) {
         say(m, fmi3Error, "told to fail at the start");
         return fmi3Error;
     }
     return fmi3OK;
 }
-fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
-    model_initialise(c, ((Model *)c)->time);
-    return fmi3OK;
-}
-fmi3Status fmi3Terminate(fmi3Instance c) { return fmi3OK; }
-fmi3Status fmi3Reset(fmi3Instance c) { return model_reset(c); }
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 at, fmi3Float64 step, fmi3Boolean no_set,
                       fmi3Boolean *events, fmi3Boolean *terminate, fmi3Boolean *early,
@@ -62,25 +45,9 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 at, fmi3Float64 step, fmi3Bool
     return fmi3OK;
 }
 
-#define ACCESS(TYPE, FIELD)                                                                        \
-    fmi3Status fmi3Get##TYPE(fmi3Instance c, const fmi3ValueReference vr[], size_t n,              \
-                             fmi3##TYPE value[], size_t nv) {                                      \
-        Model *m = c;                                                                              \
-        if (n != nv) return fmi3Error;                                                             \
-        for (size_t i = 0; i < n; i++) value[i] = FIELD;                                           \
-        return fmi3OK;                                                                             \
-    }                                                                                              \
-    fmi3Status fmi3Set##TYPE(fmi3Instance c, const fmi3ValueReference vr[], size_t n,              \
-                             const fmi3##TYPE value[], size_t nv) {                                \
-        Model *m = c;                                                                              \
-        if (n != nv) return fmi3Error;                                                             \
-        for (size_t i = 0; i < n; i++) FIELD = value[i];                                           \
-        return fmi3OK;                                                                             \
-    }
-ACCESS(Float64, m->reals[vr[i]])
-ACCESS(Int32, m->misbehave)
-ACCESS(Int64, m->steps)
-ACCESS(Boolean, m->inverted)
+ACCESS(Int32, m->misbehave, m->misbehave)
+ACCESS(Int64, m->steps, m->steps)
+ACCESS(Boolean, m->inverted, m->inverted)
 
 fmi3Status fmi3SetString(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
                          const fmi3String value[], size_t nv) {

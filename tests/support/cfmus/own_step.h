@@ -76,7 +76,13 @@ static int model_step(Model *m, double at, double step) {
     return 0;
 }
 
+static void model_begin(Model *m, double start) { m->start = start; }
+
+static void model_initialise(Model *m) {}
+
 static double model_get(Model *m, unsigned which) {
     m->reals[DISPLACEMENT] = m->x;
     return m->reals[which];
 }
+
+#include "kept.h"
