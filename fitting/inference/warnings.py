@@ -52,6 +52,9 @@ STATE_NOISE = (
 )
 #: Outliers that are named one by one.
 MOST_NAMED = 6
+#: Shares of a box from its end: within them a value lies on the bound, to the rounding of solvers,
+#: or next to it.
+ON_BOUND, NEAR_BOUND = 1e-6, 1e-3
 
 
 class Kind(Enum):
@@ -233,8 +236,15 @@ def _on_bounds(solution: Solution) -> list[str]:
     said = []
     for i, parameter in enumerate(solution.parameters):
         p, width = float(solution.final.parameters[i]), parameter.upper - parameter.lower
-        if min(p - parameter.lower, parameter.upper - p) < 1e-3 * width:
-            said.append(f"{parameter.name} ended on a bound of its box ({p:.9g} {parameter.unit}).")
+        bound = min(parameter.lower, parameter.upper, key=lambda end: abs(p - end))
+        if abs(p - bound) >= NEAR_BOUND * width:
+            continue
+        at = f"{bound:.9g} {parameter.unit}".rstrip()
+        if abs(p - bound) <= ON_BOUND * width:
+            said.append(f"{parameter.name} ended on a bound of its box ({at}).")
+        else:
+            found = f"{p:.9g} {parameter.unit}".rstrip()
+            said.append(f"{parameter.name} ended at {found}, next to a bound of its box ({at}).")
     return said
 
 
