@@ -57,6 +57,7 @@ class Choices:
         derived: outputs that are reported.
         width_hz: full width of the line in the sweep, Hz; 0: unknown.
         residual: what the line leaves of the sweep, relative; 0: unknown.
+        level: of the drive, where tones of the FMU drive.
         start_words: why each start value is what it is.
     """
 
@@ -73,6 +74,7 @@ class Choices:
     derived: tuple[str, ...]
     width_hz: float = 0.0
     residual: float = 0.0
+    level: float = 1.0
     start_words: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -217,11 +219,13 @@ def _drive(choices: Choices, files: Files, offer: Offer, remarks: Remarks) -> di
         remarks["drive", "frequencies"] = "parameters of the FMU that hold the tones"
         unit = offer.unit(choices.tones[0][1])
         remarks["drive", "level"] = f"amplitude of every tone, {unit}"
+        if choices.level < 1.0:
+            remarks["drive", "level"] += ": small, so that the response is in proportion"
         return {
             "kind": "tones",
             "frequencies": [frequency for frequency, _ in choices.tones],
             "amplitudes": [amplitude for _, amplitude in choices.tones],
-            "level": 1.0,
+            "level": choices.level,
         }
     remarks["drive", "input"] = "the signal is made here and held over each step"
     remarks["drive", "level"] = f"{level}, {offer.unit(choices.driven)}"

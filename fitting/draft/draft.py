@@ -6,12 +6,13 @@ import math
 import shlex
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitting.campaign.binding import bind
 from fitting.draft.campaign import Choices, campaign_text, completed, meaning, missing_text
 from fitting.draft.files import Files
+from fitting.draft.level import linear_level
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
@@ -26,7 +27,7 @@ from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.notation import hertz, listed, number, quantity
 from fitting.text.scratch import Scratch
-from fitting.text.units import same_kind
+from fitting.text.units import convert, same_kind
 
 #: The models of this project that are one resonance, and two.
 ONE_MODE, TWO_MODES = "CoupledModes1", "CoupledModes2"
@@ -191,7 +192,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
     if pair and STRENGTH in fitted:
         boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
     boxes = [_in_box(box) for box in boxes]
-    return Choices(
+    chosen = Choices(
         title=", ".join(sweep.path.stem for sweep in files.sweeps)
         or (str(files.table) if files.table else offer.description.model_name),
         fmu=source.name,
@@ -207,6 +208,22 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         derived=tuple(name for name in offer.derived if name not in fitted),
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
+    )
+    return replace(chosen, level=_level(files, source, offer, chosen))
+
+
+def _level(files: Files, source: Source, offer: Offer, chosen: Choices) -> float:
+    """Of the drive: any, as the scale is fitted, so that the response of the line is linear.
+
+    Asked of an FMU that begins on its periodic orbit: others would have to settle first.
+    """
+    if files.table is not None or files.line is None or not (offer.steady and chosen.tones):
+        return 1.0
+    at = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in chosen.boxes}
+    frequency_hz, (tone, amplitude) = files.line.frequency_hz, chosen.tones[0]
+    at[tone] = convert(frequency_hz, "Hz", offer.unit(tone), where=tone)
+    return linear_level(
+        source.workers, {**chosen.start, **at}, amplitude, frequency_hz, chosen.output
     )
 
 

@@ -1,0 +1,53 @@
+"""The level of a drive that no file tells, in FMUs whose response is in proportion, and is not."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.api.init import init
+from fitting.text.arrays import Scalar
+from tests.support.lines import mode, write_csv
+
+ETA, WIDTH = 7e6, 60.0
+F = ETA + np.linspace(-500.0, 500.0, 101)
+
+
+@pytest.fixture(scope="module")
+def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("line")
+    return write_csv(
+        folder / "line.csv", "frequency (Hz),amplitude (V)", F, 1e-3 * np.abs(mode(F, ETA, WIDTH))
+    )
+
+
+def drafted(line: Path, model: str, folder: Path) -> dict[str, Scalar]:
+    """The level, and start values of the FMU at the line, without the drive's amplitude."""
+    path, _ = init([line], model, out=folder)
+    campaign = tomllib.loads(path.read_text("utf-8"))
+    found = {p["name"]: p["start"] for p in campaign["parameters"]}
+    start = {**campaign["fmu"]["start"], **found, "u1": ETA}
+    return {"level": campaign["drive"]["level"], **start}
+
+
+def test_a_linear_fmu_is_driven_with_one(line: Path, tmp_path: Path) -> None:
+    assert drafted(line, "CoupledOscillator", tmp_path)["level"] == 1.0
+
+
+def test_a_duffing_string_is_driven_so_weakly_that_its_line_is_one(
+    line: Path, tmp_path: Path
+) -> None:
+    start = drafted(line, "DuffingOscillator", tmp_path)
+    level = float(start.pop("level"))
+    fmu = ff.Fmu("DuffingOscillator")
+
+    def peak(amplitude: float) -> float:
+        found = fmu.simulate({**start, "A1": amplitude}, tones=("u1",), outputs="q1_hybrid")
+        return float(found.peaks[0, 0])
+
+    assert peak(0.1 * level) == pytest.approx(0.1 * peak(level), rel=1e-3)
+    assert abs(peak(0.1) / (0.1 * peak(1.0)) - 1.0) > 0.01
