@@ -12,11 +12,11 @@ from pathlib import Path
 from fitting.campaign.binding import bind
 from fitting.draft.campaign import Choices, campaign_text, completed, meaning, missing_text
 from fitting.draft.files import Files
-from fitting.draft.level import linear_level
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
 from fitting.draft.source import Source
 from fitting.draft.traces import Recording, traces_of
+from fitting.draft.trial import Trial
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
 from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, WORDS_BESIDE
@@ -181,12 +181,14 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         raise BadInput(trouble or "wanted a sweep as well, which tells frequency and width")
     [output] = answers.of(_output(files, offer))
     tones, driven = _driven(files, offer, answers)
-    start, words = _start_values(files, source, offer, tones)
+    start, words = _start_values(offer, tones)
+    trial = _trial(files, source, offer, tones, output)
     pair = files.two is not None and source.is_model and source.name == TWO_MODES
     if pair:
         start |= {name: value for name, (value, _) in BESIDE.items()}
         words |= {name: why for name, (_, why) in BESIDE.items()}
-    fitted = answers.of(_fitted(files, offer, (STRENGTH,) if pair else ()))
+    shown = trial.pairs() if trial and len(offer.places) > 1 else []
+    fitted = answers.of(_fitted(files, offer, (STRENGTH,) if pair else (), shown))
     line, seen = files.line, seen_of(files.line, files.two)
     boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
     if pair and STRENGTH in fitted:
@@ -209,21 +211,27 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
     )
-    return replace(chosen, level=_level(files, source, offer, chosen))
+    if trial is None:
+        return chosen
+    placed = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in boxes}
+    return replace(chosen, level=trial.level(placed))
 
 
-def _level(files: Files, source: Source, offer: Offer, chosen: Choices) -> float:
-    """Of the drive: any, as the scale is fitted, so that the response of the line is linear.
-
-    Asked of an FMU that begins on its periodic orbit: others would have to settle first.
-    """
-    if files.table is not None or files.line is None or not (offer.steady and chosen.tones):
-        return 1.0
-    at = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in chosen.boxes}
-    frequency_hz, (tone, amplitude) = files.line.frequency_hz, chosen.tones[0]
-    at[tone] = convert(frequency_hz, "Hz", offer.unit(tone), where=tone)
-    return linear_level(
-        source.workers, {**chosen.start, **at}, amplitude, frequency_hz, chosen.output
+def _trial(
+    files: Files, source: Source, offer: Offer, tones: Sequence[Tone], output: str
+) -> Trial | None:
+    """A look at an FMU that begins on its periodic orbit, where one line was seen; else None."""
+    if files.table is not None or files.line is None or not (offer.steady and tones):
+        return None
+    start, _ = _start_values(offer, tones)
+    return Trial(
+        workers=source.workers,
+        offer=offer,
+        start=start,
+        tone=tones[0],
+        output=output,
+        frequency_hz=files.line.frequency_hz,
+        width_hz=files.line.width_hz,
     )
 
 
@@ -327,9 +335,7 @@ def _tones_of_table(files: Files, offer: Offer) -> list[Tone]:
     return [pairs[name] for name in names]
 
 
-def _start_values(
-    files: Files, source: Source, offer: Offer, tones: Sequence[Tone]
-) -> tuple[dict[str, Scalar], dict[str, str]]:
+def _start_values(offer: Offer, tones: Sequence[Tone]) -> tuple[dict[str, Scalar], dict[str, str]]:
     """Start values: the periodic orbit, and other tones of the FMU that do not drive."""
     start: dict[str, Scalar] = {}
     words: dict[str, str] = {}
@@ -343,8 +349,13 @@ def _start_values(
     return start, words
 
 
-def _fitted(files: Files, offer: Offer, more: tuple[str, ...]) -> Question:
-    """Which parameters: for each line one that sets its place and one that sets its width."""
+def _fitted(
+    files: Files, offer: Offer, more: tuple[str, ...], shown: Sequence[tuple[str, str]]
+) -> Question:
+    """Which parameters: for each line one that sets its place and one that sets its width.
+
+    Those whose line the output was seen to show, if any were, else as names and units tell.
+    """
     line = files.line
     places, widths = list(offer.places), list(offer.widths)
     if line is not None:
@@ -355,10 +366,11 @@ def _fitted(files: Files, offer: Offer, more: tuple[str, ...]) -> Question:
             return abs(float(start or 0.0) / line.frequency_hz - 1.0) if known else 1e300
 
         places.sort(key=far)
+    pair = next(((place, width) for place in places for n, width in shown if n == place), ())
     place = places[:1]
     mark = place[0][-1:] if place else ""
     widths.sort(key=lambda name: name[-1:] != mark)
-    default = (*place, *widths[:1])
+    default = pair or (*place, *widths[:1])
     if not default:  # what has a value can be searched about it
         known = offer.description.variables
         default = tuple(n for n in offer.parameters if known[n].start)[:PER_LINE]
@@ -372,7 +384,7 @@ def _fitted(files: Files, offer: Offer, more: tuple[str, ...]) -> Question:
         words="Which parameters of the FMU are fitted?",
         options=offer.parameters,
         default=default,
-        why=f"{why}, by their units, names and descriptions",
+        why=f"{why}, {'as a trial shows' if pair else 'by their units, names and descriptions'}",
         several=True,
     )
 

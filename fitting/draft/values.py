@@ -118,10 +118,10 @@ def _box(
         return _unknown(offer, name, "nothing in the files tells it: the FMU's own start value")
     target = line.width_hz if wide else line.frequency_hz
     what = "width" if wide else "frequency"
-    in_unit = _of_hertz(target, unit)
-    if in_unit is not None:
+    value = in_unit(target, unit)
+    if value is not None:
         why = f"{what} of {line.words} in the sweep"
-        return _about(offer, name, in_unit, 1.0, line, why)
+        return _about(offer, name, value, 1.0, line, why)
     output = _output(workers, offer, name, wide, values)
     if output is None:
         return _unknown(offer, name, f"no output tells the {what}: the FMU's own start value")
@@ -132,8 +132,13 @@ def _box(
     return _about(offer, name, start, slope, line, why)
 
 
-def _of_hertz(value_hz: float, unit: str) -> float | None:
-    """A frequency in a unit of frequencies or angular ones; None for another unit."""
+def in_unit(value_hz: float, unit: str) -> float | None:
+    """A frequency in a unit of frequencies or angular ones; None for another unit.
+
+    Args:
+        value_hz: in Hz.
+        unit: wanted.
+    """
     if same_kind("Hz", unit):
         return convert(value_hz, "Hz", unit, where="line")
     if same_kind("rad/s", unit):

@@ -12,8 +12,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import matmul_toeplitz
-from scipy.signal import lfilter
+from scipy.linalg import matmul_toeplitz, solve_banded
 from scipy.special import fdtrc, gammaincc
 
 from fitting.text.arrays import FloatArray
@@ -132,7 +131,7 @@ def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure
     square = together
     if sizes_p < STRUCTURED:
         weighed = news / (1.0 - _leverage(basis))
-        seen = weighed[:, None] * lfilter([1.0], [1.0, *-coefficients], basis[::-1], axis=0)[::-1]
+        seen = weighed[:, None] * _coloured(coefficients, basis)
         worst = float(np.linalg.norm(seen, 2)) ** 2
         square = max(square, worst * (m - n) / float(residuals @ residuals))
     square = min(square, float(m - n))
@@ -153,9 +152,21 @@ def _whitened(
     if p_value >= STRUCTURED:
         return np.zeros(0), residuals, one_size_p(residuals, basis)
     coefficients = autoregression(residuals, _lags(residuals.size))
-    news = np.asarray(lfilter([1.0, *-coefficients], [1.0], residuals))
+    news = residuals.copy()
+    for lag, a in enumerate(coefficients, start=1):
+        news[lag:] -= a * residuals[:-lag]
     first = coefficients.size  # what stands before these is not known
     return coefficients, news, one_size_p(news[first:], basis[first:])
+
+
+def _coloured(coefficients: FloatArray, basis: FloatArray) -> FloatArray:
+    """A^-T U (m, n), A the matrix that makes of residuals what the autoregression leaves."""
+    if not coefficients.size:
+        return basis
+    order, m = coefficients.size, basis.shape[0]
+    bands = np.ones((order + 1, m))  # of A^T: the diagonal last, lag k as row order - k
+    bands[:-1] = -coefficients[::-1, None]
+    return np.asarray(solve_banded((0, order), bands, basis))
 
 
 def _basis(jacobian: FloatArray) -> FloatArray:

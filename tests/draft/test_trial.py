@@ -1,4 +1,4 @@
-"""The level of a drive that no file tells, in FMUs whose response is in proportion, and is not."""
+"""Trials of FMUs: which parameters make the line, and a level at which it is one."""
 
 from __future__ import annotations
 
@@ -34,8 +34,15 @@ def drafted(line: Path, model: str, folder: Path) -> dict[str, Scalar]:
     return {"level": campaign["drive"]["level"], **start}
 
 
-def test_a_linear_fmu_is_driven_with_one(line: Path, tmp_path: Path) -> None:
-    assert drafted(line, "CoupledOscillator", tmp_path)["level"] == 1.0
+def test_a_linear_fmu_is_driven_with_one_and_the_mode_that_its_output_shows_is_fitted(
+    line: Path, tmp_path: Path
+) -> None:
+    """q1_hybrid is the upper mode, of width d1 cos^2(theta) + d2 sin^2(theta), theta = 1.95."""
+    start = drafted(line, "CoupledOscillator", tmp_path)
+    assert start["level"] == 1.0
+    assert start["eta_plus"] == pytest.approx(ETA, abs=1.0)
+    assert "d2" in start
+    assert "eta_minus" not in start
 
 
 def test_a_duffing_string_is_driven_so_weakly_that_its_line_is_one(
