@@ -26,6 +26,7 @@ from fitting.fit.likelihood.descent import (
     inflation_of,
     lower,
 )
+from fitting.fit.likelihood.few_places import of_few_places
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.fit.search.box import Box
@@ -101,6 +102,9 @@ def search_box(
 ) -> Search:
     """Look for the lowest minima of chi square in the box.
 
+    Of measurements at many places few are looked at first (`fitting.fit.likelihood.few_places`):
+    what is a minimum of all of them is about one of those, where noise explains both.
+
     Args:
         evaluator: of the likelihood, without inflation.
         begins: search vectors that are let down besides, (n,) each.
@@ -110,6 +114,29 @@ def search_box(
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
+    few = of_few_places(evaluator.likelihood)
+    if few is None:
+        return _searched(evaluator, begins, seed, budget)
+    with evaluator.of(few.likelihood):
+        scouted = _searched(evaluator, begins, seed, budget)
+    if not scouted.explained:
+        return _searched(evaluator, begins, seed, budget)
+    ended = _let_down(evaluator, [*begins, *(minimum.x for minimum in scouted.minima)])
+    if not _is_explained(evaluator.likelihood, ended):
+        return _searched(evaluator, begins, seed, budget)
+    return replace(
+        scouted,
+        minima=_apart(Box(evaluator.likelihood.parameters), evaluator.likelihood, ended),
+        descents=scouted.descents + len(ended),
+        evaluations=evaluator.evaluations,
+        runs=evaluator.runs,
+    )
+
+
+def _searched(
+    evaluator: LikelihoodEvaluator, begins: Sequence[FloatArray], seed: int, budget: int
+) -> Search:
+    """A search by all rows that the evaluator has."""
     box = Box(evaluator.likelihood.parameters)
     ended = _let_down(evaluator, begins)
     unknowns = int(np.count_nonzero(box.free))
