@@ -514,7 +514,7 @@ class MeasurementKind:
         return self if inside else None
 
     def few_places(self) -> tuple[Measurement, BoolArray] | None:
-        """This kind of measurement is not divided."""
+        """None: it is not divided."""
         return None
 
 
@@ -569,7 +569,7 @@ class Response(Protocol):
 
 @runtime_checkable
 class DivisibleResponse(Response, Protocol):
-    """A response that can answer for other measurements of the same series, as for parts of them."""
+    """A response that can answer for parts of its measurements."""
 
     def answering(self, measurements: tuple[Measurement, ...]) -> Response:
         """The same model, asked for these measurements.

@@ -123,17 +123,28 @@ class ResponseCurve:
             owner: which evaluation pays for the runs.
             part: of the drive's amplitude.
         """
-        model = self.model
-        values = model.one_tone_of(model.values(p, self.label, self.settings))
-        variations = []
+        tones = self._tones(tones_hz, part)
+        return self._asked(self._start_values(p, part), tones, batch, owner)
+
+    def _tones(self, tones_hz: FloatArray, part: float = 1.0) -> list[Variation]:
+        """What runs at single tones have of their own, whatever the parameters are."""
+        found = []
         for tone in map(float, tones_hz):
-            window = model.single_tone_window(tone)
-            signal = model.signal(window, window.tones_hz, part)
-            variations.append(Variation(model.tone_values(tone), window, signal))
-        if part != 1.0:
-            values = model.with_part(part, values)
-        runs = batch.ask_varied(values, variations, self.place.output, owner)
-        return [(run, v.window) for run, v in zip(runs, variations, strict=True)]
+            window = self.model.single_tone_window(tone)
+            signal = self.model.signal(window, window.tones_hz, part)
+            found.append(Variation(self.model.tone_values(tone), window, signal))
+        return found
+
+    def _start_values(self, p: FloatArray, part: float = 1.0) -> dict[str, Scalar]:
+        """What runs at single tones have in common."""
+        values = self.model.one_tone_of(self.model.values(p, self.label, self.settings))
+        return values if part == 1.0 else self.model.with_part(part, values)
+
+    def _asked(
+        self, values: dict[str, Scalar], tones: Sequence[Variation], batch: Batch, owner: int
+    ) -> list[tuple[int, Window]]:
+        runs = batch.ask_varied(values, tones, self.place.output, owner)
+        return [(run, tone.window) for run, tone in zip(runs, tones, strict=True)]
 
     def read(self, batch: Batch, asked: Sequence[tuple[int, Window]]) -> ComplexArray:
         """Phasors (m,) of runs that were simulated.
@@ -210,8 +221,12 @@ class ResponseCurve:
     ) -> Responding:
         """By the plan's runs, by more where a check says so, by all where that does not help."""
         nodes, half = planned.nodes_hz, np.array([planned.half_hz])
-        asked = [self.ask(table[k], nodes, batch, int(k)) for k in first]
-        halves = [self.ask(table[k], half, batch, int(k), part=0.5) for k in first]
+        tones, half_tones = self._tones(nodes), self._tones(half, 0.5)
+        asked, halves = [], []
+        for k in map(int, first):
+            values = self._start_values(table[k])
+            asked.append(self._asked(values, tones, batch, k))
+            halves.append(self._asked(self.model.with_part(0.5, values), half_tones, batch, k))
         yield
         values = np.array([self.read(batch, runs) for runs in asked]).reshape(-1, nodes.size)
         half_values = np.array([self.read(batch, run)[0] for run in halves])

@@ -7,6 +7,8 @@ same run, and amplitudes that are wanted twice, then cost nothing.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -44,12 +46,19 @@ def alike(table: FloatArray) -> tuple[IntArray, IntArray]:
     return np.asarray(first, dtype=np.intp), np.asarray(group, dtype=np.intp).ravel()
 
 
-class Variation(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Variation:
     """What one of several runs has of its own: further start values, its window, its signal."""
 
     values: Mapping[str, Scalar]
     window: Window
     signal: Signal = None
+
+    @cached_property
+    def key(self) -> tuple[object, ...]:
+        """By which it is told from others."""
+        w = self.window
+        return (*self.values.items(), w.settle_s, w.step_s, w.samples, w.longest_s, self.signal)
 
 
 class _Asked(NamedTuple):
@@ -57,15 +66,14 @@ class _Asked(NamedTuple):
 
     shared: Mapping[str, Scalar]
     own: Variation
-    outputs: list[str]
+    outputs: tuple[str, ...]
 
 
 class Batch:
     """Collects runs, simulates the different ones together, and reads amplitudes of them."""
 
     def __init__(self) -> None:
-        self._index: dict[tuple[object, ...], int] = {}
-        self._shared: dict[frozenset[tuple[str, Scalar]], int] = {}
+        self._index: dict[frozenset[tuple[str, Scalar]], dict[tuple[object, ...], int]] = {}
         self._runs: list[_Asked] = []
         self.owners: list[int] = []
         self._answers: list[FloatArray] = []
@@ -109,20 +117,18 @@ class Batch:
             output: name of the output.
             owner: which evaluation pays for the runs.
         """
-        shared = self._shared.setdefault(frozenset(values.items()), len(self._shared))
+        index = self._index.setdefault(frozenset(values.items()), {})
         found = []
         for own in variations:
-            w = own.window
-            key = (shared, *own.values.items(), w.settle_s, w.step_s, w.samples, w.longest_s)
-            key = (*key, own.signal)
-            k = self._index.setdefault(key, len(self._runs))
+            k = index.setdefault(own.key, len(self._runs))
             if k < len(self._answers) and output not in self._runs[k].outputs:
-                k = self._index[key] = len(self._runs)  # simulated already, without this output
+                k = index[own.key] = len(self._runs)  # simulated already, without this output
             if k == len(self._runs):
-                self._runs.append(_Asked(values, own, []))
+                self._runs.append(_Asked(values, own, (output,)))
                 self.owners.append(owner)
-            if output not in self._runs[k].outputs:
-                self._runs[k].outputs.append(output)
+            elif output not in self._runs[k].outputs:
+                asked = self._runs[k]
+                self._runs[k] = asked._replace(outputs=(*asked.outputs, output))
             found.append(k)
         return found
 
@@ -138,7 +144,7 @@ class Batch:
                 settle_s=own.window.settle_s,
                 sample_step_s=own.window.step_s,
                 samples=own.window.samples,
-                outputs=tuple(outputs),
+                outputs=outputs,
                 input_signal=own.signal,
                 longest_step_s=own.window.longest_s,
             )

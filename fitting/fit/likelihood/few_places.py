@@ -1,7 +1,7 @@
 """The likelihood of a few places: what it excludes by far, all of the data exclude.
 
-For rows in two parts, a few places and the rest, chi^2 = chi_f^2 + chi_r^2, and over all x that keep
-to a constraint,
+For rows in two parts, a few places and the rest, chi^2 = chi_f^2 + chi_r^2, and over all x that
+keep to a constraint,
 
     min chi^2 - chi^2(b) >= [min chi_f^2 - chi_f^2(b)] - [chi_r^2(b) - min chi_r^2]
 
@@ -29,7 +29,7 @@ OWN_GAIN, OWN_GAIN_ROOT = 1.0, 5.0 * np.sqrt(2.0)
 
 @dataclass(frozen=True)
 class FewPlaces:
-    """The likelihood of a few places, and which rows of all, of data and priors, it has (m + n,)."""
+    """The likelihood of a few places, and which of all rows it has, priors last (m + n,)."""
 
     likelihood: Likelihood
     kept: BoolArray

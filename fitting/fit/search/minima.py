@@ -26,7 +26,7 @@ from fitting.fit.likelihood.descent import (
     inflation_of,
     lower,
 )
-from fitting.fit.likelihood.few_places import of_few_places
+from fitting.fit.likelihood.few_places import of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.fit.search.box import Box
@@ -43,6 +43,8 @@ EVOLUTIONS = 2
 FEW, MOST_AT_FIRST = 3, 512
 #: Decrease of chi square that counts as something lower, and as a share of it.
 WORTH, WORTH_SHARE = 1.0, 1e-2
+#: Chi square of a minimum by few places, in units of the least, from which nothing goes on.
+HOPELESS = 2.0
 #: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
 SAME = 0.02
 
@@ -103,7 +105,8 @@ def search_box(
     """Look for the lowest minima of chi square in the box.
 
     Of measurements at many places few are looked at first (`fitting.fit.likelihood.few_places`):
-    what is a minimum of all of them is about one of those, where noise explains both.
+    what is a minimum of all of them is about one of those, where noise explains both. Descents are
+    then those by all, from what is not far above the lowest.
 
     Args:
         evaluator: of the likelihood, without inflation.
@@ -121,13 +124,16 @@ def search_box(
         scouted = _searched(evaluator, begins, seed, budget)
     if not scouted.explained:
         return _searched(evaluator, begins, seed, budget)
-    ended = _let_down(evaluator, [*begins, *(minimum.x for minimum in scouted.minima)])
+    least = scouted.minima[0].chi_square
+    enough = HOPELESS * least + own_gain(evaluator.likelihood)
+    near = [minimum.x for minimum in scouted.minima if minimum.chi_square <= enough]
+    ended = _let_down(evaluator, [*begins, *near])
     if not _is_explained(evaluator.likelihood, ended):
         return _searched(evaluator, begins, seed, budget)
     return replace(
         scouted,
         minima=_apart(Box(evaluator.likelihood.parameters), evaluator.likelihood, ended),
-        descents=scouted.descents + len(ended),
+        descents=len(ended),
         evaluations=evaluator.evaluations,
         runs=evaluator.runs,
     )

@@ -51,7 +51,7 @@ from fitting.text.errors import BadInput
 #: Residuals below this share of the maximum are no misfit.
 SMALLEST_MISFIT = 1e-3
 #: Spectra that stand for all of a map where many are not needed.
-FEW = 8
+FEW = 6
 
 
 @dataclass(frozen=True, kw_only=True)
