@@ -224,9 +224,9 @@ class ResponseCurve:
         tones, half_tones = self._tones(nodes), self._tones(half, 0.5)
         asked, halves = [], []
         for k in map(int, first):
-            values = self._start_values(table[k])
-            asked.append(self._asked(values, tones, batch, k))
-            halves.append(self._asked(self.model.with_part(0.5, values), half_tones, batch, k))
+            start = self._start_values(table[k])
+            asked.append(self._asked(start, tones, batch, k))
+            halves.append(self._asked(self.model.with_part(0.5, start), half_tones, batch, k))
         yield
         values = np.array([self.read(batch, runs) for runs in asked]).reshape(-1, nodes.size)
         half_values = np.array([self.read(batch, run)[0] for run in halves])

@@ -86,7 +86,7 @@ class Interpolation:
         Args:
             frequency_hz: frequencies (n,), Hz.
         """
-        return self._alone.at(frequency_hz).uncertainty[0]
+        return np.asarray(self._alone.at(frequency_hz).uncertainty[0])
 
     def wanted_hz(self, frequency_hz: FloatArray) -> tuple[float, float]:
         """Where two further values tell most: a support and another, at two of many frequencies.

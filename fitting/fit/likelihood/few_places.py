@@ -13,6 +13,7 @@ minima are about.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +25,7 @@ from fitting.text.arrays import BoolArray
 
 #: Chi square, for each parameter and besides, that a part may exclude a point by in vain: the rest
 #: gains n + 5 sqrt(2 n) by itself less often than once in a million times.
-OWN_GAIN, OWN_GAIN_ROOT = 1.0, 5.0 * np.sqrt(2.0)
+OWN_GAIN, OWN_GAIN_ROOT = 1.0, 5.0 * math.sqrt(2.0)
 
 
 @dataclass(frozen=True)
@@ -85,4 +86,4 @@ def own_gain(likelihood: Likelihood) -> float:
         likelihood: of all rows.
     """
     n = float(len(likelihood.parameters))
-    return OWN_GAIN * n + OWN_GAIN_ROOT * float(np.sqrt(n))
+    return OWN_GAIN * n + OWN_GAIN_ROOT * math.sqrt(n)
