@@ -6,26 +6,25 @@ keep to a constraint,
     min chi^2 - chi^2(b) >= [min chi_f^2 - chi_f^2(b)] - [chi_r^2(b) - min chi_r^2]
 
 b is the most likely point of all. The last bracket is what the rest gains where it is fitted by
-itself: about as much as there are parameters, whatever the data are, as far as noise explains them.
-So a few spectra of a map tell where none of it fits, at a part of the simulations, and where its
-minima are about.
+itself: where noise explains the data and rows are about straight, no more than a variable chi^2 of
+as many degrees of freedom as there are parameters. So a few spectra of a map tell where none of it
+fits, at a part of the simulations, and where its minima are about.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from fitting.fit.covariance import BoundedErrors
 from fitting.fit.likelihood.likelihood import Likelihood
 from fitting.measurements.measurement import DivisibleResponse
 from fitting.text.arrays import BoolArray
 
-#: Chi square, for each parameter and besides, that a part may exclude a point by in vain: the rest
-#: gains n + 5 sqrt(2 n) by itself less often than once in a million times.
-OWN_GAIN, OWN_GAIN_ROOT = 1.0, 5.0 * math.sqrt(2.0)
+#: Probability that the rest gains more by itself than is allowed for.
+SELDOM_P = 1e-6
 
 
 @dataclass(frozen=True)
@@ -80,10 +79,9 @@ def of_few_places(likelihood: Likelihood) -> FewPlaces | None:
 
 
 def own_gain(likelihood: Likelihood) -> float:
-    """Chi square that the rest of the rows may gain where a few places are left out, at most.
+    """Chi square that the rest of the rows gains by itself less often than `SELDOM_P`.
 
     Args:
         likelihood: of all rows.
     """
-    n = float(len(likelihood.parameters))
-    return OWN_GAIN * n + OWN_GAIN_ROOT * math.sqrt(n)
+    return float(chdtri(len(likelihood.parameters), SELDOM_P))
