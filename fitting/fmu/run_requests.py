@@ -119,13 +119,10 @@ class RunRequests:
             number = self._add(key, run.start_values)
         held = signal if isinstance(signal, HeldSignal) else None
         tones = () if signal is None or isinstance(signal, HeldSignal) else signal.tones
-        given = run.start_values
-        defaults = self._defaults
-        values = tuple(
-            tuple([given[name] if name in given else defaults[name] for name in group.names])
-            for group in self.layouts[number].sets
-        )
-        for group, numbers in zip(self.layouts[number].sets, values, strict=True):
+        given = {**self._defaults, **run.start_values}
+        groups = self.layouts[number].sets
+        values = tuple([tuple(map(given.__getitem__, group.names)) for group in groups])
+        for group, numbers in zip(groups, values, strict=True):
             if group.fmi_type in _RANGES:
                 self._require_range(group, numbers)
         return RunRequest(

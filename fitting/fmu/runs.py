@@ -126,7 +126,7 @@ class Handling:
     freed: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Run:
     """One simulation of an FMU.
 

@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.signal.rational import Interpolation
+from fitting.signal.rational import Interpolation, Interpolations
 from fitting.simulate.budget import Basis, Decision, Kind
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 
 #: Changes by values that are left out tell the error to this factor (300 random scenes, with and
 #: without noise: tests/bench/bench_curve.py).
@@ -75,6 +75,31 @@ class CurvePlan:
         """
         return bool(np.all((frequency_hz >= self.low_hz) & (frequency_hz <= self.high_hz)))
 
+    def drafted(
+        self, points_hz: FloatArray, values: ComplexArray, half: ComplexArray
+    ) -> DraftedCurves:
+        """Interpolations at several parameter vectors of what was simulated there.
+
+        Args:
+            points_hz: frequencies that are wanted (m,), Hz.
+            values: at `nodes_hz`, shape (k, 2 m).
+            half: by half the drive at `half_hz`, shape (k,).
+        """
+        m = len(self.supports_hz)
+        curves = Interpolations(
+            supports_hz=np.array(self.supports_hz),
+            supports=values[:, :m],
+            others_hz=np.array(self.others_hz),
+            others=values[:, m:],
+        )
+        found = curves.at(points_hz)
+        here = values[:, self.nodes_hz == self.half_hz][:, 0]
+        largest = np.max(np.abs(found.values), axis=1)
+        with np.errstate(all="ignore"):
+            known = SAFETY * np.max(found.uncertainty, axis=1) <= self.tolerance
+            known &= grown_change(here, half, largest) <= self.tolerance
+        return DraftedCurves(values=found.values, known=known)
+
     def interpolation(self, values: ComplexArray) -> Interpolation:
         """The interpolation of what was simulated at its nodes.
 
@@ -114,6 +139,31 @@ def curve_decision(curves: Sequence[CurvePlan]) -> Decision:
     return Decision(kind=Kind.CURVE, basis=worst.basis, bound=bound, numbers=numbers, taken=False)
 
 
+def grown_change(whole: ComplexArray, half: ComplexArray, largest: FloatArray) -> FloatArray:
+    """Bound of the relative change at any point by halving the drive, but for the half, (k,).
+
+    What is not linear grows with the square of the response, at the least, and shifts a resonance,
+    by which the response changes the more the larger it is.
+
+    Args:
+        whole: responses at one frequency, shape (k,).
+        half: to half the drive, there, shape (k,).
+        largest: sizes of the responses at any point, shape (k,).
+    """
+    with np.errstate(all="ignore"):
+        change = np.abs(2.0 * half / whole - 1.0)
+        grown = change * np.maximum(1.0, largest / np.abs(whole)) ** 3
+    return np.where(np.isfinite(grown), grown, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DraftedCurves:
+    """Phasors `values` (k, m) as they are interpolated, and whether each curve is `known` (k,)."""
+
+    values: ComplexArray
+    known: BoolArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class DraftedCurve:
     """An interpolation at one parameter vector that is to hold at `points` (m,) to a `tolerance`.
@@ -144,17 +194,10 @@ class DraftedCurve:
 
     @cached_property
     def nonlinearity(self) -> float:
-        """Bound of the relative change at any point by halving the drive, but for the half.
-
-        What is not linear grows with the square of the response, at the least, and shifts a
-        resonance, by which the response changes the more the larger it is.
-        """
+        """Bound of the relative change at any point by halving the drive, but for the half."""
         here = complex(self.curve.function(np.array([self.half_hz]))[0])
         largest = float(np.max(np.abs(self.values)))
-        with np.errstate(all="ignore"):
-            change = np.abs(2.0 * self.half / np.complex128(here) - 1.0)
-            grown = change * max(1.0, largest / abs(here)) ** 3 if here else np.inf
-        return float(grown) if np.isfinite(grown) else np.inf
+        return float(grown_change(np.array([here]), np.array([self.half]), np.array([largest]))[0])
 
     @property
     def is_known(self) -> bool:

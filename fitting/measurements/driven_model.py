@@ -126,28 +126,45 @@ class DrivenModel:
             tone_hz: frequency of the tone, Hz.
             label: of the place whose own parameters act, None for a sweep.
         """
-        drive = self.setup.drive
-        values = self.values(p, label, settings)
-        if drive.kind == "tones":
-            values[drive.frequency_names[0]] = _in_unit(tone_hz, drive.tone_unit)
-            values.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))
-        return values
+        return self.one_tone_of(self.values(p, label, settings)) | self.tone_values(tone_hz)
 
-    def with_part(
-        self, part: float, values: Mapping[str, Scalar], signal: InputSignal | None
-    ) -> tuple[dict[str, Scalar], InputSignal | None]:
-        """Start values and input signal of a single tone with a part of the drive's amplitude.
+    def one_tone_of(self, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Start values for one tone, but for those of the tone itself: other amplitudes zero.
+
+        Args:
+            values: start values, by name.
+        """
+        drive, found = self.setup.drive, dict(values)
+        if drive.kind == "tones":
+            found.pop(drive.frequency_names[0], None)
+            found.update(dict.fromkeys(drive.amplitude_names[1:], 0.0))
+        return found
+
+    def tone_values(self, tone_hz: float) -> dict[str, Scalar]:
+        """Start values that a single tone has of its own; none where the tool applies it.
+
+        Args:
+            tone_hz: frequency of the tone, Hz.
+        """
+        drive = self.setup.drive
+        if drive.kind != "tones":
+            return {}
+        return {drive.frequency_names[0]: _in_unit(tone_hz, drive.tone_unit)}
+
+    def with_part(self, part: float, values: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Start values of a single tone with a part of the drive's amplitude.
+
+        Where the tool applies the tone, its signal has the part (`signal`), and nothing changes.
 
         Args:
             part: of the amplitude.
             values: start values under the tone, by name.
-            signal: that the tool applies to an input, None where the FMU drives itself.
         """
-        if signal is not None:
-            tones = tuple((tone_hz, part * size, phase) for tone_hz, size, phase in signal.tones)
-            return dict(values), replace(signal, tones=tones)
-        name = self.setup.drive.amplitude_names[0]
-        return {**values, name: part * float(values[name])}, None
+        drive = self.setup.drive
+        if drive.kind == "input" and drive.input is not None:
+            return dict(values)
+        name = drive.amplitude_names[0]
+        return {**values, name: part * float(values[name])}
 
     def single_tone_window(self, tone_hz: float) -> Window:
         """Settling and samples under one tone.
@@ -190,15 +207,18 @@ class DrivenModel:
             highest_order=drive.highest_order,
         )
 
-    def signal(self, window: Window, tones_hz: Sequence[float]) -> InputSignal | None:
+    def signal(
+        self, window: Window, tones_hz: Sequence[float], part: float = 1.0
+    ) -> InputSignal | None:
         """The tones as input of the FMU, where the tool applies them; None where the FMU does.
 
         Args:
             window: settling and samples of a run.
             tones_hz: frequencies of the tones, Hz.
+            part: of the drive's amplitude.
         """
         drive = self.setup.drive
         if drive.kind != "input" or drive.input is None:
             return None
-        rows = tuple((tone, drive.amplitude, 0.0) for tone in tones_hz)
+        rows = tuple((tone, part * drive.amplitude, 0.0) for tone in tones_hz)
         return InputSignal(drive.input, rows, window.input_step_s)

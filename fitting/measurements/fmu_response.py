@@ -8,7 +8,7 @@ alone.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -125,6 +125,14 @@ class FmuResponse:
         answers = iter(self.workers.run(runs))
         columns = [np.array([next(answers)[0] for _ in first])[group] for first, group in groups]
         return np.stack(columns, axis=1)
+
+    def answering(self, measurements: tuple[Measurement, ...]) -> FmuResponse:
+        """The same model, asked for these measurements.
+
+        Args:
+            measurements: parts of those that it answers for.
+        """
+        return replace(self, measurements=measurements)
 
     def misfit(self, p: FloatArray) -> float:
         """Largest relative deviation of any sampled run from mean plus tones.

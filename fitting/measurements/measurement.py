@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, cast
+from typing import Any, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,7 @@ from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 #: Predicted or measured values (n,), real or complex.
@@ -309,6 +309,13 @@ class Measurement(Protocol):
         """
         ...
 
+    def few_places(self) -> tuple[Measurement, BoolArray] | None:
+        """A few of many places that stand for all, and which of the rows (rows,) these have.
+
+        None where there are few places, or where parts of it are not simulated apart.
+        """
+        ...
+
 
 class AtOnePlace:
     """Answers of a record that is measured at one place: a base class beside its own."""
@@ -506,6 +513,10 @@ class MeasurementKind:
             )
         return self if inside else None
 
+    def few_places(self) -> tuple[Measurement, BoolArray] | None:
+        """None: it is not divided."""
+        return None
+
 
 def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:
     """Setup and settings of a drive with every amplitude zero, also those that are its own.
@@ -552,5 +563,18 @@ class Response(Protocol):
 
         Args:
             ps: parameter vectors (n,), each in its own unit.
+        """
+        ...
+
+
+@runtime_checkable
+class DivisibleResponse(Response, Protocol):
+    """A response that can answer for parts of its measurements."""
+
+    def answering(self, measurements: tuple[Measurement, ...]) -> Response:
+        """The same model, asked for these measurements.
+
+        Args:
+            measurements: parts of those that it answers for.
         """
         ...

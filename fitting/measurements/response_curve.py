@@ -21,7 +21,7 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.signal.rational import Interpolation
 from fitting.signal.window import Window
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch, Variation, Workers
 from fitting.simulate.budget import Basis
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
@@ -123,15 +123,28 @@ class ResponseCurve:
             owner: which evaluation pays for the runs.
             part: of the drive's amplitude.
         """
-        asked = []
+        tones = self._tones(tones_hz, part)
+        return self._asked(self._start_values(p, part), tones, batch, owner)
+
+    def _tones(self, tones_hz: FloatArray, part: float = 1.0) -> list[Variation]:
+        """What runs at single tones have of their own, whatever the parameters are."""
+        found = []
         for tone in map(float, tones_hz):
             window = self.model.single_tone_window(tone)
-            values = self.model.single_tone_values(p, self.settings, tone, self.label)
-            signal = self.model.signal(window, window.tones_hz)
-            if part != 1.0:
-                values, signal = self.model.with_part(part, values, signal)
-            asked.append((batch.ask(values, window, signal, self.place.output, owner), window))
-        return asked
+            signal = self.model.signal(window, window.tones_hz, part)
+            found.append(Variation(self.model.tone_values(tone), window, signal))
+        return found
+
+    def _start_values(self, p: FloatArray, part: float = 1.0) -> dict[str, Scalar]:
+        """What runs at single tones have in common."""
+        values = self.model.one_tone_of(self.model.values(p, self.label, self.settings))
+        return values if part == 1.0 else self.model.with_part(part, values)
+
+    def _asked(
+        self, values: dict[str, Scalar], tones: Sequence[Variation], batch: Batch, owner: int
+    ) -> list[tuple[int, Window]]:
+        runs = batch.ask_varied(values, tones, self.place.output, owner)
+        return [(run, tone.window) for run, tone in zip(runs, tones, strict=True)]
 
     def read(self, batch: Batch, asked: Sequence[tuple[int, Window]]) -> ComplexArray:
         """Phasors (m,) of runs that were simulated.
@@ -208,19 +221,35 @@ class ResponseCurve:
     ) -> Responding:
         """By the plan's runs, by more where a check says so, by all where that does not help."""
         nodes, half = planned.nodes_hz, np.array([planned.half_hz])
-        asked = [self.ask(table[k], nodes, batch, int(k)) for k in first]
-        halves = [self.ask(table[k], half, batch, int(k), part=0.5) for k in first]
+        tones, half_tones = self._tones(nodes), self._tones(half, 0.5)
+        asked, halves = [], []
+        for k in map(int, first):
+            start = self._start_values(table[k])
+            asked.append(self._asked(start, tones, batch, k))
+            halves.append(self._asked(self.model.with_part(0.5, start), half_tones, batch, k))
         yield
-        drafts = [
-            DraftedCurve(
-                points=points,
-                tolerance=planned.tolerance,
-                curve=planned.interpolation(self.read(batch, runs)),
-                half_hz=planned.half_hz,
-                half=complex(self.read(batch, run)[0]),
-            )
-            for runs, run in zip(asked, halves, strict=True)
-        ]
+        values = np.array([self.read(batch, runs) for runs in asked]).reshape(-1, nodes.size)
+        half_values = np.array([self.read(batch, run)[0] for run in halves])
+        drafted = planned.drafted(points, values, half_values)
+        found, rest = drafted.values, np.flatnonzero(~drafted.known)
+        if rest.size:
+            drafts = [
+                DraftedCurve(
+                    points=points,
+                    tolerance=planned.tolerance,
+                    curve=planned.interpolation(values[i]),
+                    half_hz=planned.half_hz,
+                    half=complex(half_values[i]),
+                )
+                for i in rest
+            ]
+            found[rest] = yield from self._mended(table, first[rest], batch, drafts)
+        return found
+
+    def _mended(
+        self, table: FloatArray, first: IntArray, batch: Batch, drafts: list[DraftedCurve]
+    ) -> Responding:
+        """Drafts that are not known: by more runs, by all where that does not help."""
         for _ in range(ROUNDS):
             open_ = [i for i, draft in enumerate(drafts) if draft.may_become_known]
             if not open_:
@@ -234,8 +263,9 @@ class ResponseCurve:
             for i, (f, _), runs in zip(open_, wanted, more, strict=True):
                 drafts[i] = drafts[i].with_values(f, self.read(batch, runs))
         rest = [i for i, draft in enumerate(drafts) if not draft.is_known]
-        found = np.array([draft.values for draft in drafts]).reshape(len(drafts), points.size)
+        found = np.array([draft.values for draft in drafts])
         if rest:
+            points = drafts[0].points
             found[rest] = yield from self._simulated(table, first[rest], points, batch)
         return found
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -66,15 +67,18 @@ class Interpolation:
         return np.concatenate([self.supports_hz, self.others_hz])
 
     @cached_property
-    def function(self) -> RationalFunction:
-        """The function that all values give."""
-        return self._by(np.ones(self.others.size, dtype=bool))
+    def _alone(self) -> Interpolations:
+        return Interpolations(
+            supports_hz=self.supports_hz,
+            supports=self.supports[np.newaxis],
+            others_hz=self.others_hz,
+            others=self.others[np.newaxis],
+        )
 
     @cached_property
-    def _without_one(self) -> tuple[RationalFunction, ...]:
-        """The functions that all values but one of the others give."""
-        every = np.arange(self.others.size)
-        return tuple(self._by(every != k) for k in every)
+    def function(self) -> RationalFunction:
+        """The function that all values give."""
+        return RationalFunction(self.supports_hz, self.supports, self._alone.weights[0])
 
     def uncertainty(self, frequency_hz: FloatArray) -> FloatArray:
         """Largest relative change (n,) that one of the other values makes; infinite without value.
@@ -82,11 +86,7 @@ class Interpolation:
         Args:
             frequency_hz: frequencies (n,), Hz.
         """
-        here = self.function(frequency_hz)
-        changes = [np.abs(without(frequency_hz) - here) for without in self._without_one]
-        with np.errstate(all="ignore"):
-            largest = np.max(changes, axis=0) / np.abs(here)
-        return np.where(np.isfinite(largest), largest, np.inf)
+        return np.asarray(self._alone.at(frequency_hz).uncertainty[0])
 
     def wanted_hz(self, frequency_hz: FloatArray) -> tuple[float, float]:
         """Where two further values tell most: a support and another, at two of many frequencies.
@@ -129,15 +129,91 @@ class Interpolation:
             others=np.append(self.others, values[1]),
         )
 
-    def _by(self, used: BoolArray) -> RationalFunction:
-        """By these of the others: weights are the null vector of their linear equations."""
-        others_hz, others = self.others_hz[used, np.newaxis], self.others[used, np.newaxis]
+
+class Interpolated(NamedTuple):
+    """Values (k, n) of several functions at frequencies (n,), and their `uncertainty` (k, n)."""
+
+    values: ComplexArray
+    uncertainty: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interpolations:
+    """Several of them with values at the same frequencies: all at once, as `Interpolation` is one.
+
+    `supports` (k, m) at `supports_hz` (m,), `others` (k, n) at `others_hz` (n,).
+    """
+
+    supports_hz: FloatArray
+    supports: ComplexArray
+    others_hz: FloatArray
+    others: ComplexArray
+
+    @cached_property
+    def _equations(self) -> ComplexArray:
+        """Relative errors at the others by weight, (k, n, m)."""
+        others = self.others[:, :, np.newaxis]
+        apart = self.others_hz[:, np.newaxis] - self.supports_hz
         with np.errstate(all="ignore"):
-            rows = (others - self.supports) / (others_hz - self.supports_hz) / np.abs(others)
-            size = np.linalg.norm(rows, axis=0)
-            matrix = rows / np.where(size > 0.0, size, 1.0)
-        if not np.all(np.isfinite(matrix)):
-            weights = np.full(self.supports.size, np.nan, dtype=complex)
-        else:
-            weights = np.linalg.svd(matrix)[2][-1].conj() / np.where(size > 0.0, size, 1.0)
-        return RationalFunction(self.supports_hz, self.supports, weights)
+            return np.asarray((others - self.supports[:, np.newaxis]) / apart / np.abs(others))
+
+    @cached_property
+    def weights(self) -> ComplexArray:
+        """Weights (k, m) that all values give; NaN where there are none."""
+        return _null_vectors(self._equations)
+
+    @cached_property
+    def _weights_without_one(self) -> ComplexArray:
+        """Weights (k, n, m) that all values but one of the others give."""
+        n = self.others_hz.size
+        kept = np.array([[i for i in range(n) if i != k] for k in range(n)], dtype=np.intp)
+        return _null_vectors(self._equations[:, kept.reshape(n, n - 1)])
+
+    def at(self, frequency_hz: FloatArray) -> Interpolated:
+        """Values, and the largest relative change that one of the others makes; infinite without.
+
+        Args:
+            frequency_hz: frequencies (n,), Hz.
+        """
+        apart = frequency_hz[:, np.newaxis] - self.supports_hz
+        place, node = np.nonzero(apart == 0.0)
+        apart[place, node] = 1.0
+        inverse = 1.0 / apart
+        weights, one = self.weights, self._weights_without_one
+        above, below = (_product(inverse, w) for w in (weights * self.supports, weights))
+        one_above, one_below = (
+            _product(inverse, w.reshape(-1, weights.shape[1])).reshape(len(apart), len(weights), -1)
+            for w in (one * self.supports[:, np.newaxis], one)
+        )
+        with np.errstate(all="ignore"):
+            values = above / below
+            # N'/D' over N/D, less one, without a division
+            mine = one_below * above[:, :, np.newaxis]
+            off = one_above * below[:, :, np.newaxis] - mine
+            changes = np.sqrt(np.max(_squared(off) / _squared(mine), axis=2))
+        values[place] = self.supports[:, node].T
+        changes[place] = np.where(values[place] == 0.0, np.inf, 0.0)
+        known = np.isfinite(changes) & np.isfinite(values)
+        return Interpolated(values.T, np.where(known, changes, np.inf).T)
+
+
+def _product(real: FloatArray, several: ComplexArray) -> ComplexArray:
+    """real (n, m) times several (k, m), transposed: (n, k), by one product of real numbers."""
+    columns = np.ascontiguousarray(several.T, dtype=complex)
+    return np.asarray((real @ columns.view(float)).view(complex))
+
+
+def _squared(values: ComplexArray) -> FloatArray:
+    return np.asarray(values.real**2 + values.imag**2)
+
+
+def _null_vectors(equations: ComplexArray) -> ComplexArray:
+    """What equations (..., n, m) send nearest to zero, columns of one size: (..., m); NaN: none."""
+    with np.errstate(all="ignore"):
+        size = np.sqrt(np.sum(_squared(equations), axis=-2))
+        size = np.where(size > 0.0, size, 1.0)
+        matrices = equations / size[..., np.newaxis, :]
+    usable = np.all(np.isfinite(matrices), axis=(-2, -1))
+    matrices = np.where(usable[..., np.newaxis, np.newaxis], matrices, 0.0)
+    found = np.linalg.svd(matrices)[2][..., -1, :].conj() / size
+    return np.asarray(np.where(usable[..., np.newaxis], found, np.nan))

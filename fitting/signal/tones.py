@@ -65,6 +65,11 @@ class ToneFit:
         return np.asarray(np.linalg.pinv(self.design))
 
     @cached_property
+    def reader(self) -> ComplexArray:
+        """The phasors of the fit as a matrix on the samples, (tones, samples)."""
+        return np.asarray(self.projector[1::2] - 1j * self.projector[2::2])
+
+    @cached_property
     def condition(self) -> float:
         """Factor by which the fit may amplify rounding; infinite for fewer samples than unknowns.
 

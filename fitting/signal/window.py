@@ -17,7 +17,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from fitting.signal.tones import FittedTones, ToneFit, common_period, exact, tone_design
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 
@@ -94,9 +94,24 @@ class Window:
         Raises:
             ValueError: another number of samples than planned.
         """
+        self._require_planned(values)
+        return self.fit(values)
+
+    def phasors(self, values: FloatArray) -> ComplexArray:
+        """Phasors (tones,) alone of samples (samples,), for a fraction of the time of `read`.
+
+        Args:
+            values: samples (samples,).
+
+        Raises:
+            ValueError: another number of samples than planned.
+        """
+        self._require_planned(values)
+        return np.asarray(self.fit.reader @ values)
+
+    def _require_planned(self, values: FloatArray) -> None:
         if values.shape[:1] != (self.samples,):
             raise ValueError(f"{values.shape[0]} samples, planned were {self.samples}")
-        return self.fit(values)
 
 
 def folded(cycles: int, samples: int) -> int:

@@ -7,7 +7,9 @@ same run, and amplitudes that are wanted twice, then cost nothing.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -44,12 +46,35 @@ def alike(table: FloatArray) -> tuple[IntArray, IntArray]:
     return np.asarray(first, dtype=np.intp), np.asarray(group, dtype=np.intp).ravel()
 
 
+@dataclass(frozen=True, eq=False)
+class Variation:
+    """What one of several runs has of its own: further start values, its window, its signal."""
+
+    values: Mapping[str, Scalar]
+    window: Window
+    signal: Signal = None
+
+    @cached_property
+    def key(self) -> tuple[object, ...]:
+        """By which it is told from others."""
+        w = self.window
+        return (*self.values.items(), w.settle_s, w.step_s, w.samples, w.longest_s, self.signal)
+
+
+class _Asked(NamedTuple):
+    """A run that was asked for: start values that others share, what is its own, its outputs."""
+
+    shared: Mapping[str, Scalar]
+    own: Variation
+    outputs: tuple[str, ...]
+
+
 class Batch:
     """Collects runs, simulates the different ones together, and reads amplitudes of them."""
 
     def __init__(self) -> None:
-        self._index: dict[tuple[object, ...], int] = {}
-        self._runs: list[tuple[dict[str, Scalar], Window, Signal, list[str]]] = []
+        self._index: dict[frozenset[tuple[str, Scalar]], dict[tuple[object, ...], int]] = {}
+        self._runs: list[_Asked] = []
         self.owners: list[int] = []
         self._answers: list[FloatArray] = []
         self._phasors: dict[tuple[int, str, tuple[float, ...]], ComplexArray] = {}
@@ -71,17 +96,41 @@ class Batch:
             output: name of the output.
             owner: which evaluation pays for the run.
         """
-        times = (window.settle_s, window.step_s, window.samples, window.longest_s, signal)
-        key = (frozenset(values.items()), *times)
-        k = self._index.setdefault(key, len(self._runs))
-        if k < len(self._answers) and output not in self._runs[k][3]:
-            k = self._index[key] = len(self._runs)  # simulated already, without this output
-        if k == len(self._runs):
-            self._runs.append((dict(values), window, signal, []))
-            self.owners.append(owner)
-        if output not in self._runs[k][3]:
-            self._runs[k][3].append(output)
+        [k] = self.ask_varied(values, [Variation({}, window, signal)], output, owner)
         return k
+
+    def ask_varied(
+        self,
+        values: Mapping[str, Scalar],
+        variations: Sequence[Variation],
+        output: str,
+        owner: int = 0,
+    ) -> list[int]:
+        """Numbers of the runs that answer this, one for each variation; see `ask`.
+
+        What they share is looked at once. A run asked for in this way equals those that were asked
+        for with the same names varied.
+
+        Args:
+            values: start values that all share, by name; not to be changed afterwards.
+            variations: what each has besides.
+            output: name of the output.
+            owner: which evaluation pays for the runs.
+        """
+        index = self._index.setdefault(frozenset(values.items()), {})
+        found = []
+        for own in variations:
+            k = index.setdefault(own.key, len(self._runs))
+            if k < len(self._answers) and output not in self._runs[k].outputs:
+                k = index[own.key] = len(self._runs)  # simulated already, without this output
+            if k == len(self._runs):
+                self._runs.append(_Asked(values, own, (output,)))
+                self.owners.append(owner)
+            elif output not in self._runs[k].outputs:
+                asked = self._runs[k]
+                self._runs[k] = asked._replace(outputs=(*asked.outputs, output))
+            found.append(k)
+        return found
 
     def simulate(self, workers: Workers) -> None:
         """Run all that was asked for since the last call, in one batch.
@@ -91,15 +140,15 @@ class Batch:
         """
         runs = [
             Run(
-                start_values=values,
-                settle_s=window.settle_s,
-                sample_step_s=window.step_s,
-                samples=window.samples,
-                outputs=tuple(outputs),
-                input_signal=signal,
-                longest_step_s=window.longest_s,
+                start_values={**shared, **own.values},
+                settle_s=own.window.settle_s,
+                sample_step_s=own.window.step_s,
+                samples=own.window.samples,
+                outputs=outputs,
+                input_signal=own.signal,
+                longest_step_s=own.window.longest_s,
             )
-            for values, window, signal, outputs in self._runs[len(self._answers) :]
+            for shared, own, outputs in self._runs[len(self._answers) :]
         ]
         self._answers += workers.run(runs) if runs else []
 
@@ -110,7 +159,7 @@ class Batch:
             k: number of the run that `ask` gave.
             output: name of the output.
         """
-        return np.asarray(self._answers[k][:, self._runs[k][3].index(output)])
+        return np.asarray(self._answers[k][:, self._runs[k].outputs.index(output)])
 
     def amplitudes(self, k: int, window: Window, output: str) -> FloatArray:
         """Amplitudes at the window's tones of one output of a simulated run, shape (tones,).
@@ -135,7 +184,7 @@ class Batch:
         """
         key = (k, output, window.tones_hz)
         if key not in self._phasors:
-            self._phasors[key] = window.read(self.samples(k, output)).phasors
+            self._phasors[key] = window.phasors(self.samples(k, output))
         return self._phasors[key]
 
     def count(self, owners: int) -> IntArray:

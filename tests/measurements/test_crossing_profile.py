@@ -47,10 +47,14 @@ def chi_square_at(lab: CrossingLaboratory, begun: FloatArray, coupling: float | 
     return 2.0 * float(least_squares(rows, y, method="trf", x_scale="jac").cost)
 
 
-def test_ends_of_its_interval_are_where_chi_square_has_risen_by_its_quantile() -> None:
-    lab = laboratory(5, spectra=5, points=61, noise=0.02)
+@pytest.mark.parametrize(("spectra", "points", "starts"), [(5, 61, 1), (12, 41, 2)])
+def test_ends_of_its_interval_are_where_chi_square_has_risen_by_its_quantile(
+    spectra: int, points: int, starts: int
+) -> None:
+    """Of twelve spectra a few are looked at first, in the search and along the ways to the ends."""
+    lab = laboratory(5, spectra=spectra, points=points, noise=0.02)
     problem = lab.by_closed_form(ff.Fmu("CoupledModes2", workers=1))
-    inference = ff.profile(ff.fit(problem, METHOD, starts=1), [COUPLING])
+    inference = ff.profile(ff.fit(problem, METHOD, starts=starts), [COUPLING])
     found = inference[COUPLING]
     assert found.verdict == "determined"
     low, high = found.interval(0.95)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.signal.rational import Interpolation, RationalFunction
+from fitting.signal.rational import Interpolation, Interpolations, RationalFunction
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Poles 1e-3 and 2e-2 from the real axis, and a zero 1e-2 from it.
@@ -85,3 +85,19 @@ def test_a_barycentric_function_is_a_quotient_of_sums() -> None:
         np.array([1.0, 2.0]), np.array([1.0, 0.5 + 0j]), np.array([1.0, -2.0 + 0j])
     )
     assert function(np.array([1.0, 4.0, 8.0])) == pytest.approx([1.0, 0.25, 0.125])
+
+
+def test_several_at_once_are_what_each_is_and_one_without_value_spoils_no_other() -> None:
+    f = np.linspace(-1.0, 1.0, 6)
+    values = np.array([two_lines(f), np.full(f.size, np.nan), 3.0j * two_lines(f + 0.1)])
+    inside = np.array([True, False, True, False, False, True])
+    found = Interpolations(
+        supports_hz=f[inside],
+        supports=values[:, inside],
+        others_hz=f[~inside],
+        others=values[:, ~inside],
+    ).at(PLACES)
+    for row, exact in ((0, two_lines(PLACES)), (2, 3.0j * two_lines(PLACES + 0.1))):
+        assert np.max(np.abs(found.values[row] / exact - 1.0)) < 1e-10
+        assert np.max(found.uncertainty[row]) < 1e-10
+    assert np.all(np.isinf(found.uncertainty[1]))

@@ -683,16 +683,17 @@ def _of_data(likelihood: Likelihood, end: Expansion) -> Linearisation:
     return Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
 
 
-def inflation_of(chi_square: float, free: float) -> float:
+def inflation_of(chi_square: float, free: float, least_p: float = TOO_LARGE_P) -> float:
     """Factor on standard deviations for residuals beyond the noise: sqrt(chi^2/freedom) or one.
 
     Args:
         chi_square: of the data.
         free: degrees of freedom that it is held against.
+        least_p: probability of such a chi square below which it is too large for noise.
 
     Source: the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2,
     used only where chi^2 is too large for noise.
     """
-    if free <= 0.0 or gammaincc(0.5 * free, 0.5 * chi_square) >= TOO_LARGE_P:
+    if free <= 0.0 or gammaincc(0.5 * free, 0.5 * chi_square) >= least_p:
         return 1.0
     return max(1.0, float(np.sqrt(chi_square / free)))

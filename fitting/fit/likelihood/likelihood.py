@@ -299,6 +299,19 @@ class LikelihoodEvaluator:
         finally:
             self.limit = limit
 
+    @contextmanager
+    def of(self, likelihood: Likelihood) -> Iterator[None]:
+        """Evaluate another likelihood for as long as the context lasts; it is counted alike.
+
+        Args:
+            likelihood: of the same parameters.
+        """
+        own, self.likelihood = self.likelihood, likelihood
+        try:
+            yield
+        finally:
+            self.likelihood = own
+
     @property
     def spent(self) -> int:
         """What counts against the limit so far."""

@@ -20,12 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.fit.likelihood.descent import (
+    TOO_LARGE_P,
     Descent,
     expansion_at,
     freedom_of,
     inflation_of,
     lower,
 )
+from fitting.fit.likelihood.few_places import of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.fit.search.box import Box
@@ -42,6 +44,10 @@ EVOLUTIONS = 2
 FEW, MOST_AT_FIRST = 3, 512
 #: Decrease of chi square that counts as something lower, and as a share of it.
 WORTH, WORTH_SHARE = 1.0, 1e-2
+#: Chi square of a minimum by few places, in units of the least, from which nothing goes on.
+HOPELESS = 2.0
+#: Probability of the least chi square of few places below which all are searched instead.
+HARDLY_P = 1e-6
 #: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
 SAME = 0.02
 
@@ -101,6 +107,10 @@ def search_box(
 ) -> Search:
     """Look for the lowest minima of chi square in the box.
 
+    Of measurements at many places few are looked at first (`fitting.fit.likelihood.few_places`):
+    what is a minimum of all of them is about one of those, where noise explains both. Descents are
+    then those by all, from what is not far above the lowest.
+
     Args:
         evaluator: of the likelihood, without inflation.
         begins: search vectors that are let down besides, (n,) each.
@@ -109,6 +119,41 @@ def search_box(
 
     Raises:
         FmuFailure: the model failed at more points than can be left out.
+    """
+    few = of_few_places(evaluator.likelihood)
+    if few is None:
+        return _searched(evaluator, begins, seed, budget)
+    with evaluator.of(few.likelihood):
+        scouted = _searched(evaluator, begins, seed, budget, scouting=True)
+    if not scouted.explained:
+        return _searched(evaluator, begins, seed, budget)
+    least = scouted.minima[0].chi_square
+    enough = HOPELESS * least + own_gain(evaluator.likelihood)
+    near = [minimum.x for minimum in scouted.minima if minimum.chi_square <= enough]
+    ended = _let_down(evaluator, [*begins, *near])
+    if not _is_explained(evaluator.likelihood, ended):
+        return _searched(evaluator, begins, seed, budget)
+    return replace(
+        scouted,
+        minima=_apart(Box(evaluator.likelihood.parameters), evaluator.likelihood, ended),
+        descents=len(ended),
+        evaluations=evaluator.evaluations,
+        runs=evaluator.runs,
+    )
+
+
+def _searched(
+    evaluator: LikelihoodEvaluator,
+    begins: Sequence[FloatArray],
+    seed: int,
+    budget: int,
+    *,
+    scouting: bool = False,
+) -> Search:
+    """A search by all rows that the evaluator has.
+
+    `scouting`: others go on from it, by more rows, which tell whether noise explains them; where it
+    hardly explains these no more is spent on them.
     """
     box = Box(evaluator.likelihood.parameters)
     ended = _let_down(evaluator, begins)
@@ -119,10 +164,12 @@ def search_box(
         number = max(SCREENED, taken)
         ended += _let_down(evaluator, screened(evaluator, seed, number, skip=taken))
         screens, taken = screens + 1, taken + number
-        explained = _is_explained(evaluator.likelihood, ended)
-        if evaluator.evaluations >= budget or (explained and taken >= enough):
+        explained = _is_explained(
+            evaluator.likelihood, ended, HARDLY_P if scouting else TOO_LARGE_P
+        )
+        if evaluator.evaluations >= budget or ((explained or scouting) and taken >= enough):
             break
-    for turn in range(EVOLUTIONS if unknowns > FEW else 0):
+    for turn in range(EVOLUTIONS if unknowns > FEW and not scouting else 0):
         if explained:
             break
         points, looked_at = evolved(evaluator, box, seed + turn, DESCENTS)
@@ -194,15 +241,19 @@ def screened(
     return [points[k] for k in (alone + rest)[:DESCENTS]]
 
 
-def _is_explained(likelihood: Likelihood, ended: Sequence[tuple[FloatArray, Descent]]) -> bool:
-    """Whether noise explains the lowest end of all descents."""
+def _is_explained(
+    likelihood: Likelihood,
+    ended: Sequence[tuple[FloatArray, Descent]],
+    least_p: float = TOO_LARGE_P,
+) -> bool:
+    """Whether noise explains the lowest end of all descents, not less often than `least_p`."""
     if not ended:
         return False
     end = min((d for _, d in ended), key=lambda each: each.chi_square).end
     m = likelihood.data_rows
     rows = end.sample.rows[:m]
     free = freedom_of(likelihood, end)
-    return inflation_of(float(rows @ rows), free) == 1.0
+    return inflation_of(float(rows @ rows), free, least_p) == 1.0
 
 
 def _apart(

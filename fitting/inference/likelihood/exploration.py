@@ -17,6 +17,7 @@ from fitting.fit.likelihood.descent import (
     descend,
     expansion_at,
 )
+from fitting.fit.likelihood.few_places import FewPlaces, of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
@@ -263,19 +264,57 @@ def _walked(
 
 def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
     """The same with what fits on the ways of the parameters to the ends of their room."""
-    walks = run_in_lockstep(to_the_ends(explored, explored.optimum), evaluator)
+    walks = walked_to_ends(evaluator, explored, explored.optimum)
     points = possible(evaluator, explored.optimum, [p for walk in walks for p in walk or ()])
     return replace(explored, known=(*explored.known, *(p for p in points if p is not None)))
 
 
-def to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[list[ProfilePoint]]]:
-    """Every parameter brought to the ends of its room, from the nearest point in hand.
+def walked_to_ends(
+    evaluator: LikelihoodEvaluator, explored: Exploration, wide: Optimum
+) -> list[list[ProfilePoint]]:
+    """Points on the ways of every parameter to the ends of its room, those that fit.
 
-    Where that is at an end already there is no way to go.
+    Where a few places exclude all of a way it is not gone with the others.
 
     Args:
+        evaluator: of the likelihood of `wide`; counts what is evaluated.
         explored: with the points in hand.
         wide: the optimum with the room.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    tasks = _to_the_ends(explored, wide)
+    few = of_few_places(wide.likelihood) if _is_noise_alone(wide.likelihood) else None
+    if few is not None:
+        loose = own_gain(wide.likelihood)
+        with evaluator.of(few.likelihood):
+            scouts = _to_the_ends(explored, _seen_by(wide, few), loose)
+            found = run_in_lockstep(scouts, evaluator)
+        # None: more evaluations are not allowed, and nothing is known
+        tasks = [t for t, points in zip(tasks, found, strict=True) if points is None or points]
+    return [points or [] for points in run_in_lockstep(tasks, evaluator)]
+
+
+def _is_noise_alone(likelihood: Likelihood) -> bool:
+    """Whether nothing but noise that is known stands between data and model."""
+    return likelihood.inflation == 1.0 and not np.any(likelihood.scatter)
+
+
+def _seen_by(wide: Optimum, few: FewPlaces) -> Optimum:
+    """The optimum as a few places see it: their chi square, at the same point."""
+    at = wide.expansion
+    sample = replace(at.sample, rows=at.sample.rows[few.kept], outputs=np.empty(0))
+    seen = replace(at, sample=sample, matrix=at.matrix[few.kept], outward=at.outward[:0])
+    return replace(wide, likelihood=few.likelihood, expansion=seen)
+
+
+def _to_the_ends(
+    explored: Exploration, wide: Optimum, loose: float = 0.0
+) -> list[Task[list[ProfilePoint]]]:
+    """Every parameter brought to the ends of its room, from the nearest point in hand.
+
+    Where that is at an end already there is no way to go. `loose` as in `value_at`.
     """
     likelihood = wide.likelihood
     here = ProfilePoint(
@@ -288,12 +327,12 @@ def to_the_ends(explored: Exploration, wide: Optimum) -> list[Task[list[ProfileP
         for end in (float(likelihood.lower[i]), float(likelihood.upper[i])):
             nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
             if abs(float(nearest.x[i]) - end) > AT_LIMIT * likelihood.widths[i]:
-                tasks.append(_walk(wide, quantity, nearest.x, end))
+                tasks.append(_walk(wide, quantity, nearest.x, end, loose))
     return tasks
 
 
 def _walk(
-    wide: Optimum, quantity: Quantity, begin: FloatArray, end: float
+    wide: Optimum, quantity: Quantity, begin: FloatArray, end: float, loose: float
 ) -> Task[list[ProfilePoint]]:
     """Points on the way of a parameter to an end, the last of them there, as far as it comes.
 
@@ -308,12 +347,12 @@ def _walk(
     found: list[ProfilePoint] = []
     *targets, last = map(float, (way[1:] - parameter.reference) / parameter.scale)
     for target in targets:
-        point = yield from value_at(wide, quantity, target, begin)
+        point = yield from value_at(wide, quantity, target, begin, loose)
         if point is None:
             break
         found.append(point)
         begin = point.x
-    point = yield from value_at(wide, quantity, last, begin)
+    point = yield from value_at(wide, quantity, last, begin, loose)
     return found if point is None else [*found, point]
 
 
@@ -332,7 +371,7 @@ def cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
 
 
 def value_at(
-    optimum: Optimum, quantity: Quantity, target: float, begin: FloatArray
+    optimum: Optimum, quantity: Quantity, target: float, begin: FloatArray, loose: float = 0.0
 ) -> Task[ProfilePoint | None]:
     """The least chi square with a quantity at a value, None if that is excluded for good.
 
@@ -341,11 +380,12 @@ def value_at(
         quantity: what is held.
         target: where, in x or in the output's unit.
         begin: search vector where the search begins, shape (n,).
+        loose: chi square more by which it has to be excluded.
     """
     at = begin.copy()
     if quantity.index >= 0:
         at[quantity.index] = target
-    return fit_at_end(optimum, quantity, at, target)
+    return fit_at_end(optimum, quantity, at, target, loose=loose)
 
 
 def _extended(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Exploration, bool]:

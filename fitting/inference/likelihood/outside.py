@@ -20,8 +20,8 @@ from fitting.inference.likelihood.exploration import (
     Exploration,
     cut_sides,
     possible,
-    to_the_ends,
     value_at,
+    walked_to_ends,
 )
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint
@@ -87,8 +87,8 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Profi
         return ()
     evaluator.likelihood = wide.likelihood
     try:
-        walks = run_in_lockstep(to_the_ends(explored, wide), evaluator)
-        fitting = [[p for p in walk or () if _fits(p)] for walk in walks]
+        walks = walked_to_ends(evaluator, explored, wide)
+        fitting = [[p for p in walk if _fits(p)] for walk in walks]
         reached = [p for walk in fitting for p in walk]
         ends = sorted((walk[-1] for walk in fitting if walk), key=lambda p: p.delta)[:BEGINNINGS]
         tasks = [value_at(wide, q, target, p.x) for q, target in sides for p in ends]

@@ -392,6 +392,7 @@ def fit_at_end(
     begin: FloatArray,
     end: float,
     frozen: tuple[int, ...] = (),
+    loose: float = 0.0,
 ) -> Task[ProfilePoint | None]:
     """The point at the end of a range, if the data do not exclude it for good, else None.
 
@@ -405,8 +406,9 @@ def fit_at_end(
         begin: search vector where the search begins, shape (n,).
         end: of the range, in x or in the output's unit.
         frozen: axes that stay where `begin` has them.
+        loose: chi square more by which the data have to exclude it.
     """
-    likelihood = optimum.likelihood
+    likelihood, least = optimum.likelihood, optimum.least + loose
     constraint = quantity.constraint(end, abs(end - quantity.best) / STEPS)
     if frozen:
         constraint = Constraint(end, frozen=frozen)
@@ -418,8 +420,8 @@ def fit_at_end(
             likelihood,
             here,
             constraint,
-            enough=optimum.least + ENOUGH,
-            wanted=optimum.least + reach(math.sqrt(EXCLUDED), quantity.freedom) ** 2,
+            enough=least + ENOUGH,
+            wanted=least + reach(math.sqrt(EXCLUDED), quantity.freedom) ** 2,
         )
     except Exhausted:
         return None
@@ -428,7 +430,7 @@ def fit_at_end(
     # with frozen axes the rest has moved from `here` to `found`, and outputs were not asked for
     outputs = np.empty(0) if frozen or quantity.output < 0 else found.sample.outputs
     value = quantity.at(here if frozen else found)
-    delta = optimum.delta(found.chi_square, quantity.freedom)
+    delta = optimum.delta(found.chi_square - loose, quantity.freedom)
     if not (abs(value - end) <= 0.02 * abs(end - quantity.best) and delta <= EXCLUDED):
         return None
     return ProfilePoint(

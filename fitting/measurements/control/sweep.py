@@ -45,11 +45,13 @@ from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.scale import half_power_width
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import BoolArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 #: Residuals below this share of the maximum are no misfit.
 SMALLEST_MISFIT = 1e-3
+#: Spectra that stand for all of a map where many are not needed.
+FEW = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -382,6 +384,25 @@ class ControlSweep(MeasurementKind):
         """
         kept = tuple(s for s in self.spectra if s.label in labels)
         return replace(self, spectra=kept) if kept else None
+
+    def few_places(self) -> tuple[Self, BoolArray] | None:
+        """Spectra at `FEW` values of the controls, the outermost ones and others evenly between."""
+        if len(self.spectra) < 2 * FEW:
+            return None
+        order = sorted(range(len(self.spectra)), key=self._place_in_order)
+        chosen = {order[round(k)] for k in np.linspace(0, len(order) - 1, FEW)}
+        kept = [k in chosen for k in range(len(order))]
+        rows = np.repeat(kept, [s.y.size for s in self.spectra])
+        spectra = tuple(s for s, keep in zip(self.spectra, kept, strict=True) if keep)
+        return replace(self, spectra=spectra), rows
+
+    def _place_in_order(self, k: int) -> tuple[tuple[bool, float, str], ...]:
+        """By which a spectrum stands beside those of like controls."""
+        values = self.spectra[k].settings.values()
+        return tuple(
+            (True, 0.0, value) if isinstance(value, str) else (False, float(value), "")
+            for value in values
+        )
 
     def within(self, setup: Setup, series: str) -> Self:
         """The same as part of a series, whose name stands before the labels.

@@ -12,7 +12,7 @@ in physical ones.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ import fitting as ff
 from fitting.fit.problem import Problem as Record
 from fitting.lab.modes import CoupledModes
 from fitting.measurements.control.sweep import ControlSweep
-from fitting.measurements.measurement import Evaluation, Prediction
+from fitting.measurements.measurement import Evaluation, Measurement, Prediction
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 
 LAWS = {"f1": "a0 + a1*V + a2*V**2 + c*t", "f2": "b0 + b1*V + c*t", "f3": "e0 + b1*V + c*t"}
@@ -237,14 +237,18 @@ class ChainResponse:
 
     record: Record
     modes: int
+    asked: tuple[Measurement, ...] = ()
 
     def evaluate_many(self, ps: Sequence[FloatArray], *, whole: bool = False) -> list[Evaluation]:
-        [measured] = self.record.measurements
+        [measured] = self.asked or self.record.measurements
         assert isinstance(measured, ControlSweep)
         columns = np.array([np.asarray(p, dtype=float) for p in ps]).T[..., None]
         named = {q.name: column for q, column in zip(self.record.parameters, columns, strict=True)}
         found = np.concatenate([self._amplitudes(s, named) for s in measured.spectra], axis=1)
         return [Evaluation((Prediction(row),), 1) for row in found]
+
+    def answering(self, measurements: tuple[Measurement, ...]) -> ChainResponse:
+        return replace(self, asked=measurements)
 
     def derived_many(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
         return [{} for _ in ps]
