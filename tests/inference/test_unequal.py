@@ -7,20 +7,11 @@ from pathlib import Path
 import numpy as np
 
 import fitting as ff
-from fitting.text.arrays import Scalar
 from tests.support.complex_data import mode
+from tests.support.one_mode import SETUP
 
 ETA, WIDTH, SHARE = 1000.0, 12.5, 0.01
 F = ETA + np.linspace(-75.0, 75.0, 121)
-START: dict[str, Scalar] = {
-    "periodic_start": True,
-    "theta": 0.0,
-    "d2": 10.0,
-    "eta_minus": 2000.0,
-    "u2": 1500.0,
-}
-DRIVE = ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2"))
-SETUP = ff.Setup(DRIVE, "q1_hybrid", start_values=START, steady_start=True)
 PARAMETERS = (
     ff.Parameter("d1", 15.0, bounds=(1.0, 100.0), unit="Hz", scale=5.0),
     ff.Parameter("eta_plus", 1001.0, bounds=(980.0, 1020.0), unit="Hz", scale=5.0),

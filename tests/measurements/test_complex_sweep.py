@@ -12,29 +12,20 @@ from scipy.optimize import least_squares
 from scipy.stats import t
 
 import fitting as ff
-from fitting.campaign import Setup
 from fitting.campaign.complex_trace import MeasuredComplex, check_delay, read_complex
 from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import Wiring
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from tests.support.complex_data import mode, notch, with_noise, write_xy
+from tests.support.one_mode import SETUP
 
 DATA = Path(__file__).parents[2] / "data"
 ETA, WIDTH = 1000.0, 12.5
 SEEN = ETA + np.linspace(-40.0, 40.0, 33)
 GAIN, GROUND = 3.0 * np.exp(0.7j), 2e-7 * np.exp(-1.9j)
-START: dict[str, Scalar] = {
-    "periodic_start": True,
-    "theta": 0.0,
-    "d2": 10.0,
-    "eta_minus": 2000.0,
-    "u2": 1500.0,
-}
-DRIVE = ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2"))
-SETUP = Setup(DRIVE, "q1_hybrid", start_values=START, steady_start=True)
 PARAMETERS = (
     ff.Parameter("d1", 20.0, bounds=(1.0, 100.0), scale=5.0),
     ff.Parameter("eta_plus", 1002.0, bounds=(980.0, 1020.0), scale=5.0),

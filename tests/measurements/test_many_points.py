@@ -11,20 +11,11 @@ import fitting as ff
 from fitting.campaign import Setup
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.wiring import Wiring
-from fitting.text.arrays import Scalar
 from tests.support.complex_data import mode
+from tests.support.one_mode import DRIVE, START
 
 ETA, WIDTH = 1000.0, 12.5
 SEEN = ETA + np.linspace(-60.0, 60.0, 1001)
-#: theta = 0 leaves d1 to the first mode; the second is not far.
-START: dict[str, Scalar] = {
-    "periodic_start": True,
-    "theta": 0.0,
-    "d2": 10.0,
-    "eta_minus": 2000.0,
-    "u2": 1500.0,
-}
-DRIVE = ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2"))
 PARAMETERS = (
     ff.Parameter("d1", 20.0, bounds=(1.0, 100.0), scale=5.0),
     ff.Parameter("eta_plus", 1003.0, bounds=(980.0, 1020.0), scale=5.0),

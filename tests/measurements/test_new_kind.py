@@ -39,6 +39,7 @@ from fitting.text.keys import FileName, Quantity, Refused, Text, Texts
 from fitting.text.tables import Table, read_table
 from fitting.text.toml import read_toml
 from fitting.text.units import convert
+from tests.support.one_mode import SETUP
 
 # --- the kind -------------------------------------------------------------------------------
 
@@ -215,14 +216,6 @@ QUADRATURES = ("q1_hybrid_X_u1", "q1_hybrid_Y_u1")
 #: Truth of the synthetic measurement: eigenfrequency and width of the only mode that is seen.
 ETA_HZ, WIDTH_HZ = 1000.0, 12.5
 SEEN_HZ = ETA_HZ + np.linspace(-20.0, 20.0, 7)
-#: theta = 0 leaves d1 to the first mode, and the second mode is far away.
-START: dict[str, Scalar] = {
-    "periodic_start": True,
-    "theta": 0.0,
-    "d2": 10.0,
-    "eta_minus": 2000.0,
-    "u2": 1500.0,
-}
 CAMPAIGN = """
 title = "One mode, seen by a lock-in"
 synthetic = true
@@ -293,9 +286,8 @@ def measured(seed: int, noise: float) -> LockIn:
     exact = closed_form(SEEN_HZ)
     sigma = noise * float(np.max(np.abs(exact)))
     scatter = np.random.default_rng(seed).standard_normal((2, SEEN_HZ.size))
-    drive = ff.Drive(frequency_names=("u1", "u2"), amplitude_names=("A1", "A2"))
     return LockIn(
-        setup=Setup(drive, "q1_hybrid", start_values=START, steady_start=True),
+        setup=SETUP,
         frequency_hz=SEEN_HZ,
         amplitude_v=exact + sigma * (scatter[0] + 1j * scatter[1]),
         sigma_v=sigma,
