@@ -103,7 +103,28 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
     missing = "" if measured else missing_text(f"--fmu {name}" if source.is_model else name)
     _check(campaign_text(choices, files, offer, None) + missing, source)
     text = campaign_text(choices, files, offer, folder) + missing
-    return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes)))
+    held = _held(files, offer, [box.name for box in choices.boxes])
+    words = (
+        f"Held at the FMU's own start values: {listed(held)}, and all others. What is found holds "
+        "with these, of which one line tells nothing."
+    )
+    tail = (words,) if held else ()
+    return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes), *tail))
+
+
+def _held(files: Files, offer: Offer, fitted: Sequence[str]) -> tuple[str, ...]:
+    """Places and widths of further modes that one line does not tell of, and that are held."""
+    if files.line is None or len(offer.places) < 2:
+        return ()
+    return tuple(name for name in (*offer.places, *offer.widths) if name not in fitted)
+
+
+def _derived(offer: Offer, fitted: Sequence[str], *, held: bool) -> tuple[str, ...]:
+    """Numbers of the model that are reported; where modes are held, those of the fitted one."""
+    found = [name for name in offer.derived if name not in fitted]
+    marks = {name.rpartition("_")[2] for name in fitted if name in offer.places and "_" in name}
+    of_mode = tuple(name for name in found if name.rpartition("_")[2] in marks)
+    return of_mode if held and of_mode else tuple(found)
 
 
 def _boxes(boxes: Sequence[Box]) -> list[str]:
@@ -207,7 +228,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         start_words=words,
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
-        derived=tuple(name for name in offer.derived if name not in fitted),
+        derived=_derived(offer, fitted, held=bool(_held(files, offer, fitted))),
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
     )

@@ -7,7 +7,8 @@
 the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for; but what knows no
 phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``floor`` is
 sqrt(|a g|^2 + c^2) (noise of which powers were averaged), ``rice`` the mean amplitude with the same
-noise, and ``tail`` is |a g + c g'|, g' of another line outside of the points. A notch and a
+noise, and ``tail`` is |a g + c g'|, g' of another line outside of the points. With phases the tails
+c g' e of lines that are seen outside of the points stand in every form. A notch and a
 reflection are curves of the form ``fano``: only what a and b mean is different there.
 """
 
@@ -289,13 +290,26 @@ def begin_of(
     return best, squares
 
 
+@dataclass(frozen=True, kw_only=True)
+class ComplexForm:
+    """A form of complex values.
+
+    Attributes:
+        name: one of `FORMS`.
+        delayed: whether the delay of a cable is fitted, too.
+        tails_hz: frequency and full width of other lines, outside of the points, Hz.
+    """
+
+    name: str
+    delayed: bool
+    tails_hz: Sequence[tuple[float, float]] = ()
+
+
 def fit_complex(
     frequency_hz: FloatArray,
     values: ComplexArray,
-    name: str,
+    form: ComplexForm,
     begin: Sequence[Guess],
-    *,
-    delayed: bool,
     source: str,
 ) -> FittedForm:
     """A form fitted to complex values; what enters linearly is solved inside.
@@ -303,18 +317,16 @@ def fit_complex(
     Args:
         frequency_hz: rising, shape (n,), Hz.
         values: shape (n,), any unit, phases as Re[values exp(i 2 pi f t)].
-        name: of the form.
+        form: what stands beside the line.
         begin: where the fit may begin, see `guesses`.
-        delayed: whether the delay of a cable is fitted, too.
         source: of the data, for complaints.
 
     Raises:
         BadInput: no resonance among the points, or one that they do not determine.
     """
-    usable = [guess for guess in begin if delayed or guess.delay_s == 0.0]
-    guess, _ = begin_of(frequency_hz, values, name, usable)
-    wiring = Wiring(background=_BACKGROUNDS[name])
-    return _ComplexFit(frequency_hz, values, wiring, guess, delayed=delayed).minimised(name, source)
+    usable = [guess for guess in begin if form.delayed or guess.delay_s == 0.0]
+    guess, _ = begin_of(frequency_hz, values, form.name, usable)
+    return _ComplexFit(frequency_hz, values, form, guess).minimised(source)
 
 
 class _ComplexFit:
@@ -324,12 +336,12 @@ class _ComplexFit:
         self,
         frequency_hz: FloatArray,
         values: ComplexArray,
-        wiring: Wiring,
+        form: ComplexForm,
         guess: Guess,
-        *,
-        delayed: bool,
     ) -> None:
-        self.f, self.wiring, self.delayed = frequency_hz, wiring, delayed
+        self.f, self.form, self.delayed = frequency_hz, form, form.delayed
+        self.wiring = Wiring(background=_BACKGROUNDS[form.name])
+        self.tails = [mode_response(frequency_hz, *tail) for tail in form.tails_hz]
         self.top = float(np.max(np.abs(values)))
         self.y = values / self.top
         self.span, self.middle = float(np.ptp(self.f)), 0.5 * float(self.f[0] + self.f[-1])
@@ -342,10 +354,13 @@ class _ComplexFit:
         return self.eta0 + self.width0 * float(x[0]), width, delay
 
     def design(self, x: FloatArray) -> ComplexArray:
-        """Columns e g, e and x e, as many as the form has: (n, columns)."""
+        """Columns e g, e and x e, as many as the form has, and e g' of every tail: (n, columns)."""
         eta, width, delay = self.line(x)
         response = mode_response(self.f, eta, width)
-        return self.wiring.design(self.f, response, delay, self.middle)
+        own = self.wiring.design(self.f, response, delay, self.middle)
+        alone = Wiring()
+        tails = [alone.design(self.f, tail, delay, self.middle) for tail in self.tails]
+        return np.concatenate([own, *tails], axis=1)
 
     def solved(self, x: FloatArray) -> Solved:
         """The best coefficients at x."""
@@ -355,7 +370,7 @@ class _ComplexFit:
         """Real, then imaginary parts over the largest modulus, (2 n,)."""
         return _parts(self.solved(x).values - self.y)
 
-    def minimised(self, name: str, source: str) -> FittedForm:
+    def minimised(self, source: str) -> FittedForm:
         """The form at its least sum of squares."""
         fit = minimise_squares(self.residuals, np.zeros(3 if self.delayed else 2))
         eta, width, delay = self.line(fit.values)
@@ -381,8 +396,9 @@ class _ComplexFit:
         along[fit.values.size : fit.values.size + 2] = gain.real / abs(gain), gain.imag / abs(gain)
         quality = np.zeros(slopes.shape[1])
         quality[:2] = 1.0 / eta, -1.0 / width
+        told = fit.values.size + 2 * self.wiring.columns  # without the tails
         return FittedForm(
-            name=name,
+            name=self.form.name,
             frequency_hz=eta,
             frequency_std_hz=math.sqrt(spread[0, 0]),
             width_hz=width,
@@ -401,8 +417,8 @@ class _ComplexFit:
             residual=math.sqrt(squares / self.y.size) / abs(gain),
             structure=structure,
             curve=self.top * solved.values,
-            coefficients=solved.coefficients,
-            covariance=spread,
+            coefficients=solved.coefficients[: self.wiring.columns],
+            covariance=spread[:told, :told],
         )
 
     def slopes(self, x: FloatArray) -> FloatArray:

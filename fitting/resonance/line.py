@@ -29,6 +29,7 @@ from fitting.resonance.form import (
     FORMS,
     SLOPED,
     TRANSMISSION,
+    ComplexForm,
     FittedForm,
     begin_of,
     fit_amplitudes,
@@ -343,7 +344,7 @@ def _fitted(
                 continue
             (unresolved if delayed and not _resolves_delay(trace, form) else found).append(form)
 
-    tried(_tries(trace))
+    tried(_tries(trace, further))
     if not trace.is_complex:
         noisy = any(form.structure.order == 0 for form in found)
         if further or asked == TAIL or not noisy:
@@ -381,7 +382,7 @@ def _outside(trace: Trace, further: Sequence[FurtherLine]) -> Sequence[FurtherLi
     return further or beyond_ends(trace.frequency_hz, 0.1 * float(np.ptp(trace.frequency_hz)))
 
 
-def _tries(trace: Trace) -> list[_Try]:
+def _tries(trace: Trace, further: Sequence[FurtherLine]) -> list[_Try]:
     f, source = trace.frequency_hz, trace.source
     if not trace.is_complex:
         a = trace.amplitude
@@ -394,10 +395,15 @@ def _tries(trace: Trace) -> list[_Try]:
         )
     y = np.asarray(trace.values, dtype=complex)
     begin = guesses(f, y)
-    return [
-        ((name, delayed), partial(fit_complex, f, y, name, begin, delayed=delayed, source=source))
+    tails = [(line.frequency_hz, line.width_hz) for line in further]
+    forms = [
+        ComplexForm(name=name, delayed=delayed, tails_hz=tails)
         for delayed in (False, True)
         for name in FORMS
+    ]
+    return [
+        ((form.name, form.delayed), partial(fit_complex, f, y, form, begin, source))
+        for form in forms
     ]
 
 

@@ -216,7 +216,7 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     recording = roles.recording
     frequency_hz = _hertz(roles)
     read = _columns_words(roles)
-    said = [f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *_guesses(roles)]
+    said = [f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *_guesses(roles, columns)]
     if roles.real is not None and roles.imaginary is not None:
         unit = roles.real.unit or "1"
         factor = 1.0
@@ -280,9 +280,16 @@ def _columns_words(roles: Roles) -> str:
     )
 
 
-def _guesses(roles: Roles) -> list[str]:
-    """Remarks about the columns, where one of those that are taken was guessed."""
+def _guesses(roles: Roles, columns: Columns) -> list[str]:
+    """Remarks about the columns, where one of those that are taken was guessed.
+
+    What was guessed of a column that is told, or is not taken then, is not said.
+    """
+    told = {columns.frequency, columns.amplitude, columns.phase, columns.real, columns.imaginary}
+    taken = {c.name for c in roles.all} - told
     guessed = {c.name for c in roles.recognised.columns if c.guessed}
-    if not any(c.name in guessed for c in roles.all):
+    if not guessed & taken:
         return []
-    return [f"{remark[0].upper()}{remark[1:]}." for remark in roles.recognised.remarks]
+    silent = tuple(f"column '{c.name}' " for c in roles.recording.channels if c.name not in taken)
+    said = [remark for remark in roles.recognised.remarks if not remark.startswith(silent)]
+    return [f"{remark[0].upper()}{remark[1:]}." for remark in said]

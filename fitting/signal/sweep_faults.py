@@ -26,7 +26,7 @@ from scipy.special import fdtrc
 
 from fitting.signal.least_squares import LeastSquaresFit, minimise_squares
 from fitting.signal.peaks import MIN_SWEEP_POINTS, mode_response
-from fitting.signal.residual_tests import STRUCTURED, white_noise_p
+from fitting.signal.residual_tests import STRUCTURED, residual_structure, white_noise_p
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: A fault is told where noise alone would look as bad less often than this.
@@ -277,13 +277,18 @@ class _Sweep:
         )
 
     def _outlier(self, plain: _Line) -> SweepFault | None:
-        """The point whose absence leaves least, if what it leaves is noise."""
+        """The point whose absence leaves least, if what it leaves is noise of one size.
+
+        Where noise grows with the amplitude some point stands off by chance.
+        """
         farthest = [int(k) for k in np.argsort(-np.abs(plain.fit.residuals))[:3]]
         lines = [(k, self.without(k).fitted(PLAIN)) for k in farthest]
         left = [(k, line) for k, line in lines if line is not None and line.is_noise]
         if not left:
             return None
         k, line = min(left, key=lambda each: each[1].squares)
+        if residual_structure(line.fit.residuals, line.fit.jacobian).is_unequal:
+            return None
         freedom = self.a.size - 4
         at = float(self.f[k])
         return SweepFault(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -119,3 +120,36 @@ def test_the_form_in_words_is_that_of_the_table() -> None:
     assert taken.startswith(f"Taken: {found.forms[0].name}, delay, the line and a complex ")
     count = sum(not math.isnan(form.criterion) for form in found.forms)
     assert f"the best of the {count} forms that could be fitted" in taken
+
+
+def test_with_phases_tails_of_lines_outside_invent_no_delay_and_move_nothing() -> None:
+    """A line a tenth as high and twice as wide, twelve widths above: there is no cable."""
+    pulls = []
+    for seed in range(6):
+        f = grid(12.0, 601)
+        seen = two(f, 12.0, 0.1, 2.0 * WIDTH) + noise(f.size, 4e-3, seed)
+        found = ff.line(f, seen, within_hz=(None, ETA + 8.0 * WIDTH))
+        assert math.isnan(found.delay_s)
+        pulls.append((found.frequency_hz - ETA) / found.frequency_std_hz)
+        pulls.append((found.width_hz - WIDTH) / found.width_std_hz)
+        pulls.append((found.amplitude - 1.0) / found.amplitude_std)
+    assert 0.2 < float(np.mean(np.square(pulls))) < 2.2
+    assert max(map(abs, pulls)) < 4.0
+
+
+def test_noise_that_grows_with_the_amplitude_makes_no_point_a_fault() -> None:
+    f = np.linspace(ETA - 8.0 * WIDTH, ETA + 8.0 * WIDTH, 301)
+    for seed in range(8):
+        scatter = 1.0 + 0.01 * np.random.default_rng(seed).standard_normal(f.size)
+        assert ff.line(f, np.abs(mode(f, ETA, WIDTH)) * scatter).faults == ()
+
+
+def test_columns_that_are_told_are_not_told_to_be_guessed(tmp_path: Path) -> None:
+    """No names, and a column between them that never changes."""
+    f = np.linspace(4900.0, 5100.0, 201)
+    seen = np.abs(mode(f, 5000.0, 20.0)) + noise(f.size, 2e-3, 1).real
+    path = tmp_path / "plain.txt"
+    np.savetxt(path, np.column_stack([f / 1e3, 0.0 * f + 5.0, np.abs(seen)]))
+    columns = ff.Columns(frequency="column 1", unit_frequency="kHz", amplitude="column 3")
+    said = ff.line(path, columns=columns).said
+    assert not any("is taken for" in sentence for sentence in said)

@@ -101,7 +101,7 @@ def _beside(line: Line) -> list[str]:
     """How large the constant of amplitudes is, and what may make it."""
     if line.beside == 0.0:
         return []
-    factor, unit = prefixed(line.beside, "" if line.unit == "1" else line.unit)
+    factor, unit = (1.0, "") if line.unit == "1" else prefixed(line.beside, line.unit)
     size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
     if line.wiring in (FLOOR, RICE):
         return [f"The noise beside the line is {size} (rms), the same at every frequency."]
@@ -113,7 +113,7 @@ def _further(line: Line) -> list[str]:
     if not line.further_hz:
         return []
     seen = f"Points outside of the range show another line, near {_places(line.further_hz)}"
-    if line.wiring == TAIL:
+    if line.wiring == TAIL or line.is_complex:
         return [f"{seen}: its tail stands among these points, and is fitted with them."]
     return [f"{seen}: what its tail does among these points is not in this form."]
 
