@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -203,7 +203,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
     [output] = answers.of(_output(files, offer))
     tones, driven = _driven(files, offer, answers)
     start, words = _start_values(offer, tones)
-    trial = _trial(files, source, offer, tones, output)
+    trial = _trial(files, source, offer, tones, output, start)
     pair = files.two is not None and source.is_model and source.name == TWO_MODES
     if pair:
         start |= {name: value for name, (value, _) in BESIDE.items()}
@@ -239,12 +239,16 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
 
 
 def _trial(
-    files: Files, source: Source, offer: Offer, tones: Sequence[Tone], output: str
+    files: Files,
+    source: Source,
+    offer: Offer,
+    tones: Sequence[Tone],
+    output: str,
+    start: Mapping[str, Scalar],
 ) -> Trial | None:
     """A look at an FMU that begins on its periodic orbit, where one line was seen; else None."""
     if files.table is not None or files.line is None or not (offer.steady and tones):
         return None
-    start, _ = _start_values(offer, tones)
     return Trial(
         workers=source.workers,
         offer=offer,

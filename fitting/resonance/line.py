@@ -554,12 +554,15 @@ def _cut_off(trace: Trace, line: Flank, further: Sequence[FurtherLine]) -> BadIn
     )
 
 
-def _straight(trace: Trace) -> float:
-    """What a straight line leaves of amplitudes, squares over the largest."""
-    x = trace.frequency_hz - float(np.mean(trace.frequency_hz))
-    y = trace.amplitude / float(np.max(trace.amplitude))
-    columns = np.column_stack([np.ones_like(x), x / float(np.ptp(x))])
-    return float(np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2))
+def _straight(trace: Trace, delay_s: float = math.nan) -> float:
+    """What a straight line leaves of a trace, its delay taken out: squares over the largest."""
+    f = trace.frequency_hz
+    y = trace.values / float(np.max(trace.amplitude))
+    if not math.isnan(delay_s):
+        y = y * np.exp(2j * np.pi * (f - float(np.mean(f))) * delay_s)
+    x = (f - float(np.mean(f))) / float(np.ptp(f))
+    columns = np.column_stack([np.ones_like(x), x])
+    return float(np.sum(np.abs(y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]) ** 2))
 
 
 def _chance(trace: Trace, best: FittedForm, widening: float) -> float:
@@ -570,21 +573,14 @@ def _chance(trace: Trace, best: FittedForm, widening: float) -> float:
     Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares), with
     Bonferroni's bound.
     """
-    f = trace.frequency_hz
-    y = trace.values / float(np.max(trace.amplitude))
-    if not math.isnan(best.delay_s):
-        y = y * np.exp(2j * np.pi * (f - float(np.mean(f))) * best.delay_s)
-    x = (f - float(np.mean(f))) / float(np.ptp(f))
-    columns = np.column_stack([np.ones_like(x), x])
-    straight = columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
-    before = float(np.sum(np.abs(y - straight) ** 2))
+    before = _straight(trace, best.delay_s)
     rows = _rows(trace)
     if best.squares <= rows * SMALLEST_RESIDUAL**2:
         return 0.0 if before > best.squares else 1.0
     more = max(1, best.unknowns - (4 if trace.is_complex else 2))
     freedom = max(1.0, (rows - best.unknowns) / widening**2)
     gain = max(0.0, (before - best.squares) / more * freedom / best.squares)
-    return min(1.0, f.size * float(fdtrc(more, freedom, gain)))
+    return min(1.0, trace.frequency_hz.size * float(fdtrc(more, freedom, gain)))
 
 
 def _faults(trace: Trace, best: FittedForm) -> tuple[SweepFault, ...]:

@@ -114,13 +114,12 @@ def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure
     """
     m, n = residuals.size, jacobian.shape[1]
     noise = math.sqrt(float(np.mean(residuals**2)))
-    basis = _basis(jacobian)
     plain = Structure(
         p_value=1.0, sizes_p=1.0, order=0, points=float(m), widening=1.0, together=1.0
     )
     if noise < SMALLEST_RESIDUAL:
         return plain
-    p_value = white_noise_p(residuals)
+    p_value, basis = white_noise_p(residuals), _basis(jacobian)
     if m <= n or basis.shape[1] == 0:  # nothing is left, or no column sees anything
         return replace(plain, p_value=p_value)
     coefficients, news, sizes_p = _whitened(residuals, basis, p_value)
