@@ -60,10 +60,11 @@ class StartResult:
 class SearchResult:
     """What a search of the box found in one alternative.
 
-    `screened` points of the box were looked at in `screens` rounds, `descents` begun from the best
-    of them; `ended` descents came to the lowest minimum or a twin of it, `higher` to others, of
-    which `next_chi_square` is the lowest against `chi_square` of the lowest of all (NaN without
-    any). `explained` whether noise explains it; `twins` number of exact symmetries of the model.
+    `screened` points of the box were looked at in `screens` rounds (screens, scans along its edges,
+    evolutions), `descents` begun from the best of them; `ended` descents came to the lowest minimum
+    or a twin of it, `higher` to others, of which `next_chi_square` is the lowest against
+    `chi_square` of the lowest of all (NaN without any). `explained` whether noise explains it;
+    `twins` number of exact symmetries of the model.
     """
 
     screened: int

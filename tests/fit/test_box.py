@@ -14,6 +14,7 @@ from fitting.fit.objective import make_objective
 from fitting.fit.search import evolution
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import Minimum, Search, screened, search_box, worth
+from fitting.fit.search.scans import scanned
 from fitting.fit.search.twins import find_twins
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.text.arrays import FloatArray
@@ -134,14 +135,52 @@ def test_boxes_of_more_parameters_are_screened_by_more_points() -> None:
         assert len(search.minima) == 1
 
 
-def test_two_evolutions_are_two_rounds_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A row of ten that nothing lowers, four parameters, one generation after the first."""
+def test_scans_and_evolutions_are_rounds_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A row of ten that nothing lowers, four parameters, one generation after the first.
+
+    A scan behind the screen and three finer ones find no other minimum: no descents from them.
+    """
     monkeypatch.setattr(evolution, "GENERATIONS", 1)
     own = [parameter(f"x{i}", -6.0, 6.0) for i in range(4)]
     search = search_box(evaluator_of(lambda p: np.append(3.0 * p, [0.0, 10.0]), *own), [], 1, 1)
     assert not search.explained
-    assert search.screens == 1 + 2
-    assert search.descents == 8 * search.screens
+    assert search.screens == 1 + 2 + 4
+    assert search.descents == 8 * (1 + 2)
+    one_scan = 4 * (64 + 1)
+    by_evolution = search.screened - (128 + one_scan + 3 * 4 * (256 + 1))
+    assert 2 * 60 <= by_evolution <= 2 * 2 * 64  # two generations of 15 members a parameter
+
+
+def test_a_scan_finds_the_other_well_along_an_edge() -> None:
+    """Through the well at (2, 1): along x the one near -2, the other edge has none."""
+    evaluator, box = evaluator_of(wells, *TWO), Box(TWO)
+    [found], looked_at = scanned(evaluator, box, [np.array([2.0, 1.0])], number=64, wanted=12)
+    assert found == pytest.approx([-1.965, 1.0], abs=0.5 * 12.0 / 64.0)
+    assert looked_at == 2 * (64 + 1)
+    through_both = [np.array([2.0, 1.0]), np.array([-1.965, 1.0])]
+    points, looked_at = scanned(evaluator, box, through_both, number=64, wanted=12)
+    assert [p[0] > 0.0 for p in points] == [True, False]  # the better one first
+    assert looked_at == 2 * 2 * (64 + 1)
+    assert len(scanned(evaluator, box, through_both, number=64, wanted=1)[0]) == 1
+
+
+@pytest.mark.parametrize("centre", [-3.0, 0.55, 3.5])
+def test_a_narrow_valley_below_what_noise_barely_explains_is_found(centre: float) -> None:
+    """Chi square 18.5 on 12 degrees of freedom nearly everywhere (P = 0.10), 4 in a valley.
+
+    It is there only where the other parameters are near their values, so that no screen sees it.
+    """
+
+    def rows(p: FloatArray) -> FloatArray:
+        others = p[1:] - 1.0
+        valley = np.exp(-0.5 * (((p[0] - centre) / 0.05) ** 2 + (others @ others) / 0.3**2))
+        free = [np.sqrt(14.5) * (1.0 - valley)]
+        return np.concatenate([free, 30.0 * others, np.ones(4), np.zeros(8)])
+
+    own = [parameter(f"x{i}", -6.0, 6.0) for i in range(5)]
+    search = search_box(evaluator_of(rows, *own), [np.array([5.0] + 4 * [1.0])], 1, 10**6)
+    assert search.minima[0].x == pytest.approx([centre] + 4 * [1.0], abs=0.1)
+    assert search.minima[0].chi_square == pytest.approx(4.0, abs=0.1)
 
 
 def test_without_unknowns_only_the_starts_are_let_down() -> None:

@@ -4,8 +4,9 @@ Of points that fill the box evenly those are let down that lie lowest and apart 
 (multi-level single linkage), all side by side. While noise does not explain the least chi square,
 as many further points of the same sequence are screened as there were, as far as the budget goes:
 a valley that takes a thousandth of the box is seen by a thousand points, not by sixty-four. Boxes
-of many parameters are screened by more points from the first on, and where noise explains nothing
-still, by differential evolution, which goes on from what is best so far.
+of many parameters are screened by more points from the first on. Where noise hardly explains the
+least chi square, every edge of the box is gone along through the lowest minima; where it does not
+explain it, differential evolution searches the box, and finer scans go through what is lowest then.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
 methods", Mathematical Programming 39 (1987) 57.
@@ -14,8 +15,9 @@ methods", Mathematical Programming 39 (1987) 57.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -32,14 +34,21 @@ from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
 from fitting.fit.search.box import Box
 from fitting.fit.search.evolution import evolved, merit
+from fitting.fit.search.scans import scanned
 from fitting.text.arrays import FloatArray
 
 #: Points of the first screen, a power of two; each further one doubles what was screened.
 SCREENED = 64
 #: Descents from the best points of a screen; screens at most, 4,096 points in all.
 DESCENTS, SCREENS = 8, 7
-#: Evolutions at most, where there are more parameters than that.
-EVOLUTIONS = 2
+#: Points along each edge of a first scan and of finer ones; minima that scans go through, and
+#: descents from what they find.
+SCAN, FINER_SCAN, THROUGH, SCAN_DESCENTS = 64, 256, 4, 12
+#: Evolutions and finer scans at most, where there are more parameters than that.
+EVOLUTIONS, FINER_SCANS = 2, 3
+#: Probability of the least chi square below which scans look for a lower one: one wrong minimum in
+#: twenty is explained by noise at TOO_LARGE_P, nearly none is at the middle of what noise leaves.
+BARELY_P = 0.2
 #: Parameters beyond which each doubles what is screened in any case, up to so many points.
 FEW, MOST_AT_FIRST = 3, 512
 #: Decrease of chi square that counts as something lower, and as a share of it.
@@ -70,9 +79,9 @@ class Minimum:
 class Search:
     """What a search of the box found: `minima` apart from each other, the lowest first.
 
-    `screened` points in `screens` rounds, `descents` from the best of them; `explained` whether
-    noise explains the least chi square; `mirrored` where all of it was taken over from an
-    alternative that this one mirrors.
+    `screened` points in `screens` rounds of all kinds, `descents` from the best of them;
+    `explained` whether noise explains the least chi square; `mirrored` where all of it was taken
+    over from an alternative that this one mirrors.
     """
 
     minima: tuple[Minimum, ...]
@@ -169,13 +178,14 @@ def _searched(
         )
         if evaluator.evaluations >= budget or ((explained or scouting) and taken >= enough):
             break
-    for turn in range(EVOLUTIONS if unknowns > FEW and not scouting else 0):
-        if explained:
+    many = unknowns > FEW and not scouting
+    for least_p, look in _further_rounds(evaluator, box, ended, seed) if many else ():
+        if _is_explained(evaluator.likelihood, ended, least_p):
             break
-        points, looked_at = evolved(evaluator, box, seed + turn, DESCENTS)
+        points, looked_at = look()
         ended += _let_down(evaluator, points)
         screens, taken = screens + 1, taken + looked_at
-        explained = _is_explained(evaluator.likelihood, ended)
+    explained = _is_explained(evaluator.likelihood, ended, HARDLY_P if scouting else TOO_LARGE_P)
     return Search(
         minima=_apart(box, evaluator.likelihood, ended),
         screened=taken,
@@ -185,6 +195,29 @@ def _searched(
         evaluations=evaluator.evaluations,
         runs=evaluator.runs,
     )
+
+
+def _further_rounds(
+    evaluator: LikelihoodEvaluator,
+    box: Box,
+    ended: Sequence[tuple[FloatArray, Descent]],
+    seed: int,
+) -> Iterator[tuple[float, Callable[[], tuple[list[FloatArray], int]]]]:
+    """Rounds behind the screens, and the probability of the least chi square that ends them.
+
+    Each answers with what is worth to descend from and how many points were looked at; scans go
+    through the minima that all descents before them have found (`ended` grows).
+    """
+
+    def scan(number: int) -> tuple[list[FloatArray], int]:
+        low = _apart(box, evaluator.likelihood, ended)[:THROUGH]
+        return scanned(evaluator, box, [m.x for m in low], number=number, wanted=SCAN_DESCENTS)
+
+    yield BARELY_P, partial(scan, SCAN)
+    for turn in range(EVOLUTIONS):
+        yield TOO_LARGE_P, partial(evolved, evaluator, box, seed + turn, DESCENTS)
+    for _ in range(FINER_SCANS):
+        yield TOO_LARGE_P, partial(scan, FINER_SCAN)
 
 
 def _let_down(
