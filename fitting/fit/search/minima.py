@@ -206,18 +206,26 @@ def _further_rounds(
     """Rounds behind the screens, and the probability of the least chi square that ends them.
 
     Each answers with what is worth to descend from and how many points were looked at; scans go
-    through the minima that all descents before them have found (`ended` grows).
+    through the minima that all descents before them have found (`ended` grows). A finer scan that
+    found nothing lower is the last: the next one would see the same points.
     """
 
+    def least() -> float:
+        return min((descent.chi_square for _, descent in ended), default=math.inf)
+
     def scan(number: int) -> tuple[list[FloatArray], int]:
-        low = _apart(box, evaluator.likelihood, ended)[:THROUGH]
-        return scanned(evaluator, box, [m.x for m in low], number=number, wanted=SCAN_DESCENTS)
+        lowest = _apart(box, evaluator.likelihood, ended)[:THROUGH]
+        through = [minimum.x for minimum in lowest]
+        return scanned(evaluator, box, through, number=number, wanted=SCAN_DESCENTS)
 
     yield BARELY_P, partial(scan, SCAN)
     for turn in range(EVOLUTIONS):
         yield TOO_LARGE_P, partial(evolved, evaluator, box, seed + turn, DESCENTS)
     for _ in range(FINER_SCANS):
+        before = least()
         yield TOO_LARGE_P, partial(scan, FINER_SCAN)
+        if not least() < before - worth(before):
+            return
 
 
 def _let_down(
