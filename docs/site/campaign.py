@@ -59,7 +59,8 @@ def _is_table(described: Any) -> bool:
 def _keys(place: tuple[str, ...], described: Mapping[str, Any], shipped: list[Any]) -> str:
     rows = []
     needed = described.get("required", ())
-    for key, value in described.get("properties", {}).items():
+    keys = described.get("properties", {}).items()
+    for key, value in sorted(keys, key=lambda each: each[0] not in needed):
         if _is_table(value.get("items", value)):
             continue
         usual = "required" if key in needed else code(_toml(value.get("default")))

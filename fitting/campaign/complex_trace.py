@@ -134,7 +134,20 @@ def read_complex(
         trace=trace,
         chunk=chunk,
     )
-    recording = read_recording(path, layout, selection)
+    return complex_of(read_recording(path, layout, selection), columns)
+
+
+def complex_of(recording: Recording, columns: WrittenComplexColumns) -> MeasuredComplex:
+    """The complex values that columns of a recording hold.
+
+    Args:
+        recording: as it was read, one sweep.
+        columns: names of columns, where they are not the usual ones.
+
+    Raises:
+        BadInput: as `read_complex`.
+    """
+    path = recording.path
     frequency = frequency_of(recording, columns.frequency)
     drive = recording.column(columns.drive) if columns.drive else None
     x, y = asked(recording, columns.x, X), asked(recording, columns.y, Y)

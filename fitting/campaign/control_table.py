@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import RawTrace, read_trace, unit_of
 from fitting.signal.amplitudes import to_peak
-from fitting.text.arrays import FloatArray, IntArray
+from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
 from fitting.text.tables import Table, read_table
 from fitting.text.written import Written
+
+S = TypeVar("S")
 
 #: Column that names the file of each spectrum.
 FILE = "file"
@@ -25,8 +28,6 @@ FILE = "file"
 OWN_COLUMNS = ("frequency", "amplitude", FILE)
 #: Points of a spectrum, at least.
 LEAST_POINTS = 8
-#: Label, controls and rows of a spectrum that is to be read.
-_Asked = tuple[str, Mapping[str, Written], IntArray]
 #: A line is looked for so far from its harmonic, in fundamentals: odd ones are two apart.
 REACH = 0.8
 
@@ -73,7 +74,31 @@ def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]
             or are there twice, two spectra at the same values, fewer than two spectra.
     """
     table = read_table(path)
-    columns = [table.column(name) for name in how.controls]
+    places = places_of(table, how.controls)
+    return tuple(spectra_at(table, places, partial(_spectrum, table, how)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlPlace:
+    """One value of the controls: its label, the controls as written, its rows in the table (n,)."""
+
+    label: str
+    controls: Mapping[str, Written]
+    rows: IntArray
+
+
+def places_of(table: Table, controls: Sequence[str]) -> tuple[ControlPlace, ...]:
+    """The values of the controls in a table, in its order: a row each, where a column names files.
+
+    Args:
+        table: with all points, or with a row for each spectrum.
+        controls: columns of it.
+
+    Raises:
+        BadInput: no such column, values that are no numbers, one place alone or twice, fewer rows
+            than a spectrum has.
+    """
+    columns = [table.column(name) for name in controls]
     units = [unit_of(table, c, f"{c.name} (V)") for c in columns]
     values = np.column_stack([table.numbers(c) for c in columns])
     listed = table.find(FILE)
@@ -83,45 +108,62 @@ def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]
         _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)  # as the file has them
         rows = [np.flatnonzero(group.ravel() == k) for k in order]
-    spectra = []
+    places = []
     for mine in rows:
         written = {
-            c.name: Written(float(v), unit, f"{path}: row {table.lines[mine[0]]}, '{c.name}'")
+            c.name: Written(float(v), unit, f"{table.path}: row {table.lines[mine[0]]}, '{c.name}'")
             for c, v, unit in zip(columns, values[mine[0]], units, strict=True)
         }
         label = ", ".join(
             f"{v:g} {unit}".removesuffix(" 1")
             for v, unit in zip(values[mine[0]], units, strict=True)
         )
-        spectra.append((label, written, mine))
-    labels = [label for label, _, _ in spectra]
+        places.append(ControlPlace(label=label, controls=written, rows=mine))
+    labels = [place.label for place in places]
     for k, label in enumerate(labels):
         if label in labels[:k]:
-            line = table.lines[spectra[k][2][0]]
-            raise BadInput(f"{path}: row {line}: is the second spectrum at {label}; wanted one")
-    if len(spectra) < 2:
+            line = table.lines[places[k].rows[0]]
+            raise BadInput(
+                f"{table.path}: row {line}: is the second spectrum at {label}; wanted one"
+            )
+    if len(places) < 2:
         raise BadInput(
-            f"{path}: one spectrum, at {labels[0]}; wanted several values of "
-            f"{', '.join(how.controls)}"
+            f"{table.path}: one spectrum, at {labels[0]}; wanted several values of "
+            f"{', '.join(controls)}"
         )
     if listed is None:
-        _check_counts(table, how, spectra)
-    readers = [partial(_spectrum, table, how, *each) for each in spectra]
+        _check_counts(table, controls, places)
+    return tuple(places)
+
+
+def spectra_at(
+    table: Table, places: Sequence[ControlPlace], read: Callable[[ControlPlace], S]
+) -> list[S]:
+    """What is read at every place, with the complaints about all files, or about one table.
+
+    Args:
+        table: whose places they are.
+        places: that are read.
+        read: what is measured at a place.
+
+    Raises:
+        BadInput: a place cannot be read.
+    """
     try:
-        return tuple(gathered(readers))
+        return gathered([partial(read, place) for place in places])
     except BadInput as error:
-        if listed is not None:
+        if table.find(FILE) is not None:
             raise
         # one table: what is wrong with its first spectrum is mostly wrong with all
         further = f" (and {len(error.args) - 1} more such complaints)" * (len(error.args) > 1)
         raise BadInput(f"{error.args[0]}{further}") from error
 
 
-def _check_counts(table: Table, how: SpectraFormat, spectra: Sequence[_Asked]) -> None:
+def _check_counts(table: Table, controls: Sequence[str], places: Sequence[ControlPlace]) -> None:
     """Complain of a table where no value of the controls is there often enough for a spectrum."""
-    counts = [rows.size for _, _, rows in spectra]
+    counts = [place.rows.size for place in places]
     if max(counts) < LEAST_POINTS:
-        names = ", ".join(how.controls)
+        names = ", ".join(controls)
         raise BadInput(
             f"{table.path}: {len(counts)} values of {names}, at each "
             f"{_points(max(counts))} or fewer; wanted at least {LEAST_POINTS} at each "
@@ -129,29 +171,52 @@ def _check_counts(table: Table, how: SpectraFormat, spectra: Sequence[_Asked]) -
         )
 
 
-def _spectrum(
-    table: Table, how: SpectraFormat, label: str, controls: Mapping[str, Written], rows: IntArray
-) -> MeasuredSpectrum:
+def file_at(table: Table, place: ControlPlace) -> Path | None:
+    """The file of a place's own spectrum, None where its points are rows of the table.
+
+    Args:
+        table: whose place it is.
+        place: one value of the controls.
+    """
     listed = table.find(FILE)
-    if listed is not None:
-        path = table.path.parent / table.texts(listed)[rows[0]]
+    return None if listed is None else table.path.parent / table.texts(listed)[place.rows[0]]
+
+
+def inside(frequency_hz: FloatArray, range_hz: tuple[float, float], where: str) -> BoolArray:
+    """Which points of a spectrum lie within a range, (n,).
+
+    Args:
+        frequency_hz: of the points, (n,), Hz.
+        range_hz: first and last frequency.
+        where: what complaints name.
+
+    Raises:
+        BadInput: fewer than a spectrum has.
+    """
+    low, high = range_hz
+    kept = (frequency_hz >= low) & (frequency_hz <= high)
+    kept &= frequency_hz > 0.0  # spectra of Fourier transforms begin with a constant
+    count = int(np.count_nonzero(kept))
+    if count < LEAST_POINTS:
+        between = "" if high == np.inf else f" from {hertz(low)} to {hertz(high)}"
+        raise BadInput(
+            f"{where} has {_points(count)} to fit{between}; wanted at least {LEAST_POINTS}"
+        )
+    return np.asarray(kept)
+
+
+def _spectrum(table: Table, how: SpectraFormat, place: ControlPlace) -> MeasuredSpectrum:
+    path = file_at(table, place)
+    if path is not None:
         raw = read_trace(path, how.trace.layout, how.trace.selection)
         read = _from_trace(raw, how)
     else:
-        read = _from_rows(table, how, rows)
-    spectrum = replace(read, label=label, controls=controls)
+        read = _from_rows(table, how, place.rows)
+    spectrum = replace(read, label=place.label, controls=place.controls)
     if how.fundamental_hz is not None:
         spectrum = with_harmonics(spectrum, how.fundamental_hz)
-    low, high = how.range_hz
-    kept = (spectrum.frequency_hz >= low) & (spectrum.frequency_hz <= high)
-    kept &= spectrum.frequency_hz > 0.0  # spectra of Fourier transforms begin with a constant
-    where = f"{spectrum.source}: the spectrum at {label}"
-    count = int(np.count_nonzero(kept))
-    if count < LEAST_POINTS:
-        inside = "" if how.range_hz[1] == np.inf else f" from {hertz(low)} to {hertz(high)}"
-        raise BadInput(
-            f"{where} has {_points(count)} to fit{inside}; wanted at least {LEAST_POINTS}"
-        )
+    where = f"{spectrum.source}: the spectrum at {place.label}"
+    kept = inside(spectrum.frequency_hz, how.range_hz, where)
     if not np.any(spectrum.amplitude[kept] > 0.0):
         raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
     return replace(

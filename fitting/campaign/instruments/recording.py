@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.tables import Column, Table, named_column, parse_number
 
@@ -109,6 +110,22 @@ class Recording:
         self._check(channel, values)
         return values
 
+    def part(self, rows: IntArray) -> Recording:
+        """Some of its points.
+
+        Args:
+            rows: their numbers, from 0.
+        """
+
+        def taken(channel: Channel) -> Channel:
+            return replace(channel, read=lambda: channel.read()[rows])
+
+        return replace(
+            self,
+            channels=tuple(map(taken, self.channels)),
+            places=tuple(self.places[i] for i in rows),
+        )
+
     def _check(self, channel: Channel, values: Numbers) -> None:
         for i in np.flatnonzero(~np.isfinite(values))[:1]:
             raise BadInput(
@@ -169,14 +186,13 @@ def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = No
 
 def _of_column(table: Table, column: Column) -> Channel:
     first = table.cells[0][column.index] if table.cells else ""
-    if as_complex(first) is None:
-        return Channel(name=column.name, unit=column.unit, read=lambda: table.numbers(column))
-    return Channel(
-        name=column.name,
-        unit=column.unit,
-        read=lambda: _complex_cells(table, column),
-        is_complex=True,
-    )
+    is_complex = as_complex(first) is not None
+
+    @cache  # parts of a recording share its columns
+    def read() -> Numbers:
+        return _complex_cells(table, column) if is_complex else table.numbers(column)
+
+    return Channel(name=column.name, unit=column.unit, read=read, is_complex=is_complex)
 
 
 def _complex_cells(table: Table, column: Column) -> ComplexArray:

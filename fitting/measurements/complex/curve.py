@@ -13,6 +13,7 @@ import numpy.typing as npt
 from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
+from fitting.signal.scatter import scatter_of
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -92,6 +93,10 @@ class ComplexCurve:
     def largest(self) -> float:
         """The largest modulus, in ``unit``."""
         return float(np.max(np.abs(self.y)))
+
+    def scatter(self) -> float:
+        """Standard deviation of each quadrature about smooth curves; 0 where too few tell it."""
+        return scatter_of(self.y.real, self.y.imag)
 
     def rows_of(self, values: ComplexArray) -> FloatArray:
         """Real, then imaginary parts over the largest measured modulus, (2 n,).

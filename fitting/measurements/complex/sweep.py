@@ -9,8 +9,8 @@ output(t) = Re[H A exp(i (2 pi u t + phase))], A and phase those of the drive.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from typing import Self
 
@@ -21,8 +21,10 @@ from fitting.campaign.parameters import Parameter
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.figure import complex_figure
 from fitting.measurements.complex.gain import SharedGain, Solved
+from fitting.measurements.complex.maps import complex_maps
 from fitting.measurements.dip import dip_qualities
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.few_places import few_of
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
     Estimated,
@@ -38,7 +40,7 @@ from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 
 #: Role of a parameter that is a cable's delay.
@@ -64,6 +66,8 @@ class ComplexSweep:
     Args:
         setup: How the FMU is driven and what is observed.
         curves: The sweeps; one alone will do.
+        units: Units of the control quantities that settings of the sweeps name, for laws.
+        one_delay: Whether all delays that are fitted are one, that of the cable.
         series: Measurements of one series share their setup.
 
     Raises:
@@ -73,6 +77,8 @@ class ComplexSweep:
     setup: Setup
     curves: ComplexCurve | Sequence[ComplexCurve]
     _: KW_ONLY
+    units: Mapping[str, str] = field(default_factory=dict)
+    one_delay: bool = False
     series: str = ""
 
     def __post_init__(self) -> None:
@@ -90,8 +96,8 @@ class ComplexSweep:
 
     @property
     def control_units(self) -> Mapping[str, str]:
-        """None: settings are variables of the FMU."""
-        return {}
+        """Units of the controls."""
+        return self.within(self.setup, self.series).control_units
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -107,12 +113,21 @@ class ComplexSweep:
         """
         given = self.curves
         curves = (given,) if isinstance(given, ComplexCurve) else tuple(given)
-        return ComplexSweeps(setup=setup, curves=curves, series=series)
+        return ComplexSweeps(
+            setup=setup,
+            curves=curves,
+            units=self.units,
+            one_delay=self.one_delay,
+            series=series,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComplexSweeps(MeasurementKind):
     """One or several complex sweeps `curves` that are fitted together, two rows for each value.
+
+    `units` are those of the controls that their settings name; `one_delay`: those that are fitted
+    are one, that of the cable.
 
     Raises:
         BadInput: no sweep, or two of one name.
@@ -120,6 +135,8 @@ class ComplexSweeps(MeasurementKind):
 
     setup: Setup
     curves: tuple[ComplexCurve, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
+    one_delay: bool = False
     series: str = ""
 
     def __post_init__(self) -> None:
@@ -170,6 +187,11 @@ class ComplexSweeps(MeasurementKind):
         return tuple((c.label, c.settings) for c in self.curves)
 
     @property
+    def control_units(self) -> Mapping[str, str]:
+        """Units of the controls."""
+        return {name: unit for name, unit in self.units.items() if unit}
+
+    @property
     def setting_sigmas(self) -> Mapping[str, Mapping[str, float]]:
         """Declared standard deviations of settings, by label."""
         return {c.label: c.setting_sigma for c in self.curves}
@@ -199,11 +221,17 @@ class ComplexSweeps(MeasurementKind):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The delay of every sweep that has it fitted, about the one that its phases show."""
-        return tuple(self._delay(c) for c in self.curves if c.delay_s is None)
+        """The delay of every sweep that has it fitted, about the one that its phases show.
+
+        Where all have one it is looked for about that of the sweep that one mode describes best.
+        """
+        fitted = [c for c in self.curves if c.delay_s is None]
+        if self.one_delay and fitted:
+            fitted = [min(fitted, key=lambda c: c.line.misfit)]
+        return tuple(self._delay(c) for c in fitted)
 
     def _delay_name(self, curve: ComplexCurve) -> str:
-        tag = curve.label or self.series
+        tag = self.series if self.one_delay else curve.label or self.series
         return f"{DELAY}[{tag}]" if tag else DELAY
 
     def _delay(self, curve: ComplexCurve) -> Parameter:
@@ -363,8 +391,33 @@ class ComplexSweeps(MeasurementKind):
             return "the simulated complex sweep does not follow the measured one"
         return ""
 
+    def part(self, labels: Collection[str]) -> Self | None:
+        """The sweeps at the places of these labels.
+
+        Args:
+            labels: of places.
+
+        Raises:
+            BadInput: others have a delay of their own that is fitted.
+        """
+        if not self.one_delay and self.parameters:
+            return super().part(labels)
+        kept = tuple(c for c in self.curves if c.label in labels)
+        return replace(self, curves=kept) if kept else None
+
+    def few_places(self) -> tuple[Self, BoolArray] | None:
+        """Sweeps at few values of the controls, the outermost ones and others evenly between."""
+        kept = few_of([c.settings for c in self.curves]) if self.units else None
+        if kept is None:
+            return None
+        rows = np.repeat(kept, [2 * c.y.size for c in self.curves])
+        curves = tuple(c for c, keep in zip(self.curves, kept, strict=True) if keep)
+        return replace(self, curves=curves), rows
+
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
-        """X and Y of every sweep, and what the fit leaves of them."""
+        """X and Y of every sweep and what the fit leaves of them; of many, maps of both."""
+        if self.units:
+            return (complex_maps(self, self._split(after)),)
         trios = zip(self.curves, self._split(before), self._split(after), strict=True)
         return tuple(complex_figure(c, b, a, self.series) for c, b, a in trios)
 

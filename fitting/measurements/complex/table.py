@@ -9,41 +9,22 @@ from typing import Annotated, Any, ClassVar, Self
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.complex_trace import (
-    WrittenComplexColumns,
-    check_delay,
-    check_sense,
-    conjugated,
-    read_complex,
-)
+from fitting.campaign.complex_trace import read_complex
 from fitting.campaign.file import check_layout_keys, layout_keys
 from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.stated import bind_sigmas
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.keys import ComplexKeys
 from fitting.measurements.complex.sweep import ComplexSweeps
-from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
 from fitting.measurements.labels import labels_of
-from fitting.text.errors import BadInput, gathered
-from fitting.text.keys import (
-    Count,
-    FileName,
-    OneOf,
-    Refused,
-    Switch,
-    Text,
-    Usually,
-    Value,
-    WholeNumber,
-    refusing,
-)
-from fitting.text.units import convert, parse_quantity
-from fitting.text.written import in_unit
+from fitting.text.errors import gathered
+from fitting.text.keys import Count, FileName, OneOf, Text, Usually, Value, WholeNumber
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComplexSweepTable(MeasurementTable):
+class ComplexSweepTable(MeasurementTable, ComplexKeys):
     """A complex frequency response: lock-in amplifier or network analyser, over drive frequency.
 
     Several of these tables are fitted together.
@@ -61,47 +42,15 @@ class ComplexSweepTable(MeasurementTable):
     """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
     """(zurich only) which sweep of the file; without it the only one there is."""
-    columns: WrittenComplexColumns = field(default_factory=WrittenComplexColumns)
-    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
-    where the file tells none."""
-    conjugate: Switch = False
-    """The instrument counts phases the other way: the phase of a response rises with frequency."""
-    sigma: Value | None = None
-    """Standard deviation of each quadrature, as "0.1 uV"; without it the residuals tell it."""
-    output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
     label: Text = ""
     """Name of the sweep, for values of its own; without it "1", "2" where there are several."""
     set: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the FMU during the sweep."""
     set_sigma: Mapping[str, Value] = field(default_factory=dict)
     """Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each is fitted."""
-    wiring: Annotated[Text, OneOf(WIRINGS)] = "transmission"
-    """How the response stands in what is seen, see the page on amplitude and phase."""
-    background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
-    """Complex background beside the response, solved inside."""
-    delay: Text = "none"
-    """Of the cable: "none", "fit", or a known one as "40 ns"."""
-    scale: Annotated[Text, OneOf(("own", "shared"))] = "own"
-    """Complex gain: its own, or one for all sweeps that share it."""
-    restarted: Switch = False
-    """With scale = "shared": the phase of the gain is its own, as after a restart of the
-    instrument."""
 
     def __post_init__(self) -> None:
-        if self.restarted and self.scale != "shared":
-            raise Refused('has a meaning with scale = "shared" only', "restarted")
-        if self.wiring != "transmission":
-            if self.scale == "shared":
-                raise Refused(f'wanted "own" with wiring = "{self.wiring}"', "scale")
-            if self.background == "constant":
-                raise Refused(
-                    f'"constant" is what passes by in wiring = "{self.wiring}" anyway; wanted '
-                    '"none" or "slope"',
-                    "background",
-                )
-        with refusing("delay"):
-            _delay_of(self.delay, "")
+        self.check()
         told = {"trace": self.trace, "chunk": self.chunk}
         check_layout_keys(told, layout_keys(self.layout), f'layout = "{self.layout}"')
 
@@ -114,27 +63,7 @@ class ComplexSweepTable(MeasurementTable):
         measured = read_complex(
             self.file, self.layout, self.columns, trace=self.trace or 1, chunk=self.chunk
         )
-        measured = conjugated(measured) if self.conjugate else measured
-        delay_s = _delay_of(self.delay, "")
-        check_sense(measured, delay_s, str(self.file))
-        check_delay(measured, delay_s, str(self.file))
-        sigma = 0.0
-        if self.sigma is not None:
-            sigma = in_unit(self.sigma, measured.unit)
-            if not sigma > 0.0:
-                raise BadInput(f"{self.sigma.where}: found {sigma:g}, wanted more than zero")
-        return ComplexCurve(
-            measured.frequency_hz,
-            measured.values,
-            sigma=sigma,
-            label=label,
-            wiring=Wiring(kind=self.wiring, background=self.background),
-            delay_s=delay_s,
-            shared=self.scale == "shared",
-            restarted=self.restarted,
-            unit=measured.unit,
-            source=str(self.file),
-        )
+        return self.curve_of(measured, label)
 
     @classmethod
     def read_together(cls, tables: Sequence[Self]) -> ReadComplexSweeps:
@@ -147,16 +76,6 @@ class ComplexSweepTable(MeasurementTable):
 
 def _reader(table: ComplexSweepTable, label: str) -> Any:
     return lambda: table.curve(label)
-
-
-def _delay_of(text: str, where: str) -> float | None:
-    """Known delay, s; None: it is fitted."""
-    if text in ("none", "fit"):
-        return 0.0 if text == "none" else None
-    value, unit = parse_quantity(text, where=where, wanted="s")
-    if unit is None:
-        raise BadInput(f'{where}: found "{text}", wanted "none", "fit" or a time as "40 ns"')
-    return convert(value, unit, "s", where=where)
 
 
 @dataclass(frozen=True)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.notation import hertz, listed, unit_text
-
-if TYPE_CHECKING:  # the sweep draws itself by these
-    from fitting.measurements.control.sweep import ControlSweep
 
 #: Texts along a map of numbered spectra.
 MOST_TICKS = 10
@@ -22,17 +19,43 @@ MOST_TICKS = 10
 MOST_LETTERS, SMALL = 4, 0.01
 
 
-@dataclass(frozen=True)
-class ControlMaps:
-    """Measured amplitudes of a control sweep beside ``fitted`` ones (rows,), over its control."""
+@dataclass(frozen=True, kw_only=True)
+class MappedSpectrum:
+    """A column of the maps: frequencies (n,), Hz, at one value of the controls, `measured` (n,).
 
-    sweep: ControlSweep
+    `fitted` (n,) likewise, `left` (n,) what the fit leaves, each in the unit of its axis; where
+    `response` (n,), the model's under a constant drive, has its maxima its branches are marked:
+    of no points there are none.
+    """
+
+    label: str
+    settings: Mapping[str, Scalar]
+    frequency_hz: FloatArray
+    measured: FloatArray
     fitted: FloatArray
+    left: FloatArray
+    response: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlMaps:
+    """Maps of spectra over their control, whose `units` are told by name.
+
+    `amplitude` and `rest` are the axes of colours; `what` is drawn, in words.
+    """
+
+    spectra: tuple[MappedSpectrum, ...]
+    units: Mapping[str, str]
+    amplitude: Axis
+    rest: Axis
+    name: str = "control_sweep"
+    what: str = "Amplitudes"
+    series: str = ""
 
     @cached_property
     def control(self) -> str:
         """The control that the maps are drawn over: the first that differs."""
-        spectra = self.sweep.spectra
+        spectra = self.spectra
         for name in spectra[0].settings:
             if len({s.settings.get(name) for s in spectra}) > 1:
                 return name
@@ -41,7 +64,7 @@ class ControlMaps:
     @cached_property
     def numbered(self) -> bool:
         """Whether the maps go by the number of the spectrum: several share a value of a control."""
-        values = [s.settings.get(self.control) for s in self.sweep.spectra]
+        values = [s.settings.get(self.control) for s in self.spectra]
         return len(set(values)) < len(values)
 
     @cached_property
@@ -50,7 +73,7 @@ class ControlMaps:
 
         Of the others each spectrum has its own value, as of the time.
         """
-        spectra = self.sweep.spectra
+        spectra = self.spectra
         counts = {n: len({s.settings.get(n) for s in spectra}) for n in spectra[0].settings}
         return tuple(n for n, count in counts.items() if 1 < count < len(spectra))
 
@@ -68,9 +91,9 @@ class ControlMaps:
         """The control; of numbered spectra a text for each, or for some where there are many."""
         if not self.numbered:
             return Axis(self.control, self._unit)
-        units = [unit_text(self.sweep.units.get(name, "")) for name in self._told]
+        units = [unit_text(self.units.get(name, "")) for name in self._told]
         heads = [f"{n} ({u})" if u else n for n, u in zip(self._told, units, strict=True)]
-        spectra = self.sweep.spectra
+        spectra = self.spectra
         every = math.ceil(len(spectra) / MOST_TICKS)
         ticks = tuple(
             (at, "\n".join(_written(s.settings.get(name)) for name in self._told))
@@ -80,32 +103,32 @@ class ControlMaps:
 
     @property
     def _unit(self) -> str:
-        return "" if self.numbered else self.sweep.units.get(self.control, "")
+        return "" if self.numbered else self.units.get(self.control, "")
 
     @cached_property
     def _at(self) -> list[float]:
-        spectra = self.sweep.spectra
+        spectra = self.spectra
         if self.numbered:
             return [float(k) for k in range(1, len(spectra) + 1)]
         return [float(s.settings[self.control]) for s in spectra]
 
     @cached_property
     def _x(self) -> FloatArray:
-        pairs = zip(self._at, self.sweep.spectra, strict=True)
-        return np.concatenate([np.full(s.y.size, value) for value, s in pairs])
+        pairs = zip(self._at, self.spectra, strict=True)
+        return np.concatenate([np.full(s.frequency_hz.size, value) for value, s in pairs])
 
     @cached_property
     def _f(self) -> FloatArray:
-        return np.concatenate([s.u_hz for s in self.sweep.spectra])
+        return np.concatenate([s.frequency_hz for s in self.spectra])
 
     @cached_property
     def branches(self) -> list[tuple[float, FloatArray]]:
         """Control and frequencies (Hz) of the maxima of the model's curve, for each spectrum."""
         found = []
-        for value, s, mine in zip(self._at, self.sweep.spectra, self.sweep.slices, strict=True):
-            a = self.fitted[mine] / s.level
+        for value, s in zip(self._at, self.spectra, strict=True):
+            a = s.response
             top = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] >= a[2:])) + 1
-            found.append((value, np.array([_vertex(s.u_hz, a, int(k)) for k in top])))
+            found.append((value, np.array([_vertex(s.frequency_hz, a, int(k)) for k in top])))
         return found
 
     @property
@@ -117,7 +140,7 @@ class ControlMaps:
         least, at = min(apart)
         where = f"{self.over} = {f'{at:.4g} {self._unit}'.strip()}"
         if self.numbered:
-            where = f"spectrum {at:.0f} ({self.sweep.spectra[round(at) - 1].label})"
+            where = f"spectrum {at:.0f} ({self.spectra[round(at) - 1].label})"
         return f" The model's maxima come closest at {where}, {hertz(least, digits=4)} apart."
 
     @property
@@ -138,12 +161,6 @@ class ControlMaps:
     @property
     def figure(self) -> Figure:
         """Three maps: measured, with the model's branches; simulated; residuals."""
-        sweep = self.sweep
-        amplitudes = Axis("amplitude", "" if sweep.unit == "1" else sweep.unit)
-        maps = sweep.measured, self.fitted
-        if sweep.logarithmic:  # as the laboratory has them, and as they are fitted
-            amplitudes = Axis("amplitude", "dB" if sweep.unit == "1" else f"dB({sweep.unit})")
-            maps = _decibels(sweep.measured), _decibels(self.fitted)
         pairs = [(at, f) for at, found in self.branches for f in found]
         lines = Layer(
             Role.START,
@@ -152,31 +169,28 @@ class ControlMaps:
             np.array([f for _, f in pairs]),
             label="maxima of the fitted model",
         )
-        known = bool(np.all(sweep.sigma > 0.0))
-        size = sweep.sigma * sweep.sizes if known else 0.01 * sweep.sizes
-        rest = (sweep.seen_as(self.fitted) - sweep.measured) / size
-        unit = "σ" if known else "% of maximum"
-        if sweep.logarithmic:
-            rest, unit = _decibels(self.fitted / sweep.measured), "dB"
-        most = float(np.max(np.abs(rest), initial=0.0)) or 1.0
-        rests = Axis("simulated - measured", unit, low=-most, high=most)
-        spectra = len(sweep.spectra)
+        marks = (lines,) if pairs else ()
+        measured, fitted, left = (
+            np.concatenate([getattr(s, name) for s in self.spectra])
+            for name in ("measured", "fitted", "left")
+        )
+        spectra = len(self.spectra)
         return Figure(
-            name="control_sweep",
+            name=self.name,
             title=f"Response over {self._all_over}",
             caption=(
-                f"Amplitudes of {spectra} spectra over {self.over}{self._order}, measured, "
+                f"{self.what} of {spectra} spectra over {self.over}{self._order}, measured, "
                 f"simulated with the fitted parameters, and what is left.{self.gap}"
             ),
             alt=f"Maps of {spectra} spectra over {self.over}: measured, simulated, difference.",
             rows=(
                 (
-                    self._panel("measured", maps[0], amplitudes, lines),
-                    self._panel("simulated, fitted parameters", maps[1], amplitudes, lines),
+                    self._panel("measured", measured, self.amplitude, *marks),
+                    self._panel("simulated, fitted parameters", fitted, self.amplitude, *marks),
                 ),
-                (self._panel("difference", rest, rests),),
+                (self._panel("difference", left, self.rest),),
             ),
-            series=sweep.series,
+            series=self.series,
         )
 
 
@@ -189,10 +203,6 @@ def _written(value: object) -> str:
         digits, _, power = f"{value:.2e}".partition("e")
         text = f"{float(digits):g}e{int(power)}"
     return text.replace("-", "−")
-
-
-def _decibels(a: FloatArray) -> FloatArray:
-    return np.asarray(20.0 * np.log10(a))
 
 
 def _vertex(f: FloatArray, a: FloatArray, k: int) -> float:

@@ -24,11 +24,12 @@ from typing import Self
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.measurements.control.maps import ControlMaps
+from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.control.scales import SCALES, SpectrumScales
 from fitting.measurements.control.spectrum import ControlSpectrum
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.figure import Figure
+from fitting.measurements.few_places import few_of
+from fitting.measurements.figure import Axis, Figure
 from fitting.measurements.measurement import (
     MeasurementKind,
     Predicting,
@@ -50,8 +51,6 @@ from fitting.text.errors import BadInput
 
 #: Residuals below this share of the maximum are no misfit.
 SMALLEST_MISFIT = 1e-3
-#: Spectra that stand for all of a map where many are not needed.
-FEW = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,7 +370,36 @@ class ControlSweep(MeasurementKind):
             after: the same at the fitted parameters.
         """
         fitted = self.scaled(Prediction(np.asarray(after, dtype=float)), 1.0)
-        return (ControlMaps(self, fitted).figure,)
+        return (self._maps(fitted).figure,)
+
+    def _maps(self, fitted: FloatArray) -> ControlMaps:
+        """The maps of fitted amplitudes (rows,); dB as the laboratory has them."""
+        known = bool(np.all(self.sigma > 0.0))
+        size = self.sigma * self.sizes if known else 0.01 * self.sizes
+        left, unit = (self.seen_as(fitted) - self.measured) / size, "σ" if known else "% of maximum"
+        shown, told = (self.measured, fitted), "" if self.unit == "1" else self.unit
+        if self.logarithmic:
+            left, unit = _decibels(fitted / self.measured), "dB"
+            shown, told = (_decibels(self.measured), _decibels(fitted)), f"dB({told})"
+        most = float(np.max(np.abs(left), initial=0.0)) or 1.0
+        return ControlMaps(
+            spectra=tuple(
+                MappedSpectrum(
+                    label=s.label,
+                    settings=s.settings,
+                    frequency_hz=s.u_hz,
+                    measured=shown[0][mine],
+                    fitted=shown[1][mine],
+                    left=left[mine],
+                    response=fitted[mine] / s.level,
+                )
+                for s, mine in zip(self.spectra, self.slices, strict=True)
+            ),
+            units=self.units,
+            amplitude=Axis("amplitude", told.removesuffix("()")),
+            rest=Axis("simulated - measured", unit, low=-most, high=most),
+            series=self.series,
+        )
 
     def part(self, labels: Collection[str]) -> Self | None:
         """The spectra at the places of these labels.
@@ -386,23 +414,13 @@ class ControlSweep(MeasurementKind):
         return replace(self, spectra=kept) if kept else None
 
     def few_places(self) -> tuple[Self, BoolArray] | None:
-        """Spectra at `FEW` values of the controls, the outermost ones and others evenly between."""
-        if len(self.spectra) < 2 * FEW:
+        """Spectra at few values of the controls, the outermost ones and others evenly between."""
+        kept = few_of([s.settings for s in self.spectra])
+        if kept is None:
             return None
-        order = sorted(range(len(self.spectra)), key=self._place_in_order)
-        chosen = {order[round(k)] for k in np.linspace(0, len(order) - 1, FEW)}
-        kept = [k in chosen for k in range(len(order))]
         rows = np.repeat(kept, [s.y.size for s in self.spectra])
         spectra = tuple(s for s, keep in zip(self.spectra, kept, strict=True) if keep)
         return replace(self, spectra=spectra), rows
-
-    def _place_in_order(self, k: int) -> tuple[tuple[bool, float, str], ...]:
-        """By which a spectrum stands beside those of like controls."""
-        values = self.spectra[k].settings.values()
-        return tuple(
-            (True, 0.0, value) if isinstance(value, str) else (False, float(value), "")
-            for value in values
-        )
 
     def within(self, setup: Setup, series: str) -> Self:
         """The same as part of a series, whose name stands before the labels.
@@ -415,3 +433,7 @@ class ControlSweep(MeasurementKind):
         if series and series != self.series:
             spectra = tuple(replace(s, label=f"{series}/{s.label}") for s in spectra)
         return replace(self, setup=setup, series=series, spectra=spectra)
+
+
+def _decibels(a: FloatArray) -> FloatArray:
+    return np.asarray(20.0 * np.log10(a))

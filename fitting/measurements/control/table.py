@@ -11,7 +11,6 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.control_table import (
-    OWN_COLUMNS,
     MeasuredSpectrum,
     SpectraFormat,
     read_spectra,
@@ -20,6 +19,7 @@ from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import LAYOUTS, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
+from fitting.measurements.control.keys import ControlKeys
 from fitting.measurements.control.scales import SCALES
 from fitting.measurements.control.spectrum import ControlSpectrum
 from fitting.measurements.control.sweep import ControlSweep
@@ -29,24 +29,20 @@ from fitting.text.errors import BadInput
 from fitting.text.formula import Formula
 from fitting.text.keys import (
     FileName,
-    Frequencies,
     Missing,
     OneOf,
     Quantity,
     Refused,
     Share,
     Text,
-    Texts,
-    Usually,
     Value,
     refusing,
 )
-from fitting.text.notation import hertz
 from fitting.text.written import in_unit
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlSweepTable(MeasurementTable):
+class ControlSweepTable(MeasurementTable, ControlKeys):
     """Spectra over drive frequency at several values of a control quantity, fitted as a whole."""
 
     TABLE: ClassVar[str] = "control_sweep"
@@ -54,9 +50,6 @@ class ControlSweepTable(MeasurementTable):
     file: FileName
     """Either all points, a row each: the controls, frequency, amplitude; or a row for each
     spectrum: the controls, and in the column file the name of the spectrum's own file."""
-    controls: Texts
-    """Columns of the control quantities, each with its unit: what laws name, or variables of the
-    FMU."""
     amplitude: Annotated[
         Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
     ]
@@ -83,46 +76,20 @@ class ControlSweepTable(MeasurementTable):
     lines: Annotated[float | None, Quantity("Hz")] = None
     """Fundamental of a periodic drive: of each spectrum the odd harmonics are picked, the highest
     point within 0.8 of it, refined by a parabola through the logarithms beside it."""
-    range: Annotated[Frequencies | None, Usually(None)] = None
-    """First and last frequency that is fitted."""
     output: Text | None = None
     """The FMU output that is seen; without it that of [observe]."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             declared_amplitude(self.amplitude, self.impedance, "")
-        if not self.controls:
-            raise Refused("is empty, wanted at least one column", "controls")
-        for name in self.controls:
-            if name.lower() in OWN_COLUMNS:
-                raise Refused(
-                    f"'{name}' is what a spectrum is measured over or tells; wanted columns of "
-                    "what was changed from spectrum to spectrum",
-                    "controls",
-                )
-        self._check_range()
+        self.check_controls()
         if self.scale == "none" and self.amplitude == "dB":
             raise Refused(
                 'wanted "each" or "shared": dB have a reference that nobody knows', "scale"
             )
 
-    def _check_range(self) -> None:
-        if self.range is None:
-            return
-        if len(self.range) != 2:
-            raise Refused(f"{len(self.range)} values, wanted the first and last one", "range")
-        with refusing("range"):
-            low, high = (in_unit(w, "Hz") for w in self.range)
-        if not low < high:
-            raise Refused(
-                f"from {hertz(low)} to {hertz(high)}, wanted the smaller frequency first", "range"
-            )
-
     def read(self) -> ReadControlSweep:
         """Its files: Hz, peak amplitudes, controls as written."""
-        first, last = 0.0, float("inf")
-        if self.range is not None:
-            first, last = (in_unit(w, "Hz") for w in self.range)
         how = SpectraFormat(
             trace=TraceFormat(
                 layout=self.layout,
@@ -132,7 +99,7 @@ class ControlSweepTable(MeasurementTable):
             controls=self.controls,
             drive_column=self.drive or "",
             fundamental_hz=self.lines,
-            range_hz=(first, last),
+            range_hz=self.range_hz,
         )
         return ReadControlSweep(self, how, read_spectra(self.file, how))
 
@@ -173,12 +140,7 @@ class ReadControlSweep:
                 )
                 for s in self.spectra
             ),
-            units={
-                name: binder.control_units.get(name)
-                or getattr(binder.variables.get(name), "unit", None)
-                or ""
-                for name in table.controls
-            },
+            units=table.control_units(binder),
             scaled_by=table.scale,
             rectified=table.rectified,
             estimated=table.sigma is None and not table.relative and table.lines is None,
