@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from fitting.inference.budget import BUDGET
-from fitting.lab.names import BENCHES, CURVES, PUMPED, QUANTITIES, SCENES, TRUTH_NAME
+from fitting.lab.names import BENCHES, CROSSING, CURVES, PUMPED, QUANTITIES, SCENES, TRUTH_NAME
 from fitting.text.choices import CRITERIA, ESTIMATORS, MISFITS, STYLES
 
 __all__ = [
     "BUDGET",
     "CRITERIA",
+    "CROSSING",
     "CURVES",
     "ESTIMATORS",
     "MISFITS",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import fitting as ff
-from fitting.api.choices import CURVES, PUMPED, SERIES, TRUTH_NAME
+from fitting.api.choices import CROSSING, CURVES, PUMPED, SERIES, TRUTH_NAME
 from fitting.cli.running.results import writes
 from fitting.cli.words.values import bounded_number, seed
 
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--phases",
         action="store_true",
         help="record X and Y of every tone, of both modes with --cross-mode; of tones alone, not "
-        "of sweeps",
+        "of sweeps; with --series crossing: of every point",
     )
     parser.add_argument(
         "--restart",
@@ -157,14 +157,16 @@ def _measured(measured: Any) -> str:
 
 
 def _curve(args: argparse.Namespace) -> int:
-    """Write the campaign of a curve, which has a seed and a noise alone."""
-    others = {"cross-mode": args.cross_mode, "phases": args.phases, "restart": args.restart}
+    """Write the campaign of a curve, which has a seed and a noise; a crossing may have phases."""
+    others = {"cross-mode": args.cross_mode, "restart": args.restart}
+    others |= {"phases": args.phases and args.series != CROSSING}
     others |= {"plan": args.plan, "reflection": args.reflection is not None}
     others |= {option: _value(args, option) is not None for option in OPTIONS}
     for option, given in others.items():
         if given:
             raise ff.BadInput(f"--{option}: has no meaning with --series {args.series}")
     changes = {} if args.noise is None else {"noise": args.noise}
+    changes |= {"phases": True} if args.phases else {}
     made = ff.synthesize_curves(
         args.series, seed=args.seed, command=_command(args), out=None, **changes
     )

@@ -153,8 +153,9 @@ class AvoidedCrossing:
 
     ``volts`` V from -``reach_v`` to ``reach_v``, ``points`` frequencies each over ``span_hz``;
     ``gain`` in V per m; ``drift_hz`` is what both frequencies move by from the first to the last
-    spectrum, ``noise`` the standard deviation of each quadrature, whose magnitude is
-    measured, over its spectrum's largest.
+    spectrum, ``noise`` the standard deviation of each quadrature over its spectrum's largest. Their
+    magnitude is measured; with ``phases`` both are, behind a cable of ``delay_s``, the phase of the
+    gain anew in every spectrum.
 
     Raises:
         BadInput: numbers that no laboratory has.
@@ -173,6 +174,8 @@ class AvoidedCrossing:
     gain: float = 1e6
     drift_hz: float = 0.0
     noise: float = 0.01
+    phases: bool = False
+    delay_s: float = 0.03
 
     def __post_init__(self) -> None:
         names = ("f1_hz", "f2_hz", "lambda_hz", "d1_hz", "d2_hz", "reach_v", "span_hz", "gain")
@@ -189,8 +192,8 @@ class AvoidedCrossing:
         """Of the spectra, (m,)."""
         return np.linspace(-self.reach_v, self.reach_v, self.volts)
 
-    def values(self) -> FloatArray:
-        """|q1| in V of every spectrum, without noise, (m, n)."""
+    def values(self) -> ComplexArray:
+        """q1 in V of every spectrum, without noise and cable, (m, n)."""
         found = []
         for k, volt in enumerate(self.voltages()):
             moved = self.drift_hz * (k / (self.volts - 1) - 0.5)
@@ -200,7 +203,7 @@ class AvoidedCrossing:
                 coupling_hz={(0, 1): self.lambda_hz},
                 gains=(1.0, 0.0),
             )
-            found.append(self.gain * np.abs(sample.response(self.frequencies_hz())[:, 0]))
+            found.append(self.gain * sample.response(self.frequencies_hz())[:, 0])
         return np.array(found)
 
     def files(self, seed: int, head: tuple[str, ...]) -> dict[str, str]:
@@ -211,15 +214,17 @@ class AvoidedCrossing:
             head: lines that open every file.
         """
         exact = self.values()
-        one, other = np.random.default_rng(seed).standard_normal((2, *exact.shape))
-        noise = self.noise * np.max(exact, axis=1, keepdims=True) * (one + 1j * other)
-        seen = np.abs(exact + noise)
+        rng = np.random.default_rng(seed)
+        one, other = rng.standard_normal((2, *exact.shape))
+        noise = self.noise * np.max(np.abs(exact), axis=1, keepdims=True) * (one + 1j * other)
         volts, u = np.meshgrid(self.voltages(), self.frequencies_hz(), indexing="ij")
-        columns = {
-            "V (V)": volts.ravel(),
-            "frequency (Hz)": u.ravel(),
-            "amplitude (V)": seen.ravel(),
-        }
+        columns = {"V (V)": volts.ravel(), "frequency (Hz)": u.ravel()}
+        if self.phases:
+            turns = rng.uniform(size=(self.volts, 1)) - (u - self.f2_hz) * self.delay_s
+            seen = exact * np.exp(2j * np.pi * turns) + noise
+            columns |= {"X (V)": seen.real.ravel(), "Y (V)": seen.imag.ravel()}
+        else:
+            columns["amplitude (V)"] = np.abs(np.abs(exact) + noise).ravel()
         truth = {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
         return {
             CAMPAIGN_NAME: toml_text(self._campaign(), head),
@@ -245,7 +250,7 @@ class AvoidedCrossing:
                 "frequencies": ["u1", "u2"],
                 "amplitudes": ["A1", "A2"],
             },
-            "control_sweep": {"file": "map.csv", "controls": ["V"], "amplitude": "V peak"},
+            **self._table(),
             "laws": {"f1": "a0 + a1*V"},
             "parameters": [
                 _parameter("a0", "Hz", box, self.f1_hz + 0.05 * half),
@@ -257,6 +262,12 @@ class AvoidedCrossing:
             ],
             "continuation": FEW_LEVELS,
         }
+
+    def _table(self) -> dict[str, Any]:
+        told: dict[str, Any] = {"file": "map.csv", "controls": ["V"]}
+        if self.phases:
+            return {"complex_control_sweep": {**told, "delay": "fit"}}
+        return {"control_sweep": {**told, "amplitude": "V peak"}}
 
 
 #: Table of truth.toml that holds the record.

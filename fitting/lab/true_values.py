@@ -116,4 +116,6 @@ def _of_curve(curve: Mapping[str, Any], outcome: Mapping[str, Any]) -> dict[str,
     named = {"lambda12": "lambda_hz", "d1": "d1_hz", "d2": "d2_hz", "a1": "tuning_hz_v"}
     if not curve["drift_hz"]:  # else where they are depends on when
         named |= {"a0": "f1_hz", "f2": "f2_hz"}
+    if curve.get("phases"):
+        named["delay"] = "delay_s"
     return {name: float(curve[key]) for name, key in named.items()}

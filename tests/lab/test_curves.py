@@ -85,9 +85,29 @@ def test_noise_comes_from_the_seed() -> None:
 
 def test_both_frequencies_drift() -> None:
     still, moved = AvoidedCrossing(lambda_hz=1e-3), AvoidedCrossing(lambda_hz=1e-3, drift_hz=10.0)
-    tops = [x.frequencies_hz()[np.argmax(x.values(), axis=1)] for x in (still, moved)]
+    tops = [x.frequencies_hz()[np.argmax(np.abs(x.values()), axis=1)] for x in (still, moved)]
     steps = np.linspace(-5.0, 5.0, 7)
     assert tops[1] - tops[0] == pytest.approx(steps, abs=0.7)
+
+
+def test_a_crossing_with_phases_is_turned_by_its_cable_and_by_each_restart() -> None:
+    """Without noise: the moduli of the plain one; of the phases a straight line is left."""
+    made = ff.synthesize_curves("crossing", seed=4, noise=0.0, phases=True)
+    rows = [
+        [float(cell) for cell in row.split(",")]
+        for row in str(made.files["map.csv"]).splitlines()
+        if row[0] in "-0123456789"
+    ]
+    volt, u, x, y = np.array(rows).T
+    plain = AvoidedCrossing(noise=0.0)
+    exact = plain.values()
+    seen = (x + 1j * y).reshape(exact.shape)
+    assert np.abs(seen) == pytest.approx(np.abs(exact), rel=1e-9)
+    assert np.unique(volt) == pytest.approx(plain.voltages())
+    turns = np.unwrap(np.angle(seen / exact), axis=1) / (2.0 * np.pi)
+    slopes, offsets = np.polyfit(u.reshape(exact.shape)[0] - 1000.0, turns.T, 1)
+    assert slopes == pytest.approx(np.full(7, -0.03), rel=1e-6)
+    assert np.std(np.exp(2j * np.pi * offsets)) > 0.5
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Truth: f1 = A0 + A1 V, f2 = B0, coupling LAMBDA, both full widths D, all Hz; V in volts.
 A0, A1, B0, LAMBDA, WIDTH = 1001.0, 4.0, 1000.0, 100.0, 3.0
@@ -34,12 +34,17 @@ LAWS = {
 
 def response(u_hz: FloatArray, volt: float) -> FloatArray:
     """|q1| at frequencies (n,), Hz."""
+    return np.abs(phasor(u_hz, volt))
+
+
+def phasor(u_hz: FloatArray, volt: float) -> ComplexArray:
+    """q1 at frequencies (n,), Hz, the phasor of exp(i 2 pi u t)."""
     f1 = A0 + A1 * volt
     stiff = (2 * np.pi) ** 2 * np.array([[f1**2, -(LAMBDA**2)], [-(LAMBDA**2), B0**2]])
     w = 2 * np.pi * u_hz[:, None, None]
     system = stiff - w**2 * np.eye(2) + 1j * w * 2 * np.pi * WIDTH * np.eye(2)
     force = np.broadcast_to(np.array([[1.0], [0.0]]), (u_hz.size, 2, 1))
-    return np.asarray(np.abs(np.linalg.solve(system, force)[:, 0, 0]))
+    return np.asarray(np.linalg.solve(system, force)[:, 0, 0])
 
 
 def measured(seed: int, noise: float) -> FloatArray:

@@ -93,12 +93,7 @@ class ReadComplexControlSweep:
             where = f"{setup.source}: [{self.table.TABLE}] output"
             binder.real(output, where, READABLE, "observed")
         curves = tuple(
-            replace(
-                curve,
-                settings=_bound(binder, place.controls),
-                output=output,
-                sigma=curve.sigma or curve.scatter(),
-            )
+            replace(curve, settings=_bound(binder, place.controls), output=output)
             for place, curve in zip(self.places, self.curves, strict=True)
         )
         return ComplexSweeps(

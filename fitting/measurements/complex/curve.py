@@ -13,7 +13,6 @@ import numpy.typing as npt
 from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
-from fitting.signal.scatter import scatter_of
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -43,8 +42,7 @@ class ComplexCurve:
         source: What complaints name it by.
 
     Raises:
-        BadInput: fewer than 8 points, shapes that differ, values that are no numbers, a delay that
-            the sweep cannot resolve.
+        BadInput: fewer than 8 points, shapes that differ, values that are no numbers.
     """
 
     frequency_hz: npt.ArrayLike
@@ -72,6 +70,13 @@ class ComplexCurve:
         )
         object.__setattr__(self, "u_hz", checked.frequency_hz)
         object.__setattr__(self, "y", checked.values)
+
+    def check_delay(self) -> None:
+        """Complain of a delay that is to be fitted and that the sweep cannot tell.
+
+        Raises:
+            BadInput: the phase of the line itself hides it.
+        """
         if self.delay_s is None and self._hides_delay:
             raise BadInput(
                 f"{self.source}: the sweep spans {hertz(float(np.ptp(self.u_hz)))}, its line is "
@@ -93,10 +98,6 @@ class ComplexCurve:
     def largest(self) -> float:
         """The largest modulus, in ``unit``."""
         return float(np.max(np.abs(self.y)))
-
-    def scatter(self) -> float:
-        """Standard deviation of each quadrature about smooth curves; 0 where too few tell it."""
-        return scatter_of(self.y.real, self.y.imag)
 
     def rows_of(self, values: ComplexArray) -> FloatArray:
         """Real, then imaginary parts over the largest measured modulus, (2 n,).

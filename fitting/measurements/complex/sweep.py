@@ -71,7 +71,7 @@ class ComplexSweep:
         series: Measurements of one series share their setup.
 
     Raises:
-        BadInput: no sweep, or two of one name.
+        BadInput: no sweep, two of one name, or a delay that a sweep cannot resolve.
     """
 
     setup: Setup
@@ -153,6 +153,8 @@ class ComplexSweeps(MeasurementKind):
                         f"complex sweep '{curve.label}' ({curve.source}): is the data of "
                         f"'{other.label}' again; wanted every measurement once"
                     )
+        for curve in self._telling_delays:
+            curve.check_delay()
 
     @property
     def is_curve(self) -> bool:
@@ -225,10 +227,15 @@ class ComplexSweeps(MeasurementKind):
 
         Where all have one it is looked for about that of the sweep that one mode describes best.
         """
+        return tuple(self._delay(c) for c in self._telling_delays)
+
+    @property
+    def _telling_delays(self) -> list[ComplexCurve]:
+        """The sweeps by which delays that are fitted are looked for."""
         fitted = [c for c in self.curves if c.delay_s is None]
         if self.one_delay and fitted:
-            fitted = [min(fitted, key=lambda c: c.line.misfit)]
-        return tuple(self._delay(c) for c in fitted)
+            return [min(fitted, key=lambda c: c.line.misfit)]
+        return fitted
 
     def _delay_name(self, curve: ComplexCurve) -> str:
         tag = self.series if self.one_delay else curve.label or self.series
