@@ -153,7 +153,7 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
             ["--series", "pumped", "--phases"],
             "--phases: has no meaning with --series pumped, whose sweeps of one line are recorded",
         ),
-        (["--series", "crossing", "--phases"], "--phases: has no meaning with --series crossing"),
+        (["--series", "notch", "--phases"], "--phases: has no meaning with --series notch"),
         (
             ["--series", "q1", "--restart", "3"],
             "--restart: has no meaning here, only with --phases",
