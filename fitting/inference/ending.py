@@ -77,4 +77,5 @@ def ending_of(
 
 def _chi_words(adequacy: Adequacy) -> str:
     freedom = number(round(adequacy.freedom, 1))
-    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom} degrees of freedom"
+    against = f" against {adequacy.against}" if adequacy.against else ""
+    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom} degrees of freedom{against}"

@@ -202,15 +202,32 @@ class ComplexSweeps(MeasurementKind):
         """The delay of every sweep that has it fitted, about the one that its phases show."""
         return tuple(self._delay(c) for c in self.curves if c.delay_s is None)
 
-    def _delay_name(self, curve: ComplexCurve) -> str:
+    def delay_name(self, curve: ComplexCurve) -> str:
+        """Name of the parameter that a fitted delay is.
+
+        Args:
+            curve: one of the sweeps.
+        """
         tag = curve.label or self.series
         return f"{DELAY}[{tag}]" if tag else DELAY
+
+    def without_delay(self, curve: ComplexCurve, values: Mapping[str, float]) -> ComplexArray:
+        """Measured values (n,) of a sweep, the delay of its cable taken off.
+
+        Args:
+            curve: one of the sweeps.
+            values: of the fitted parameters, by name.
+        """
+        known = curve.delay_s
+        tau = values[self.delay_name(curve)] if known is None else known
+        turned = np.exp(2j * np.pi * (curve.u_hz - 0.5 * (curve.u_hz[0] + curve.u_hz[-1])) * tau)
+        return np.asarray(curve.y * turned)
 
     def _delay(self, curve: ComplexCurve) -> Parameter:
         turn = 1.0 / float(np.ptp(curve.u_hz))
         start = curve.line.delay_s
         return Parameter(
-            name=self._delay_name(curve),
+            name=self.delay_name(curve),
             unit="s",
             lower=start - DELAY_REACH * turn,
             upper=start + DELAY_REACH * turn,
@@ -262,7 +279,7 @@ class ComplexSweeps(MeasurementKind):
         columns = [
             np.full(len(table), c.delay_s)
             if c.delay_s is not None
-            else table[:, places[self._delay_name(c)]]
+            else table[:, places[self.delay_name(c)]]
             for c in self.curves
         ]
         return np.stack(columns, axis=1)
