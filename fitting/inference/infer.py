@@ -24,7 +24,7 @@ from fitting.inference.budget import BUDGET
 from fitting.inference.closer_form import closer_form
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.ending import MISFIT, Ending, ending_of
+from fitting.inference.ending import MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
@@ -315,7 +315,14 @@ def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
 
 
 def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: float) -> Ending:
-    return ending_of(status, adequacy, inflation=inflation, structure=fit.solution.structure)
+    solution = fit.solution
+    return ending_of(
+        status,
+        adequacy,
+        inflation=inflation,
+        structure=solution.structure,
+        extent=extent_of(solution.objective.data, solution.final.residuals),
+    )
 
 
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:

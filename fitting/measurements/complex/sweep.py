@@ -372,6 +372,11 @@ class ComplexSweeps(MeasurementKind):
             found |= {f"{name}{tag}": value for name, value in values.items()}
         return found
 
+    def share_left(self, residuals: FloatArray) -> float:
+        """Distance from the model, root mean square over the largest modulus, of the worst one."""
+        ends = np.cumsum([2 * c.y.size for c in self.curves])[:-1]
+        return max(float(np.sqrt(2.0 * np.mean(r**2))) for r in np.split(residuals, ends))
+
     def unexplained(self, residuals: FloatArray) -> str:
         """Sweeps of whose variance less than half is explained are not described."""
         y = np.concatenate([c.rows_of(c.y - np.mean(c.y)) for c in self.curves])
