@@ -40,7 +40,7 @@ from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowled
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
-from fitting.inference.quadratures import Quadratures, quadratures_of
+from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import (
@@ -210,8 +210,7 @@ def _quadratures(
         found = quadratures_of(solution, request.units)
     except (FmuFailure, np.linalg.LinAlgError):
         return Quadratures()
-    known = [g for g in found.gains if g.name in named and named[g.name].identifiable.has_value]
-    return replace(found, gains=tuple(known))
+    return replace(found, gains=as_reported(found.gains, {n: v.std for n, v in named.items()}))
 
 
 def _minima(fit: Fit) -> tuple[Minimum, ...]:

@@ -106,7 +106,7 @@ F = 1000.0 + np.linspace(-40.0, 40.0, 33)
 
 
 def sweeps(count: int) -> ComplexSweeps:
-    """Complex sweeps of one line: each twice, thrice as high as the first."""
+    """Complex sweeps of one line: the second one twice as high."""
     curves = [ComplexCurve(F, (k + 1) * mode(F, 1000.0, 12.5), label=f"{k}") for k in range(count)]
     return ComplexSweeps(setup=SETUP, curves=tuple(curves))
 
