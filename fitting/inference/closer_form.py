@@ -271,7 +271,7 @@ def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> li
             continue
         more = columns > fitted.columns
         key = f'[[complex_sweep]] background = "{BACKGROUNDS[columns - 1]}"' if more else ""
-        shows = "an output or a model that shows all of its lines" if lines in LINES else ""
+        shows = "an output that shows all lines of the sweep" if lines in LINES else ""
         found.append(
             _Form(
                 squares=max(form.squares(y), 2 * y.size * fitted.resolved**2),

@@ -145,7 +145,7 @@ def lines_together(
     best = form
     for _ in range(ROUNDS):
         weights = 1.0 / np.maximum(np.abs(form.denominator), SMALLEST)
-        found = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0]
+        found = _solved(columns * weights[:, None], values * weights)
         form = replace(form, above=found[:above], below=found[above:])
         best = min(best, form, key=lambda each: each.squares(values))
     ends = [_lowered(best, values)]
@@ -165,8 +165,13 @@ def _with_another(form: LinesTogether, values: ComplexArray) -> LinesTogether:
     below = np.polynomial.polynomial.polymul([1.0, *form.below], [1.0, -1.0 / new])
     powers = form.x[:, None] ** np.arange(form.above.size + 1)
     down = np.polynomial.polynomial.polyval(form.x, below)
-    above = np.linalg.lstsq(powers / down[:, None], values, rcond=None)[0]
+    above = _solved(np.asarray(powers / down[:, None]), values)
     return replace(form, above=above, below=np.asarray(below[1:]))
+
+
+def _solved(columns: ComplexArray, values: ComplexArray) -> ComplexArray:
+    """Coefficients of least squares."""
+    return np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=complex)
 
 
 def _lowered(form: LinesTogether, values: ComplexArray) -> LinesTogether:
@@ -174,12 +179,12 @@ def _lowered(form: LinesTogether, values: ComplexArray) -> LinesTogether:
     for _ in range(STEPS):
         columns = form.columns
         sizes = np.maximum(np.linalg.norm(columns, axis=0), SMALLEST)
-        step = np.linalg.lstsq(columns / sizes, values - form.curve, rcond=None)[0] / sizes
+        step = np.asarray(_solved(columns / sizes, values - form.curve) / sizes)
         for part in PARTS:
             there = replace(
                 form,
-                above=form.above + part * step[: form.above.size],
-                below=form.below + part * step[form.above.size :],
+                above=np.asarray(form.above + part * step[: form.above.size]),
+                below=np.asarray(form.below + part * step[form.above.size :]),
             )
             if there.squares(values) < form.squares(values):
                 form = there

@@ -111,8 +111,8 @@ def noise_of(kind: str, rng: np.random.Generator, exact: ComplexArray) -> Comple
 @pytest.mark.parametrize(
     ("exact", "columns", "against", "remedy"),
     [
-        (ONE + OTHER, 1, "a pair of lines", "shows all of its lines"),
-        (ONE + OTHER + 0.3, 2, "a pair of lines", "shows all of its lines"),
+        (ONE + OTHER, 1, "a pair of lines", "an output that shows all lines of the sweep"),
+        (ONE + OTHER + 0.3, 2, "a pair of lines", "an output that shows all lines of the sweep"),
         (ONE + 0.3, 1, "a line with a complex constant", 'background = "constant"'),
         (
             ONE + SLOPE,

@@ -23,8 +23,8 @@ def seen(f: FloatArray, count: int) -> ComplexArray:
 @pytest.mark.parametrize("beside", [0, 1, 2])
 def test_poles_are_those_that_were_put_there(count: int, beside: int) -> None:
     x = (F - 5000.0) / 60.0
-    ground = [0.0, 0.3 - 0.1j, 0.3 - 0.1j + 0.2j * x][beside]
-    form = lines_together(F, seen(F, count) + ground, count, count + beside)
+    ground = (0.3 - 0.1j) * (beside > 0) + 0.2j * x * (beside > 1)
+    form = lines_together(F, np.asarray(seen(F, count) + ground), count, count + beside)
     assert form.unknowns == 2 * (2 * count + beside)
     assert len(form.modes) == count
     for mode, (eta, width, height) in zip(form.modes, LINES, strict=False):
@@ -69,7 +69,7 @@ def test_a_pole_beyond_the_points_or_between_two_of_them_is_not_seen() -> None:
     far = 0.5 / (0.5 + 1j * (F - 5100.0) / 12.0)
     narrow = 0.1 / (0.1 + 1j * (F - 5000.5))  # points 1 Hz apart
     for values in (far, narrow):
-        [mode] = lines_together(F, values, 1, 1).modes
+        [mode] = lines_together(F, np.asarray(values, dtype=complex), 1, 1).modes
         assert not mode.is_seen(F)
 
 
