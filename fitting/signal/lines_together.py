@@ -134,7 +134,8 @@ def lines_together(
     half = 0.5 * float(frequency_hz[-1] - frequency_hz[0])
     x = (frequency_hz - middle) / half
     powers = x[:, None] ** np.arange(max(above, lines + 1))
-    columns = np.hstack([powers[:, :above], -powers[:, 1 : lines + 1] * values[:, None]])
+    below = -powers[:, 1 : lines + 1] * values[:, None]
+    columns = np.asarray(np.hstack([powers[:, :above], below]), dtype=complex)
     form = LinesTogether(
         x=x,
         middle_hz=middle,
@@ -165,7 +166,7 @@ def _with_another(form: LinesTogether, values: ComplexArray) -> LinesTogether:
     below = np.polynomial.polynomial.polymul([1.0, *form.below], [1.0, -1.0 / new])
     powers = form.x[:, None] ** np.arange(form.above.size + 1)
     down = np.polynomial.polynomial.polyval(form.x, below)
-    above = _solved(np.asarray(powers / down[:, None]), values)
+    above = _solved(np.asarray(powers / down[:, None], dtype=complex), values)
     return replace(form, above=above, below=np.asarray(below[1:]))
 
 

@@ -83,6 +83,8 @@ def test_two_lines_are_no_line_with_something_beside_it() -> None:
 
 ONE = mode(F, ETA, WIDTH)
 OTHER = 0.6 * np.exp(0.8j) * mode(F, ETA + 900.0, 300.0)
+#: What stands beside a line, as many as are declared.
+GROUND = (np.ones_like(ONE), np.asarray(F - ETA, dtype=complex))
 SLOPE = 0.2j * (F - ETA) / 2000.0
 
 
@@ -128,7 +130,7 @@ def test_complex_values_of_more_than_was_fitted_are_not_described(
 ) -> None:
     sigma = 1e-2
     y = exact + sigma * noise_of("white", np.random.default_rng(4), exact)
-    left = best(y, (np.ones_like(y), F - ETA)[: columns - 1])
+    left = best(y, GROUND[: columns - 1])
     found = compared_complex(F, y, left, Fitted(columns=columns))
     assert found is not None
     assert not found.describes
@@ -153,7 +155,7 @@ def test_a_model_that_describes_complex_values_is_not_told_not_to(kind: str, lin
         exact = ONE + (OTHER if lines == 2 else 0.0)
         exact = exact + 0.3j * (columns > 1) + SLOPE * (columns > 2)
         y = exact + 10.0 ** rng.uniform(-3.0, -1.0) * noise_of(kind, rng, exact)
-        left = best(y, (np.ones_like(y), F - ETA)[: columns - 1], lines)
+        left = best(y, GROUND[: columns - 1], lines)
         found = compared_complex(F, y, left, Fitted(columns=columns, moving=2 * lines))
         told += found is not None and not found.describes
     assert told == 0
