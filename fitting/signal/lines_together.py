@@ -146,7 +146,7 @@ def lines_together(
     best = form
     for _ in range(ROUNDS):
         weights = 1.0 / np.maximum(np.abs(form.denominator), SMALLEST)
-        found = _solved(columns * weights[:, None], values * weights)
+        found = _solved(np.asarray(columns * weights[:, None], dtype=complex), values * weights)
         form = replace(form, above=found[:above], below=found[above:])
         best = min(best, form, key=lambda each: each.squares(values))
     ends = [_lowered(best, values)]
