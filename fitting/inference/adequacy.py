@@ -28,7 +28,6 @@ from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
-from fitting.signal.peaks import BESIDE_WORDS, OFFSET
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
@@ -158,12 +157,10 @@ def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
     """
     times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
     if adequacy.against:
-        way = "a sweep without that, phases, or another model"
-        if adequacy.against.endswith(BESIDE_WORDS[OFFSET]):
-            way = f'[sweep] background = "{OFFSET}", which solves for it, or another model'
+        way = adequacy.remedy or "a sweep without that, or phases"
         return (
             f"What it leaves of the sweep is {times} (in squares) what {adequacy.against} leaves. "
-            f"No value is called determined; wanted {way}."
+            f"No value is called determined; wanted {way}, or another model."
         )
     return (
         f"At the best parameters that were found χ² is {times} what the noise explains. No value "

@@ -1,16 +1,21 @@
-"""A fitted sweep that a line with something beside it describes, where the model does not.
+"""A fitted sweep that another form of line describes, where the model does not.
 
 Where the residuals of a sweep tell its noise, chi square cannot show that the model fails: bad
-residuals count as much noise. Another form of a line with k unknowns through the same m points can:
-what it leaves, S1, bounds the noise,
+residuals count as much noise. Another form of k unknowns through the same m rows can: what it
+leaves, S1, bounds the noise,
 
-    chi^2 = S (m - k)/S1        P = P(F > ((S - S1)/(k - 3)) ((m - k)/w^2)/S1)
+    chi^2 = S (m - k)/S1        P = P(F > ((S - S1)/(k - k0)) ((m - k)/w^2)/S1)
 
-with S of the fitted model and w the widening for what hangs together in the residuals of that form;
-F has k - 3 and (m - k)/w^2 degrees of freedom. Errors that are widened for residuals that hang
-together hold the truth where these are small beside the line; where another form leaves a fifth of
-them (rms) they are no small ones. A model of several lines leaves less than any of the
-forms, and nothing is said of it.
+with S of the fitted model, k0 its unknowns, and w the widening for what hangs together in the
+residuals of that form; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom. Errors that
+are widened for residuals that hang together hold the truth where these are small beside the line;
+where another form leaves a fifth of them (rms) they are no small ones. A model of several lines
+leaves less than a form of fewer, and nothing is said of it. What the simulation may be off by
+counts as left by every form.
+
+Of amplitudes the forms are one line with something beside it, of complex values one to three lines
+beside what the fit solves for, or beside more (`fitting.signal.lines_together`): the simplest one
+that the model fails against, and that does not fail so against another one.
 
 Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
 """
@@ -18,31 +23,39 @@ Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of square
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import fdtrc
 
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
+from fitting.signal.lines_together import LinesTogether, lines_together
 from fitting.signal.peaks import (
     BESIDE_WORDS,
     FLOOR,
     OFFSET,
     RICE,
+    TAIL,
     UNKNOWNS,
     Resonance,
     fit_resonance,
 )
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL
-from fitting.text.arrays import FloatArray
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 #: The forms that are tried.
 TRIED = ("complex", OFFSET, FLOOR, RICE)
 #: Mean squares over those of the other form, and probability, from which the model is given up.
 RATIO, IMPROBABLE = 25.0, 1e-4
+#: Lines side by side that are tried, in words, and rows for each unknown, at least.
+LINES, ROWS = {2: "a pair of lines", 3: "three lines"}, 3
 
 
 def closer_form(solution: Solution) -> Adequacy | None:
@@ -55,19 +68,57 @@ def closer_form(solution: Solution) -> Adequacy | None:
     """
     if solution.structure is None or solution.structure.order == 0:  # it leaves noise
         return None
-    data = solution.objective.data
-    tried = [
-        compared(
-            sweep.frequency_hz,
-            sweep.amplitude_v,
-            solution.final.residuals[mine],
-            beside=OFFSET if sweep.has_offset else "none",
-        )
-        for sweep, mine in zip(data.measurements, data.slices, strict=True)
-        if isinstance(sweep, Sweep) and sweep.fitted and not np.any(sweep.sigma > 0.0)
-    ]
+    tried = [*_amplitudes(solution), *_complex_values(solution)]
     worse = [each for each in tried if each is not None and not each.describes]
     return max(worse, key=lambda each: each.chi_square / each.freedom, default=None)
+
+
+def _amplitudes(solution: Solution) -> Iterator[Adequacy | None]:
+    """Every sweep of amplitudes whose residuals tell its noise."""
+    data = solution.objective.data
+    for k, (sweep, mine) in enumerate(zip(data.measurements, data.slices, strict=True)):
+        if isinstance(sweep, Sweep) and sweep.fitted and not np.any(sweep.sigma > 0.0):
+            yield compared(
+                sweep.frequency_hz,
+                sweep.amplitude_v,
+                solution.final.residuals[mine],
+                beside=OFFSET if sweep.has_offset else "none",
+                resolved=_resolved(solution, k),
+            )
+
+
+def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
+    """Every complex sweep whose residuals tell its noise."""
+    data = solution.objective.data
+    names = [p.name for p in solution.parameters]
+    at = dict(zip(names, map(float, solution.final.parameters), strict=True))
+    for k, (sweeps, place) in enumerate(zip(data.measurements, data.slices, strict=True)):
+        if not isinstance(sweeps, ComplexSweeps):
+            continue
+        begin = place.start
+        for curve in sweeps.curves:
+            mine = slice(begin, begin + 2 * curve.y.size)
+            begin = mine.stop
+            if curve.sigma > 0.0:
+                continue
+            moving = np.count_nonzero(np.any(solution.matrix[mine] != 0.0, axis=0))
+            yield compared_complex(
+                curve.u_hz,
+                sweeps.without_delay(curve, at),
+                solution.final.residuals[mine],
+                Fitted(
+                    columns=curve.wiring.columns,
+                    moving=int(moving),
+                    label=curve.label,
+                    resolved=_resolved(solution, k),
+                ),
+            )
+
+
+def _resolved(solution: Solution, measurement: int) -> float:
+    """Residuals that rounding, or what the simulation may be off by, makes; over the largest."""
+    promised: Mapping[int, float] = dict(enumerate(solution.final.promised))
+    return max(SMALLEST_RESIDUAL, promised.get(measurement, 0.0))
 
 
 def compared(
@@ -76,6 +127,7 @@ def compared(
     residuals: FloatArray,
     *,
     beside: str = "none",
+    resolved: float = SMALLEST_RESIDUAL,
 ) -> Adequacy | None:
     """What a model leaves of a sweep, against the form that leaves least; None without any form.
 
@@ -84,6 +136,7 @@ def compared(
         amplitude_v: peak, shape (n,), V.
         residuals: of the model, over the largest amplitude, shape (n,).
         beside: what is solved for beside the model, "none" or "offset": forms with more are tried.
+        resolved: residuals that say nothing, over the largest amplitude, root mean square.
     """
     largest = float(np.max(amplitude_v))
     found = [
@@ -94,20 +147,16 @@ def compared(
     if not found or residuals.size <= max(UNKNOWNS[name] for name in TRIED):
         return None
     squares, name, form = min(found, key=lambda each: each[0])
-    left, free = float(residuals @ residuals), residuals.size - UNKNOWNS[name]
-    least = max(squares, residuals.size * SMALLEST_RESIDUAL**2)
-    freedom = free / form.structure.widening**2
-    more = UNKNOWNS[name] - UNKNOWNS[beside]
-    gain = max(0.0, (left - least) / more * freedom / least)
-    chance = float(fdtrc(more, freedom, gain))
-    bad = left > RATIO * least and chance < IMPROBABLE
-    return Adequacy(
-        chi_square=left * free / least,
-        freedom=float(free),
-        p_value=chance,
-        describes=not bad,
-        against=f"a line with {BESIDE_WORDS[name]}",
+    key = f'[sweep] background = "{OFFSET}"' if name == OFFSET else ""
+    left = _Form(
+        squares=max(squares, residuals.size * resolved**2),
+        rows=residuals.size,
+        unknowns=UNKNOWNS[name],
+        tested=lambda: form.structure,
+        words=f"a line with {BESIDE_WORDS[name]}",
+        remedy=key,
     )
+    return _held(residuals, UNKNOWNS[beside], left)
 
 
 def _forms(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Iterator[tuple[str, Resonance]]:
@@ -115,3 +164,178 @@ def _forms(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Iterator[tuple[
     for name in TRIED:
         with contextlib.suppress(BadInput):
             yield name, fit_resonance(frequency_hz, amplitude_v, background=name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fitted:
+    """What a fit did for a complex sweep: complex `columns` solved inside, parameters `moving` it.
+
+    `label` is the sweep's; residuals below `resolved`, over the largest value, say nothing.
+    """
+
+    columns: int = 1
+    moving: int = 2
+    label: str = ""
+    resolved: float = SMALLEST_RESIDUAL
+
+    @property
+    def unknowns(self) -> int:
+        """Real unknowns of the fit."""
+        return 2 * self.columns + self.moving
+
+
+def compared_complex(
+    frequency_hz: FloatArray, values: ComplexArray, residuals: FloatArray, fitted: Fitted
+) -> Adequacy | None:
+    """What a model leaves of complex values, against other lines; None without any.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: measured, the delay of a cable taken off, shape (n,), any unit.
+        residuals: of the model over the largest modulus, real, then imaginary parts, (2 n,).
+        fitted: what was solved for beside the model.
+    """
+    forms = _lines(frequency_hz, values, fitted)
+    if not forms:
+        return None
+    squares, unknowns = float(residuals @ residuals), fitted.unknowns
+    closer = [form for form in forms if form.refutes(squares, unknowns)]
+    if not closer:
+        return _held(residuals, unknowns, min(forms, key=lambda form: form.squares))
+    chosen, *others = closer
+    for form in others:
+        if form.refutes(chosen.squares, chosen.unknowns):
+            chosen = form
+    return _held(residuals, unknowns, chosen)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Form:
+    """A form of line: the `squares` that it leaves over the largest value, of so many `rows`."""
+
+    squares: float
+    rows: int
+    unknowns: int
+    tested: Callable[[], Structure]
+    words: str
+    remedy: str
+
+    @cached_property
+    def widening(self) -> float:
+        """Of errors, for what hangs together in its residuals."""
+        return self.tested().widening
+
+    @property
+    def freedom(self) -> int:
+        """Rows less unknowns."""
+        return self.rows - self.unknowns
+
+    def chance(self, squares: float, unknowns: int) -> float:
+        """Probability that noise alone makes so much of what another form leaves.
+
+        Args:
+            squares: that the other one leaves.
+            unknowns: real ones of the other one.
+        """
+        more = max(1, self.unknowns - unknowns)
+        freedom = self.freedom / self.widening**2
+        gain = max(0.0, (squares - self.squares) / more * freedom / self.squares)
+        return float(fdtrc(more, freedom, gain))
+
+    def refutes(self, squares: float, unknowns: int) -> bool:
+        """Whether it leaves so much less that the other one does not describe the sweep.
+
+        Args:
+            squares: that the other one leaves.
+            unknowns: real ones of the other one.
+        """
+        return squares > RATIO * self.squares and self.chance(squares, unknowns) < IMPROBABLE
+
+
+def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> list[_Form]:
+    """All lines side by side that the points can tell, the simplest ones first."""
+    found = []
+    y = np.asarray(values / np.max(np.abs(values)))
+    wanted = [
+        (lines, columns)
+        for lines in (1, *LINES)
+        for columns in range(fitted.columns, len(BACKGROUNDS) + 1)
+    ]
+    for lines, columns in sorted(wanted, key=lambda each: 2 * each[0] + each[1]):
+        above = lines + columns - 1
+        if (lines + above) * ROWS > y.size:
+            continue
+        form = lines_together(frequency_hz, y, lines, above)
+        words = _words(form, frequency_hz, columns - fitted.columns)
+        if not words:
+            continue
+        more = columns > fitted.columns
+        key = f'[[complex_sweep]] background = "{BACKGROUNDS[columns - 1]}"' if more else ""
+        shows = "an output that shows all lines of the sweep" if lines in LINES else ""
+        found.append(
+            _Form(
+                squares=max(form.squares(y), 2 * y.size * fitted.resolved**2),
+                rows=2 * y.size,
+                unknowns=form.unknowns,
+                tested=partial(_structure, form, y),
+                words=f"{words} through sweep '{fitted.label}'" if fitted.label else words,
+                remedy=shows or key,
+            )
+        )
+    return found
+
+
+def _structure(form: LinesTogether, values: ComplexArray) -> Structure:
+    """What the residuals of a form tell of the noise."""
+    return residual_structure(_parts(form.curve - values), _real_columns(form))
+
+
+def _words(form: LinesTogether, frequency_hz: FloatArray, more: int) -> str:
+    """What a form is; empty where some of its poles are no lines that the points show.
+
+    One of two may stand beyond the points. Of three none may: over a wide sweep the third pole is
+    the mirror image of modes at negative frequencies, of which a good model leaves as little.
+    """
+    seen = [mode for mode in form.modes if mode.is_seen(frequency_hz)]
+    tails = [
+        mode
+        for mode in form.modes
+        if not frequency_hz[0] < mode.frequency_hz < frequency_hz[-1] and mode not in seen
+    ]
+    lines = form.below.size
+    if not seen or len({mode.width_hz > 0.0 for mode in seen}) > 1:  # phases run one way
+        return ""
+    beside = ["", f" with {BESIDE_WORDS['complex']}", f" with {BESIDE_WORDS['slope']}"]
+    if lines == 1:
+        return f"a line{beside[form.above.size - lines]}" if more else "a line of its own"
+    if lines == 2 and len(seen) == len(tails) == 1:
+        return f"a line with {BESIDE_WORDS[TAIL]}"
+    if len(seen) < lines:
+        return ""
+    return f"{LINES[lines]}{beside[form.above.size - lines] if more else ''}"
+
+
+def _parts(values: ComplexArray) -> FloatArray:
+    """Real, then imaginary parts."""
+    return np.concatenate([values.real, values.imag])
+
+
+def _real_columns(form: LinesTogether) -> FloatArray:
+    """Derivatives of both parts by both parts of all coefficients, (2 n, unknowns)."""
+    columns = form.columns
+    return np.concatenate(
+        [np.hstack([columns.real, -columns.imag]), np.hstack([columns.imag, columns.real])]
+    )
+
+
+def _held(residuals: FloatArray, unknowns: int, form: _Form) -> Adequacy:
+    """What a model leaves, against a form of line."""
+    squares = float(residuals @ residuals)
+    return Adequacy(
+        chi_square=squares * form.freedom / form.squares,
+        freedom=float(form.freedom),
+        p_value=form.chance(squares, unknowns),
+        describes=not form.refutes(squares, unknowns),
+        against=form.words,
+        remedy=form.remedy,
+    )

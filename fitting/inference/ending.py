@@ -11,7 +11,9 @@ from dataclasses import dataclass
 
 from fitting.fit.fit import Status
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.measurements.dataset import Dataset
 from fitting.signal.residual_tests import TOLD, Structure
+from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
 DESCRIBES = "converged and describes the data"
@@ -27,12 +29,21 @@ UNTESTED = "as far as can be told, with nothing to hold χ² against"
 class Ending:
     """How it ended, in `words`; `ground`: what that rests on, empty where it says nothing more.
 
-    `whole`: chi square is what the stated noise explains, so that nothing need be added.
+    `extent` says how far the data are described, where residuals are no noise of one size: what is
+    left of the curve that is described worst, root mean square, over its largest amplitude; of
+    complex values it is their distance from the model. `whole`: chi square is what the stated
+    noise explains, so that nothing need be added.
     """
 
     words: str = ""
     ground: str = ""
     whole: bool = False
+    extent: str = ""
+
+    @property
+    def clause(self) -> str:
+        """The words, and how far they hold."""
+        return f"{self.words} {self.extent}".rstrip()
 
     def told(self, message: str) -> str:
         """The words, their ground, and what else there is to say, as sentences.
@@ -40,12 +51,17 @@ class Ending:
         Args:
             message: how the search itself ended, in sentences.
         """
-        first = f"{self.words[:1].upper()}{self.words[1:]}"
+        first = f"{self.words[:1].upper()}{self.clause[1:]}"
         return f"{first}{f': {self.ground}' if self.ground else ''}. {message}"
 
 
 def ending_of(
-    status: Status, adequacy: Adequacy | None, *, inflation: float, structure: Structure | None
+    status: Status,
+    adequacy: Adequacy | None,
+    *,
+    inflation: float,
+    structure: Structure | None,
+    extent: str = "",
 ) -> Ending:
     """How a fit ended.
 
@@ -54,20 +70,22 @@ def ending_of(
         adequacy: chi square of the rows of known noise, None where it was not looked at.
         inflation: of all errors, for residuals beyond the noise.
         structure: of the residuals of curves, None without any.
+        extent: how far curves are described (`extent_of`), said where their structure is.
     """
     if status not in (Status.CONVERGED, Status.MISFIT):
         return Ending(words=NOT_CONVERGED)
     chi = "" if adequacy is None or math.isnan(adequacy.p_value) else _chi_words(adequacy)
     if status is Status.MISFIT:
         return Ending(words=MISFIT, ground=chi)
-    said = [chi] if chi else []
+    said, seen = [chi] if chi else [], ""
     if inflation > TOLD:
         said.append(f"errors {inflation:.3g} times as wide for residuals beyond the noise")
     if structure is not None and structure.widening > TOLD:
         found = " and ".join(structure.found)
         said.append(f"errors {structure.widening:.3g} times as wide for residuals that {found}")
+        seen = extent
     if len(said) > bool(chi):
-        return Ending(words=DESCRIBES, ground=", ".join(said))
+        return Ending(words=DESCRIBES, ground=", ".join(said), extent=seen)
     if adequacy is None or not chi:
         return Ending(words=DESCRIBES, ground=UNTESTED)
     if adequacy.p_value > TOO_SMALL:
@@ -75,6 +93,23 @@ def ending_of(
     return Ending(words=DESCRIBES, ground=f"{chi}, as the stated noise explains", whole=True)
 
 
+def extent_of(data: Dataset, residuals: FloatArray) -> str:
+    """How far curves are described, in words; empty where rows are no shares of an amplitude.
+
+    Args:
+        data: all measurements.
+        residuals: rows of all of them, (m,).
+    """
+    fitted = [(m, k) for m, k in zip(data.measurements, data.slices, strict=True) if m.rows]
+    left = [m.share_left(residuals[mine]) for m, mine in fitted if m.is_curve]
+    known = [share for share in left if math.isfinite(share)]
+    if not known:
+        return ""
+    share = f"to {number(100.0 * max(known), 2)} % of the largest amplitude"
+    return share if len(known) == len(fitted) else f"(curves {share})"
+
+
 def _chi_words(adequacy: Adequacy) -> str:
     freedom = number(round(adequacy.freedom, 1))
-    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom} degrees of freedom"
+    against = f" against {adequacy.against}" if adequacy.against else ""
+    return f"χ² = {number(adequacy.chi_square, 3)} on {freedom} degrees of freedom{against}"

@@ -24,7 +24,7 @@ from fitting.inference.budget import BUDGET
 from fitting.inference.closer_form import closer_form
 from fitting.inference.consistency import consistency, warnings_of
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.ending import MISFIT, Ending, ending_of
+from fitting.inference.ending import MISFIT, Ending, ending_of, extent_of
 from fitting.inference.equivalent_fits import (
     is_reason,
     reason_sentences,
@@ -40,7 +40,7 @@ from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowled
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
-from fitting.inference.quadratures import Quadratures, quadratures_of
+from fitting.inference.quadratures import Quadratures, as_reported, quadratures_of
 from fitting.inference.values import DerivedResult, OffsetResult, ParameterResult
 from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import (
@@ -210,8 +210,7 @@ def _quadratures(
         found = quadratures_of(solution, request.units)
     except (FmuFailure, np.linalg.LinAlgError):
         return Quadratures()
-    known = [g for g in found.gains if g.name in named and named[g.name].identifiable.has_value]
-    return replace(found, gains=tuple(known))
+    return replace(found, gains=as_reported(found.gains, {n: v.std for n, v in named.items()}))
 
 
 def _minima(fit: Fit) -> tuple[Minimum, ...]:
@@ -315,7 +314,14 @@ def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
 
 
 def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: float) -> Ending:
-    return ending_of(status, adequacy, inflation=inflation, structure=fit.solution.structure)
+    solution = fit.solution
+    return ending_of(
+        status,
+        adequacy,
+        inflation=inflation,
+        structure=solution.structure,
+        extent=extent_of(solution.objective.data, solution.final.residuals),
+    )
 
 
 def _message(fit: Fit, ending: Ending, adequacy: Adequacy | None) -> str:

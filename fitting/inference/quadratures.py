@@ -1,8 +1,10 @@
 """What phases gain, and what follows from gains and backgrounds that are solved inside the rows.
 
 With W the whitened derivatives of the rows by the parameters, what is solved inside taken out of
-them, both errors of a value are those of the linearised problem: of all rows, and of amplitudes
-alone, which are the changes along the values themselves.
+them, the linearised problem has two errors of a value: s of all rows, and s' of amplitudes alone,
+which are the changes along the values themselves. Told are the error e that the value is reported
+with, of its profile and widened by what its residuals ask for, and e s'/s: amplitudes of the same
+residuals.
 
 A quality Q(x, c) of parameters x and coefficients c has the variance g^T C g + s^2, g = dQ/dx with
 the best c at every x, C the covariance of x and s its error at fixed x: the errors of x and those
@@ -13,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -38,7 +40,11 @@ LOADED_NAMES, LOADED = ("Q_",), ", with the FMU's line as the loaded one"
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseGain:
-    """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`."""
+    """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`.
+
+    With phases it is the reported one, of amplitudes alone it is as many times as wide as in the
+    linearised problem.
+    """
 
     name: str
     unit: str
@@ -92,6 +98,20 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
         reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
         found.append(Quality(name=name, value=value, std=std, ci95=(value / reach, value * reach)))
     return Quadratures(gains=gains if phased else (), qualities=tuple(found))
+
+
+def as_reported(gains: Sequence[PhaseGain], stds: Mapping[str, float]) -> tuple[PhaseGain, ...]:
+    """The gains with the errors that are reported; without values that have none.
+
+    Args:
+        gains: of the linearised problem, noise as it is stated or scatters.
+        stds: errors that are reported, by name; NaN where there is no value.
+    """
+    return tuple(
+        replace(gain, phases=std, amplitudes=std * gain.amplitudes / gain.phases)
+        for gain in gains
+        if (std := stds.get(gain.name, math.nan)) > 0.0 and math.isfinite(std) and gain.phases > 0.0
+    )
 
 
 def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, tuple[float, float]]:
@@ -185,12 +205,17 @@ def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
         said.append(
             f"{', '.join(names)}: ± {number(gain.phases, 2)}{unit} with phases, "
             f"± {number(gain.amplitudes, 2)}{unit} if amplitudes alone were known "
-            f"({number(gain.amplitudes / gain.phases, 2)} times as wide), noise as it scatters."
+            f"({number(gain.amplitudes / gain.phases, 2)} times as wide), with as much noise."
         )
     return tuple(said)
 
 
 def _alike(one: PhaseGain, other: PhaseGain) -> bool:
-    """Whether two values have the same errors: outputs of the FMU that are a parameter."""
+    """Whether two values have the same errors: outputs of the FMU that are a parameter.
+
+    Those of profiles, which are walked for each, are the same as they are told.
+    """
     sizes = (one.amplitudes, other.amplitudes), (one.phases, other.phases)
-    return one.unit == other.unit and all(math.isclose(a, b, rel_tol=1e-6) for a, b in sizes)
+    told = all(number(a, 2) == number(b, 2) for a, b in sizes)
+    ratios = [gain.amplitudes / gain.phases for gain in (one, other)]
+    return one.unit == other.unit and told and math.isclose(*ratios, rel_tol=1e-6)

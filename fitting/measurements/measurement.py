@@ -14,6 +14,7 @@ settings of the runs, by label, as those of an experiment are.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self, cast, runtime_checkable
@@ -279,6 +280,17 @@ class Measurement(Protocol):
         """
         ...
 
+    def share_left(self, residuals: FloatArray) -> float:
+        """What rows (rows,) leave of the curve described worst, over its largest amplitude.
+
+        Root mean square over the points; of complex values of their distance from the model. NaN
+        where the rows are no shares of an amplitude.
+
+        Args:
+            residuals: rows (m,), relative.
+        """
+        ...
+
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """What was measured beside what the model says, for report and plots.
 
@@ -475,6 +487,14 @@ class MeasurementKind:
     def unexplained(self, residuals: FloatArray) -> str:
         """Nothing is told from the residuals alone."""
         return ""
+
+    def share_left(self, residuals: FloatArray) -> float:
+        """NaN: its rows are no shares of an amplitude.
+
+        Args:
+            residuals: rows (m,), relative.
+        """
+        return math.nan
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """It has no figure."""

@@ -372,6 +372,10 @@ class Sweep(MeasurementKind):
         """The prediction times the scale, and the constant."""
         return chi * _real(prediction) + self.offset(prediction, chi)
 
+    def share_left(self, residuals: FloatArray) -> float:
+        """Root mean square: rows are over the largest amplitude."""
+        return float(np.sqrt(np.mean(residuals**2)))
+
     def unexplained(self, residuals: FloatArray) -> str:
         """A fitted sweep of whose variance less than half is explained is not described."""
         if not residuals.size:

@@ -1,7 +1,7 @@
 """Whether a trace shows two resonances, where one is looked for.
 
-Complex values by linear least squares of a rational function of degree two (`complex_line` is that
-of degree one); amplitudes by a second line beside the first, begun where most is left.
+Complex values by a rational function of degree two (`fitting.signal.lines_together`); amplitudes by
+a second line beside the first, begun where most is left.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from scipy.special import fdtrc
 
 from fitting.resonance.form import FittedForm
 from fitting.resonance.trace import Trace
-from fitting.signal.complex_line import ROUNDS
 from fitting.signal.least_squares import minimise_squares
+from fitting.signal.lines_together import lines_together
 from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -112,30 +112,12 @@ _Lines = Iterable[tuple[float, float, complex]]
 
 
 def _of_complex(f: FloatArray, y: ComplexArray) -> tuple[float, _Lines] | None:
-    """Sum of squares and (frequency, width, height) of the poles of (a0 + a1 x + a2 x^2)/(1 + ..).
-
-    Source: C. Sanathanan and J. Koerner, IEEE Trans. Autom. Control 8 (1963) 56.
-    """
-    middle, half = 0.5 * float(f[0] + f[-1]), 0.5 * float(f[-1] - f[0])
-    x = (f - middle) / half
-    columns = np.column_stack([np.ones_like(y), x, x**2, -x * y, -(x**2) * y])
-    weights = np.ones_like(x)
-    for _ in range(ROUNDS):
-        rows = weights[:, None]
-        a0, a1, a2, b1, b2 = np.linalg.lstsq(columns * rows, y * weights, rcond=None)[0]
-        below = 1.0 + b1 * x + b2 * x**2
-        weights = 1.0 / np.maximum(np.abs(below), 1e-12)
-    curve = (a0 + a1 * x + a2 * x**2) / below
-    poles = np.roots([b2, b1, 1.0]) if b2 != 0.0 else np.empty(0)
-    if poles.size < 2 or not np.all(np.isfinite(poles)):
+    """Sum of squares and (frequency, width, height) of two lines beside a constant."""
+    found = lines_together(f, y, 2, 3)
+    if len(found.modes) < 2:
         return None
-    lines = []
-    for pole, other in zip(poles, poles[::-1], strict=True):
-        residue = (a0 + a1 * pole + a2 * pole**2) / (b2 * (pole - other))
-        width = 2.0 * abs(pole.imag)
-        height = complex(residue / max(abs(pole.imag), 1e-300))
-        lines.append((middle + half * float(pole.real), half * float(width), height))
-    return float(np.sum(np.abs(curve - y) ** 2)), lines
+    lines = [(mode.frequency_hz, abs(mode.width_hz), mode.height) for mode in found.modes]
+    return found.squares(y), lines
 
 
 def _of_amplitudes(f: FloatArray, y: FloatArray, best: FittedForm) -> tuple[float, _Lines] | None:

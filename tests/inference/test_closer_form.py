@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
-from fitting.inference.closer_form import compared
-from fitting.text.arrays import FloatArray
+from fitting.inference.closer_form import Fitted, compared, compared_complex
+from fitting.text.arrays import ComplexArray, FloatArray
+from tests.support.coloured import coloured
+from tests.support.complex_data import mode as driven
+from tests.support.complex_data import write_xy
+from tests.support.in_process import told as command
 from tests.support.lines import mode
 
 ETA, WIDTH = 1e6, 400.0
@@ -71,3 +77,132 @@ def test_two_lines_are_no_line_with_something_beside_it() -> None:
     noise = 5e-3 * rng.standard_normal(F.size)
     found = compared(F, two + noise, noise / float(np.max(two)))
     assert found is None or found.describes
+
+
+# Complex values: what another number of lines, or another background, leaves.
+
+ONE = mode(F, ETA, WIDTH)
+OTHER = 0.6 * np.exp(0.8j) * mode(F, ETA + 900.0, 300.0)
+#: What stands beside a line, as many as are declared.
+GROUND = (np.ones_like(ONE), np.asarray(F - ETA, dtype=complex))
+SLOPE = 0.2j * (F - ETA) / 2000.0
+
+
+def best(y: ComplexArray, beside: tuple[ComplexArray, ...] = (), lines: int = 1) -> FloatArray:
+    """What the best lines leave of y beside some columns: by scipy, begun at the true ones."""
+
+    def rows(q: FloatArray) -> FloatArray:
+        shapes = [mode(F, ETA + WIDTH * q[2 * k], WIDTH * q[2 * k + 1]) for k in range(lines)]
+        design = np.column_stack([*shapes, *beside])
+        left = design @ np.linalg.lstsq(design, y, rcond=None)[0] - y
+        return np.concatenate([left.real, left.imag]) / float(np.max(np.abs(y)))
+
+    return np.asarray(least_squares(rows, [0.0, 1.0, 900.0 / WIDTH, 0.75][: 2 * lines]).fun)
+
+
+def noise_of(kind: str, rng: np.random.Generator, exact: ComplexArray) -> ComplexArray:
+    """Noise of size one on each quadrature."""
+    if kind == "drifting":
+        parts = [coloured(rng.uniform(0.3, 0.95), exact.size, rng) for _ in "xy"]
+    else:
+        parts = list(rng.standard_normal((2, exact.size)))
+    both = parts[0] + 1j * parts[1]
+    return np.asarray(both * np.abs(exact) if kind == "proportional" else both)
+
+
+@pytest.mark.parametrize(
+    ("exact", "columns", "against", "remedy"),
+    [
+        (ONE + OTHER, 1, "a pair of lines", "an output that shows all lines of the sweep"),
+        (ONE + OTHER + 0.3, 2, "a pair of lines", "an output that shows all lines of the sweep"),
+        (ONE + 0.3, 1, "a line with a complex constant", 'background = "constant"'),
+        (
+            ONE + SLOPE,
+            2,
+            "a line with a complex background that changes linearly with frequency",
+            'background = "slope"',
+        ),
+    ],
+    ids=["pair", "pair on a constant", "constant", "slope"],
+)
+def test_complex_values_of_more_than_was_fitted_are_not_described(
+    exact: ComplexArray, columns: int, against: str, remedy: str
+) -> None:
+    sigma = 1e-2
+    y = exact + sigma * noise_of("white", np.random.default_rng(4), exact)
+    left = best(y, GROUND[: columns - 1])
+    found = compared_complex(F, y, left, Fitted(columns=columns))
+    assert found is not None
+    assert not found.describes
+    assert found.against == against
+    assert remedy in found.remedy
+    # what the true form leaves is the noise: chi square is what is left over its variance
+    size = float(np.max(np.abs(y)))
+    assert found.chi_square == pytest.approx(float(left @ left) * (size / sigma) ** 2, rel=0.3)
+    named = compared_complex(F, y, left, Fitted(columns=columns, label="b"))
+    assert named is not None
+    assert named.against == f"{against} through sweep 'b'"
+
+
+@pytest.mark.parametrize("kind", ["white", "drifting", "proportional"])
+@pytest.mark.parametrize("lines", [1, 2])
+def test_a_model_that_describes_complex_values_is_not_told_not_to(kind: str, lines: int) -> None:
+    """Of 25 each, 0.1 to 10 % of noise, none."""
+    told = 0
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        columns = int(rng.integers(1, 4))
+        exact = ONE + (OTHER if lines == 2 else 0.0)
+        exact = exact + 0.3j * (columns > 1) + SLOPE * (columns > 2)
+        y = exact + 10.0 ** rng.uniform(-3.0, -1.0) * noise_of(kind, rng, exact)
+        left = best(y, GROUND[: columns - 1], lines)
+        found = compared_complex(F, y, left, Fitted(columns=columns, moving=2 * lines))
+        told += found is not None and not found.describes
+    assert told == 0
+
+
+def test_what_the_simulation_may_be_off_by_is_no_misfit() -> None:
+    """Values without noise, and a simulation that is 1e-4 off: no form says anything against it."""
+    left = 1e-4 * np.tile(np.cos(np.arange(F.size) / 9.0), 2)
+    plain = compared_complex(F, ONE, left, Fitted())
+    excused = compared_complex(F, ONE, left, Fitted(resolved=1e-4))
+    assert plain is not None
+    assert excused is not None
+    assert (plain.describes, excused.describes) == (False, True)
+
+
+def test_few_points_tell_no_pair() -> None:
+    """Of 8 points a line alone is tried: a pair would go through most of what there is."""
+    f = F[::11]
+    y = ONE[::11] + OTHER[::11]
+    found = compared_complex(f, y, np.full(2 * f.size, 0.3), Fitted())
+    assert found is None or "pair" not in found.against
+
+
+@pytest.mark.parametrize(
+    ("second", "code", "words"),
+    [
+        (
+            0.6,
+            4,
+            "does not describe the data: χ² = .* against a pair of lines. What it leaves",
+        ),
+        (0.0, 0, "Converged and describes the data"),
+    ],
+    ids=["two lines", "one line"],
+)
+def test_a_sweep_of_two_lines_through_an_output_of_one(
+    tmp_path: Path, swift_fmu: Path, second: float, code: int, words: str
+) -> None:
+    """As a user has it: a file, `init`, `reconstruct`. The noise drifts, of 1 % of the top."""
+    u = 1000.0 + np.linspace(-60.0, 60.0, 121)
+    y = driven(u, 990.0, 12.0) + second * driven(u, 1015.0, 9.0)
+    drift = noise_of("drifting", np.random.default_rng(2), y)
+    write_xy(tmp_path / "sweep.csv", u, y / np.max(np.abs(y)) + 0.01 * drift)
+    begun = command("init", tmp_path / "sweep.csv", "--fmu", swift_fmu, "--out", tmp_path / "one")
+    assert begun.code == 0, begun.err
+    campaign = tmp_path / "one" / "campaign.toml"
+    plain = "--no-profiles", "--no-report"
+    ended = command("reconstruct", campaign, *plain, "--out", tmp_path / "out")
+    assert ended.code == code, ended.out
+    assert re.search(words, " ".join(ended.out.split()))

@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from fitting.fit.fit import Status
-from fitting.inference.ending import DESCRIBES, MISFIT, NOT_CONVERGED, Ending, ending_of
+from fitting.inference.ending import DESCRIBES, MISFIT, NOT_CONVERGED, Ending, ending_of, extent_of
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.sweep import ComplexSweeps
+from fitting.measurements.dataset import Dataset
+from fitting.measurements.measurement import Measurement, MeasurementKind
+from fitting.measurements.sweep import Sweep
 from fitting.signal.residual_tests import Structure
+from fitting.text.arrays import FloatArray
+from tests.support.complex_data import mode
+from tests.support.one_mode import SETUP
+
+
+@dataclass(frozen=True)
+class Other(MeasurementKind):
+    """Rows that are no curve."""
+
+    count: int
+
+    @property
+    def rows(self) -> int:
+        return self.count
 
 
 def adequacy(chi_square: float, freedom: float, describes: bool = True) -> Adequacy:
@@ -68,9 +91,51 @@ def test_a_chi_square_far_below_its_freedom_is_not() -> None:
 )
 def test_widened_errors_are_told(inflation: float, structure: Structure | None, told: str) -> None:
     found = adequacy(26.0, 9.0)
-    ending = ending_of(Status.CONVERGED, found, inflation=inflation, structure=structure)
+    how = "to 2 % of the largest amplitude"
+    ending = ending_of(
+        Status.CONVERGED, found, inflation=inflation, structure=structure, extent=how
+    )
     assert (ending.words, ending.whole) == (DESCRIBES, False)
     assert ending.ground == f"χ² = 26 on 9 degrees of freedom, {told}"
+    # how far is said where residuals of a curve are no noise of one size
+    first = f"Converged and describes the data{'' if structure is None else f' {how}'}: χ² = 26 on"
+    assert ending.told("").startswith(first)
+
+
+F = 1000.0 + np.linspace(-40.0, 40.0, 33)
+
+
+def sweeps(count: int) -> ComplexSweeps:
+    """Complex sweeps of one line: the second one twice as high."""
+    curves = [ComplexCurve(F, (k + 1) * mode(F, 1000.0, 12.5), label=f"{k}") for k in range(count)]
+    return ComplexSweeps(setup=SETUP, curves=tuple(curves))
+
+
+def off(measurement: ComplexSweeps, *shares: float) -> FloatArray:
+    """Rows of values that are off by a share of the top, each in a direction of its own."""
+    turns = np.exp(1j * np.arange(F.size))
+    pairs = zip(measurement.curves, shares, strict=True)
+    return np.concatenate([c.rows_of(share * c.largest * turns) for c, share in pairs])
+
+
+def test_how_far_is_the_distance_from_the_model_of_the_worst_curve() -> None:
+    both = sweeps(2)
+    rows = off(both, 0.02, 0.003)
+    assert extent_of(Dataset((both,)), rows) == "to 2 % of the largest amplitude"
+    amplitude = np.abs(mode(F, 1000.0, 12.5))
+    one = Sweep(setup=SETUP, frequency_hz=F, amplitude_v=amplitude, fitted=True)
+    seen = Dataset((one,))
+    assert extent_of(seen, np.full(F.size, -0.0123)) == "to 1.2 % of the largest amplitude"
+
+
+def test_of_rows_beside_curves_nothing_is_said() -> None:
+    """A peak that is half its size off is not "described to 2 %"."""
+    curve = sweeps(1)
+    tones = Other(1)
+    rows = np.concatenate([[0.5], off(curve, 0.02)])
+    told = extent_of(Dataset((cast(Measurement, tones), curve)), rows)
+    assert told == "(curves to 2 % of the largest amplitude)"
+    assert extent_of(Dataset((cast(Measurement, tones),)), rows[:1]) == ""
 
 
 def test_a_misfit_and_a_fit_that_did_not_converge_are_told_apart() -> None:

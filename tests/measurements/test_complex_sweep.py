@@ -19,6 +19,7 @@ from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.complex.wiring import Wiring
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from tests.support.coloured import coloured
 from tests.support.complex_data import mode, notch, with_noise, write_xy
 from tests.support.one_mode import SETUP
 
@@ -355,3 +356,38 @@ def test_data_that_are_listed_twice_are_refused() -> None:
         ff.ComplexSweep(SETUP, curves)
     with pytest.raises(BadInput, match=r"labels a, a; wanted one curve at least, each with a name"):
         ff.ComplexSweep(SETUP, [curves[0], ComplexCurve(SEEN, 2.0 * y, label="a")])
+
+
+def errors_without_noise(rows: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
+    """Errors of the first two unknowns per noise of a row; directions that no row sees are free."""
+    steps = 1e-5 * np.maximum(np.abs(at), 1e-12) * np.eye(at.size)
+    slopes = [(rows(at + s) - rows(at - s)) / (2.0 * np.sum(s)) for s in steps]
+    jacobian = np.stack(slopes, axis=1)
+    sizes = np.linalg.norm(jacobian, axis=0)
+    covariance = np.linalg.pinv((jacobian / sizes).T @ (jacobian / sizes), rcond=1e-9)
+    return np.asarray((np.sqrt(np.diag(covariance)) / sizes)[:2])
+
+
+def test_what_phases_gain_is_told_of_the_errors_that_are_reported(swift_fmu: Path) -> None:
+    """Noise that drifts widens them; amplitudes alone are as many times as wide as they were."""
+    rng = np.random.default_rng(8)
+    exact = GAIN * mode(SEEN, ETA, WIDTH) + GROUND
+    drift = 0.01 * float(np.max(np.abs(exact))) * np.array([1.0, 1.0j])
+    y = exact + drift @ np.stack([coloured(0.8, SEEN.size, rng) for _ in "xy"])
+    curve = ComplexCurve(SEEN, y, wiring=Wiring(background="constant"))
+    problem = ff.Problem(swift_fmu, PARAMETERS, ff.ComplexSweep(SETUP, curve))
+    found = ff.profile(ff.fit(problem, method=ff.Tikhonov(misfit="squares"), starts=1)).inferred
+    structure = found.fit.solution.structure
+    assert structure is not None
+    assert structure.widening > 1.3
+
+    def seen(q: FloatArray) -> ComplexArray:
+        return np.asarray(complex(*q[2:4]) * mode(SEEN, q[1], q[0]) + complex(*q[4:]))
+
+    true = np.array([WIDTH, ETA, GAIN.real, GAIN.imag, GROUND.real, GROUND.imag])
+    phases = errors_without_noise(lambda q: np.concatenate([seen(q).real, seen(q).imag]), true)
+    alone = errors_without_noise(lambda q: np.abs(seen(q)), true)
+    gains = {gain.name: gain for gain in found.quadratures.gains}
+    for name, ratio in zip(("d1", "eta_plus"), alone / phases, strict=True):
+        assert gains[name].phases == found.parameters[name].std
+        assert gains[name].amplitudes / gains[name].phases == pytest.approx(ratio, rel=0.1)

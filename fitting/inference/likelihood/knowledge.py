@@ -26,7 +26,8 @@ class Adequacy:
     alone gives as much (NaN where there is nothing to judge by). `describes` is False where it is
     several times its degrees of freedom and too improbable (`fitting.inference.adequacy`).
     `against` names the form of a line whose residuals the noise was taken from, where they are a
-    sweep's own (`fitting.inference.closer_form`); empty where the noise is known.
+    sweep's own (`fitting.inference.closer_form`); empty where the noise is known. `remedy` is what
+    would describe them so: a key of the campaign, or an output; empty where nobody knows one.
     """
 
     chi_square: float
@@ -34,6 +35,7 @@ class Adequacy:
     p_value: float
     describes: bool
     against: str = ""
+    remedy: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -237,15 +237,32 @@ class ComplexSweeps(MeasurementKind):
             return [min(fitted, key=lambda c: c.line.misfit)]
         return fitted
 
-    def _delay_name(self, curve: ComplexCurve) -> str:
+    def delay_name(self, curve: ComplexCurve) -> str:
+        """Name of the parameter that a fitted delay is.
+
+        Args:
+            curve: one of the sweeps.
+        """
         tag = self.series if self.one_delay else curve.label or self.series
         return f"{DELAY}[{tag}]" if tag else DELAY
+
+    def without_delay(self, curve: ComplexCurve, values: Mapping[str, float]) -> ComplexArray:
+        """Measured values (n,) of a sweep, the delay of its cable taken off.
+
+        Args:
+            curve: one of the sweeps.
+            values: of the fitted parameters, by name.
+        """
+        known = curve.delay_s
+        tau = values[self.delay_name(curve)] if known is None else known
+        turned = np.exp(2j * np.pi * (curve.u_hz - 0.5 * (curve.u_hz[0] + curve.u_hz[-1])) * tau)
+        return np.asarray(curve.y * turned)
 
     def _delay(self, curve: ComplexCurve) -> Parameter:
         turn = 1.0 / float(np.ptp(curve.u_hz))
         start = curve.line.delay_s
         return Parameter(
-            name=self._delay_name(curve),
+            name=self.delay_name(curve),
             unit="s",
             lower=start - DELAY_REACH * turn,
             upper=start + DELAY_REACH * turn,
@@ -297,7 +314,7 @@ class ComplexSweeps(MeasurementKind):
         columns = [
             np.full(len(table), c.delay_s)
             if c.delay_s is not None
-            else table[:, places[self._delay_name(c)]]
+            else table[:, places[self.delay_name(c)]]
             for c in self.curves
         ]
         return np.stack(columns, axis=1)
@@ -389,6 +406,11 @@ class ComplexSweeps(MeasurementKind):
             values = dip_qualities(curve, response, solved, curve.largest * spread)
             found |= {f"{name}{tag}": value for name, value in values.items()}
         return found
+
+    def share_left(self, residuals: FloatArray) -> float:
+        """Distance from the model, root mean square over the largest modulus, of the worst one."""
+        ends = np.cumsum([2 * c.y.size for c in self.curves])[:-1]
+        return max(float(np.sqrt(2.0 * np.mean(r**2))) for r in np.split(residuals, ends))
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Sweeps of whose variance less than half is explained are not described."""

@@ -16,6 +16,7 @@ that have it, and larger than the response by what noise makes of it on average
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -349,6 +350,16 @@ class ControlSweep(MeasurementKind):
         if self.logarithmic:
             return np.asarray(np.log(scaled / self.measured))
         return (self.seen_as(scaled) - self.measured) / self.sizes
+
+    def share_left(self, residuals: FloatArray) -> float:
+        """Root mean square of the worst spectrum; of logarithms NaN, they are shares of each point.
+
+        Args:
+            residuals: rows (rows,).
+        """
+        if self.logarithmic:
+            return math.nan
+        return max(float(np.sqrt(np.mean(residuals[mine] ** 2))) for mine in self.slices)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra of whose variance less than half is explained are not described.

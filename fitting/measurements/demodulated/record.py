@@ -198,6 +198,16 @@ class DemodulatedRecord:
             return np.asarray(values.real / (self.weights * self.largest))
         return np.concatenate([values.real, values.imag]) / self.largest
 
+    def share_left(self, rows: FloatArray) -> float:
+        """What rows leave, root mean square over the largest modulus; of phasors their distance.
+
+        Args:
+            rows: of this record, (rows,).
+        """
+        if self.is_amplitude:
+            return float(np.sqrt(np.mean((rows * self.weights) ** 2)))
+        return float(np.sqrt(2.0 * np.mean(rows**2)))
+
     # --- runs of the FMU ------------------------------------------------------------------------
 
     @cached_property

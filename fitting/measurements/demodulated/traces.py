@@ -152,6 +152,12 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             raise TypeError(f"a demodulated trace is predicted by {prediction!r}")
         return np.asarray(block_diag(*prediction.designs))
 
+    def share_left(self, residuals: FloatArray) -> float:
+        """Root mean square of the worst record over its largest modulus."""
+        ends = np.cumsum([trace.rows for trace in self.traces])[:-1]
+        pairs = zip(self.traces, np.split(residuals, ends), strict=True)
+        return max(trace.share_left(rows) for trace, rows in pairs)
+
     def unexplained(self, residuals: FloatArray) -> str:
         """Traces of whose variance less than half is explained are not described."""
         y = np.concatenate([x.rows_of(x.y - np.mean(x.y)) for x in self.traces])

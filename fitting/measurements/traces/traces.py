@@ -201,6 +201,11 @@ class Traces(TracesTogether[TraceRecord]):
             raise TypeError(f"a trace is predicted by {prediction!r}")
         return np.asarray(block_diag(*prediction.designs))
 
+    def share_left(self, residuals: FloatArray) -> float:
+        """Root mean square of the worst trace over its largest deviation from its mean."""
+        ends = np.cumsum([trace.y.size for trace in self.traces])[:-1]
+        return max(float(np.sqrt(np.mean(r**2))) for r in np.split(residuals, ends))
+
     def unexplained(self, residuals: FloatArray) -> str:
         """Traces of whose variance less than half is explained are not described."""
         y = np.concatenate([(x.y - np.mean(x.y)) / x.largest for x in self.traces])

@@ -13,7 +13,6 @@ from fitting.inference.verdict import Verdict
 from fitting.report.table import wrapped
 from fitting.report.words.values import reported_words, told_twice
 from fitting.result.result import Result
-from fitting.signal.peaks import BESIDE_WORDS, OFFSET
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL
 from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
 
@@ -234,9 +233,10 @@ def _one(value: float, unit: str) -> str:
 
 def _otherwise(result: Result) -> str:
     """What may describe data that the model does not."""
-    against = "" if result.knowledge is None else result.knowledge.adequacy.against
-    if against.endswith(BESIDE_WORDS[OFFSET]):
-        return f'[sweep] background = "{OFFSET}", as {against} describes the sweep'
+    adequacy = None if result.knowledge is None else result.knowledge.adequacy
+    against = "" if adequacy is None else adequacy.against
+    if adequacy is not None and adequacy.remedy:
+        return f"{adequacy.remedy}, as {against} describes the sweep better"
     if against:
         return f"another model, or phases, as {against} describes the sweep better"
     drift = "another drift, " if result.peaks else ""

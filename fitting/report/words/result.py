@@ -24,7 +24,7 @@ def ending_words(result: Result) -> tuple[str, str]:
     Args:
         result: of a reconstruction.
     """
-    words = result.ending.words or result.status
+    words = result.ending.clause or result.status
     said = result.message
     if said.lower().startswith(words):
         said = said[len(words) :].lstrip(":. ")
