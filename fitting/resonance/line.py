@@ -45,7 +45,16 @@ from fitting.resonance.further_lines import (
 )
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
-from fitting.signal.peaks import AMONG, FLOOR, MIN_SWEEP_POINTS, OFFSET, RICE, TAIL, UNKNOWNS
+from fitting.signal.peaks import (
+    AMONG,
+    FLOOR,
+    MIN_SWEEP_POINTS,
+    OFFSET,
+    RICE,
+    SINGLE,
+    TAIL,
+    UNKNOWNS,
+)
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
@@ -53,8 +62,10 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number
 
+#: Forms of amplitudes alone.
+AMPLITUDES_ALONE = (OFFSET, FLOOR, RICE, SINGLE, TAIL)
 #: What may be asked for: forms, and those of their readings that are no form of their own.
-WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, OFFSET, FLOOR, RICE, TAIL)
+WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, *AMPLITUDES_ALONE)
 #: A resonance is there if noise alone were to look like one less often than this.
 SEEN_P = 1e-3
 
@@ -65,6 +76,8 @@ AT_END = 3
 SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
 #: Akaike's criterion by which a form with a delay must be better than all without one.
 PLAINLY = 10.0
+#: Akaike's criterion below which a form is as good as another one.
+AS_GOOD = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +85,8 @@ class LineForm:
     """A form of the line and what it gives; NaN where it could not be fitted (``message``).
 
     Attributes:
-        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor", "rice" or
-            "tail", too.
+        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor", "rice",
+            "single" or "tail", too.
         delayed: whether the delay of a cable is fitted, too.
         criterion: Akaike's, over the least of all forms; 10 is plainly worse.
         residual: root mean square of what is left, over the line's amplitude.
@@ -122,7 +135,8 @@ class Line:
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         amplitude_mirrored: the other amplitude that amplitudes beside a complex constant or a tail
             do not tell from it, in ``unit``; NaN in other forms.
-        beside: the constant of "offset", "floor" and "rice", in ``unit``; zero in other forms.
+        beside: the constant of "offset", "floor" and "rice", in ``unit``, of "single" the noise of
+            either quadrature of a reading; zero in other forms.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
         delay_s: of the cable, s, and its error; NaN where none was found.
@@ -202,7 +216,7 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
     if wiring == SLOPED and not trace.is_complex:
         raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
-    if wiring in (OFFSET, FLOOR, RICE, TAIL) and trace.is_complex:
+    if wiring in AMPLITUDES_ALONE and trace.is_complex:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
     try:
         return _line_of(_turned(trace), wiring)
@@ -220,6 +234,7 @@ def _line_of(trace: Trace, wiring: str) -> Line:
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     if further and not asked:
         order = _with_tail(found, criteria, order)
+    order = _without_doubtful_constant(found, criteria, order)
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
     order = _without_doubtful_delay(found, criteria, order, asked)
     best = found[order[0]]
@@ -280,6 +295,26 @@ def _without_doubtful_delay(
     if not plain or criteria[plain[0]] - criteria[order[0]] >= PLAINLY:
         return order
     return [plain[0], *(k for k in order if k != plain[0])]
+
+
+def _without_doubtful_constant(
+    found: Sequence[FittedForm], criteria: FloatArray, order: list[int]
+) -> list[int]:
+    """The order in which forms are taken: what noise of single readings makes is nothing else.
+
+    Such noise lifts a faint line as a constant does, or noise that was averaged, and has no unknown
+    for it; and where it is small, nobody sees that it is Rice's.
+    """
+    of_name = {found[k].name: k for k in order}
+    near = [
+        of_name[name]
+        for name in (TRANSMISSION, SINGLE)
+        if name in of_name and criteria[of_name[name]] - criteria[order[0]] < AS_GOOD
+    ]
+    doubtful = found[order[0]].name in (SINGLE, OFFSET, FLOOR, RICE)
+    if not doubtful or of_name.get(SINGLE) not in near:
+        return order
+    return [near[0], *(k for k in order if k != near[0])]
 
 
 def _with_tail(found: Sequence[FittedForm], criteria: FloatArray, order: list[int]) -> list[int]:
@@ -417,12 +452,12 @@ def _resolves_delay(trace: Trace, delayed: FittedForm) -> bool:
 
 def _criteria(found: Sequence[FittedForm], rows: int) -> FloatArray:
     """Akaike's criterion of every form, see the head of this file."""
-    closest = min(found, key=lambda form: form.squares)
+    closest = min(found, key=lambda form: form.likely_squares)
     count = rows / closest.structure.widening**2
     made = []
     for form in found:
         k = form.unknowns
-        squares = max(form.squares, rows * SMALLEST_RESIDUAL**2)
+        squares = max(form.likely_squares, rows * SMALLEST_RESIDUAL**2)
         small = 2.0 * k * (k + 1) / (count - k - 1) if count > k + 1 else math.inf
         made.append(count * math.log(squares / rows) + 2.0 * k + small)
     return np.array(made) if np.any(np.isfinite(made)) else np.arange(len(made), dtype=float)

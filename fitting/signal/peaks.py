@@ -23,8 +23,12 @@ FLOOR_KINDS = ("robust", "mean", "none")
 #: And what else amplitudes may carry: a constant that is added to them, noise, of which powers or
 #: amplitudes were averaged, or the tail of another line.
 OFFSET, FLOOR, RICE, TAIL = "offset", "floor", "rice", "tail"
+#: Or every point is one reading of the line in noise, see `fitting.signal.single_readings`.
+SINGLE = "single"
+#: Backgrounds of which fits are made elsewhere than in `fit_resonance`.
+ELSEWHERE = (TAIL, SINGLE)
 #: Unknowns of a line of amplitudes with what may stand beside it.
-UNKNOWNS = {"none": 3, OFFSET: 4, FLOOR: 4, RICE: 4, "complex": 5, TAIL: 7}
+UNKNOWNS = {"none": 3, SINGLE: 3, OFFSET: 4, FLOOR: 4, RICE: 4, "complex": 5, TAIL: 7}
 #: What a campaign may declare beside the line of a sweep.
 BACKGROUNDS = ("none", "complex", OFFSET)
 #: What may stand beside a line, in words; "slope" only beside complex values.
@@ -34,6 +38,7 @@ BESIDE_WORDS = {
     OFFSET: "a constant that is added to its amplitude",
     FLOOR: "noise whose power is added to its own",
     RICE: "noise, of which amplitudes were averaged",
+    SINGLE: "noise that is in every single reading",
     TAIL: "the tail of another line",
 }
 #: Evaluations after which the tail of another line that is still looked for is none, and the fall
@@ -313,11 +318,11 @@ def fit_resonance(
     Raises:
         BadInput: too few points, no resonance within the sweep, or one that the points do not hold.
     """
-    if background not in UNKNOWNS or background == TAIL:
-        wanted = tuple(name for name in UNKNOWNS if name != TAIL)
+    if background not in UNKNOWNS or background in ELSEWHERE:
+        wanted = tuple(name for name in UNKNOWNS if name not in ELSEWHERE)
         raise ValueError(f"background {background!r}, wanted one of {wanted}")
-    _check_count(frequency_hz, background, source)
-    eta0, width0, height = (_dip_guess if dip else _first_guess)(frequency_hz, amplitude_v)
+    check_count(frequency_hz, background, source)
+    eta0, width0, height = (_dip_guess if dip else first_guess)(frequency_hz, amplitude_v)
 
     def curve(x: FloatArray) -> FloatArray:
         wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
@@ -334,11 +339,21 @@ def fit_resonance(
     if background == "complex":
         fit = folded(left, fit)
         mirrored = height * abs(float(fit.values[2]) + 2j * complex(*fit.values[3:]))
-    found = _as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
+    found = as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
     return replace(found, background=beside, mirrored=mirrored)
 
 
-def _check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
+def check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
+    """Complain of too few points.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        background: what stands beside the line, one of `UNKNOWNS`.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: fewer points than unknowns and one, or than `MIN_SWEEP_POINTS`.
+    """
     least = max(MIN_SWEEP_POINTS, UNKNOWNS[background] + 1)
     if frequency_hz.size < least:
         raise BadInput(
@@ -383,10 +398,10 @@ def fit_beside_tail(
     Raises:
         BadInput: too few points, no resonance among them, another line that stands among them.
     """
-    _check_count(frequency_hz, TAIL, source)
+    check_count(frequency_hz, TAIL, source)
     height = float(np.max(amplitude_v))
     shares = amplitude_v / height
-    eta0, width0, _ = _first_guess(frequency_hz, _over_chord(frequency_hz, amplitude_v))
+    eta0, width0, _ = first_guess(frequency_hz, _over_chord(frequency_hz, amplitude_v))
     pull = max(point_noise(shares), SMALLEST_RESIDUAL) / room
     tried = [
         _TailFit(frequency_hz, shares, (eta0, width0), other, pull).begun(turn)
@@ -402,7 +417,7 @@ def fit_beside_tail(
     fit = folded(tail.residuals, fit)
     own = replace(fit, residuals=fit.residuals[:-2], jacobian=fit.jacobian[:-2])
     curve = height * (own.residuals + shares)
-    found = _as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
+    found = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
     return replace(found, mirrored=height * tail.mirrored(fit.values))
 
 
@@ -507,8 +522,13 @@ def _constant(beside: FloatArray, background: str) -> complex:
     return complex(*beside) if beside.size else 0j
 
 
-def _first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
-    """Crest, and the width of the region above 1/sqrt(2) of it."""
+def first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
+    """Crest, the width of the region above 1/sqrt(2) of it, and its height.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+    """
     top = int(np.argmax(amplitude_v))
     height = float(amplitude_v[top])
     high = frequency_hz[amplitude_v >= height / math.sqrt(2.0)]
@@ -533,13 +553,25 @@ def _dip_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float
     return float(frequency_hz[bottom]), width, top if top > 0.0 else 1.0
 
 
-def _as_resonance(
+def as_resonance(
     frequency_hz: FloatArray,
     fit: LeastSquaresFit,
     curve: FloatArray,
     guess: tuple[float, float, float],
     source: str,
 ) -> Resonance:
+    """A line as it was fitted, of unknowns that begin with shift, log width and height.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        fit: of shares of the height that was guessed.
+        curve: fitted amplitudes (n,), V peak.
+        guess: frequency and width, Hz, and height, V peak, from which the unknowns are counted.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: no resonance within the sweep, or one that the points do not hold.
+    """
     eta0, width0, height = guess
     structure = residual_structure(fit.residuals, fit.jacobian)
     freedom = fit.freedom / structure.widening**2

@@ -420,6 +420,41 @@ def test_what_is_added_to_an_amplitude_is_found_and_told(
     assert by_name.beside == pytest.approx(0.6, rel=0.05) or by_name.wiring == "fano"
 
 
+@pytest.mark.parametrize("averaged", [1, 25], ids=["single", "averaged"])
+def test_readings_that_nobody_averaged_are_told_from_averaged_ones(averaged: int) -> None:
+    """|line + noise|, once and as the mean of 25: its root mean square is sqrt(2) of a quadrature.
+
+    Single ones scatter by 0.66 of a quadrature's noise beside the line, averaged ones by a fifth
+    of that, about the same mean. Of single ones a constant with a phase is fitted to the noise in
+    13 of 100 sweeps (P(chi2_2 > 4)).
+    """
+    f, quadrature = ETA + np.linspace(-200.0, 200.0, 401), 0.1
+    chosen, sizes = [], []
+    for seed in range(12):
+        drawn = noise(f.size * averaged, quadrature, seed).reshape(averaged, f.size)
+        amplitude = np.mean(np.abs(mode(f, ETA, WIDTH) + drawn), axis=0)
+        found = ff.line(f, amplitude, unit="V")
+        chosen.append(found.wiring)
+        if found.wiring in ("single", "rice"):
+            sizes.append(found.beside)
+        if found.wiring == "single":
+            assert any("Noise of each reading: " in each for each in sentences(found))
+            assert not any("averaged" in each for each in sentences(found))
+    assert chosen.count("single") >= 9 if averaged == 1 else "single" not in chosen
+    if averaged == 1:
+        assert set(chosen) <= {"single", "fano"}
+        assert np.mean(sizes) == pytest.approx(quadrature, rel=0.03)
+    elif sizes:
+        assert np.mean(sizes) == pytest.approx(math.sqrt(2.0) * quadrature, rel=0.05)
+
+
+def test_small_noise_of_a_high_line_is_called_nothing_beside_it() -> None:
+    """Where the line is everywhere ten times its noise, Rice's is not seen (s/2 a of s)."""
+    f = ETA + np.linspace(-40.0, 40.0, 101)
+    found = [ff.line(f, np.abs(line_alone(f) + noise(f.size, 0.02, k))) for k in range(10)]
+    assert "single" not in [each.wiring for each in found]
+
+
 def test_a_line_that_no_form_describes_is_not_called_a_straight_one() -> None:
     """A triangle of half a span: every form of a line leaves what hangs together."""
     shape = np.maximum(0.0, 1.0 - np.abs(F - ETA) / 40.0) + 0.4 * np.sin(F / 4.0)

@@ -8,8 +8,8 @@ from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
 from fitting.resonance.form import TRANSMISSION, WORDS_BESIDE
-from fitting.resonance.line import Line, LineForm
-from fitting.signal.peaks import FLOOR, RICE, TAIL
+from fitting.resonance.line import AS_GOOD, Line, LineForm
+from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
 from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
 
@@ -20,8 +20,6 @@ WIRINGS = {
     NOTCH: "a resonator beside a feed line",
     REFLECTION: "a resonator at the end of a line",
 }
-#: Akaike's criterion from which a form is plainly worse, and below which it is as good.
-WORSE, AS_GOOD = 10.0, 2.0
 #: Standard errors by which another form that is nearly as good moves the line to be told.
 MOVES = 2.0
 
@@ -87,6 +85,11 @@ def _taken(line: Line) -> str:
     least = min(form.criterion for form in fitted)
     if line.forms[0].criterion > least and line.wiring == TAIL:
         best = "as another line is there, and not for Akaike's criterion"
+    elif line.forms[0].criterion > least and not line.is_complex:
+        best = (
+            "the simplest of the forms that Akaike's criterion hardly tells from the best of the "
+            f"{len(fitted)} that could be fitted (by {number(AS_GOOD, 1)} at most)"
+        )
     elif line.forms[0].criterion > least:
         best = (
             f"by Akaike's criterion the best of the {len(fitted)} forms that could be fitted but "
@@ -105,6 +108,11 @@ def _beside(line: Line) -> list[str]:
     size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
     if line.wiring in (FLOOR, RICE):
         return [f"The noise beside the line is {size} (rms), the same at every frequency."]
+    if line.wiring == SINGLE:
+        return [
+            f"Noise of each reading: {size}, in X and in Y alike. The points scatter by it on the "
+            "line, and beside the line by 0.66 of it about 1.25 times it (Rice)."
+        ]
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
 
 
