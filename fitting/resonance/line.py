@@ -69,6 +69,9 @@ WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, *AMPLITUDES_ALONE)
 #: A resonance is there if noise alone were to look like one less often than this.
 SEEN_P = 1e-3
 
+#: Squares by which a curve is off from any that only rises or only falls, over those of the noise,
+#: from which no flank describes the points.
+TURNS = 10.0
 #: Points at an end of which one is the largest where the end cuts off a line.
 AT_END = 3
 #: Widths, and logarithm of a factor on the width, by which another line may not be where a point
@@ -521,7 +524,8 @@ def _check_one(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
             "points as well"
         )
-    _complain_of_flank(trace, further, best.squares, best.unknowns)
+    if not _turns(best):
+        _complain_of_flank(trace, further, best.squares, best.unknowns)
     if _chance(trace, best, best.structure.together) > SEEN_P:
         _complain_of_ends(trace)
         for form in failed:
@@ -541,6 +545,22 @@ def _check_one(
             f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
             f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
         )
+
+
+def _turns(best: FittedForm) -> bool:
+    """Whether a form that leaves noise alone rises and falls by far more than that noise.
+
+    The flank of one line beyond the ends does only one of both, and is then not looked for.
+    """
+    if best.structure.order > 0:
+        return False
+    curve = np.abs(best.curve) / float(np.max(np.abs(best.curve)))
+    reversals = [
+        np.maximum.accumulate(each) - np.minimum.accumulate(each[::-1])[::-1]
+        for each in (curve, curve[::-1])
+    ]
+    off = min(float(np.sum((0.5 * gap) ** 2)) for gap in reversals)
+    return off > TURNS * best.squares
 
 
 def _complain_of_flank(
