@@ -148,6 +148,15 @@ def test_a_notch_is_found_and_its_qualities_follow(phases: bool) -> None:
         assert reflection.q_coupling == pytest.approx(800.0, rel=0.02)
 
 
+@pytest.mark.parametrize("wiring", ["notch", "reflection"])
+def test_the_wiring_that_was_asked_for_stands_in_the_table_of_forms(wiring: str) -> None:
+    values = 1.0 - 0.6j * mode(F, ETA, WIDTH) + noise(F.size, 0.005, 3)
+    [*_, head, first, _, _, _, _, _] = repr(ff.line(F, values, wiring=wiring)).splitlines()
+    assert head.split()[0] == "form"
+    assert first.startswith(f"{wiring} (fano)")
+    assert "notch" not in repr(ff.line(F, values)).partition("\nform ")[2]
+
+
 def test_qualities_have_the_errors_of_least_squares_in_the_losses_themselves() -> None:
     """The same curve written in 1/Q and complex 1/Qc, fitted by scipy: 1/Qi = 1/Q - Re 1/Qc."""
 
@@ -418,6 +427,18 @@ def test_what_is_added_to_an_amplitude_is_found_and_told(
     assert float(np.mean(np.square(pulls))) < 3.0
     by_name = ff.line(F, seen(line_alone(F)) + noise(F.size, 0.01, 0).real, wiring=chosen[0])
     assert by_name.beside == pytest.approx(0.6, rel=0.05) or by_name.wiring == "fano"
+
+
+def test_no_flank_is_looked_for_where_a_line_is_plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A flank only rises or only falls; one of 8 points at the end of it is still told as that."""
+
+    def looked_for(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("fitting.resonance.line.flank", looked_for)
+    assert ff.line(F, np.abs(line_alone(F) + noise(F.size, 0.02, 1))).wiring
+    with pytest.raises(AssertionError):
+        ff.line(F[:70], np.abs(line_alone(F[:70]) + noise(70, 0.02, 1)))
 
 
 @pytest.mark.parametrize("averaged", [1, 25], ids=["single", "averaged"])

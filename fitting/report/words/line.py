@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
-from fitting.resonance.form import TRANSMISSION, WORDS_BESIDE
+from fitting.resonance.form import FANO, TRANSMISSION, WORDS_BESIDE
 from fitting.resonance.line import AS_GOOD, Line, LineForm
 from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
@@ -225,7 +226,7 @@ def forms_table(line: Line) -> Table:
         line: as it was fitted.
     """
     columns: tuple[Column[LineForm], ...] = (
-        Column("form", _name, role="name"),
+        Column("form", lambda form: _row_name(line, form), role="name"),
         Column("f (Hz)", lambda form: _value(form.frequency_hz, form.frequency_std_hz)),
         Column("width (Hz)", lambda form: _value(form.width_hz, form.width_std_hz)),
         Column("Q", lambda form: _value(form.q, form.q_std)),
@@ -233,6 +234,13 @@ def forms_table(line: Line) -> Table:
         Column("Akaike", lambda form: number(round(form.criterion, 1), 4)),
     )
     return tabulate("Forms that were compared", columns, line.forms)
+
+
+def _row_name(line: Line, form: LineForm) -> str:
+    """A form as its row is called: a wiring that was asked for, with the form that is its curve."""
+    if line.wiring in (NOTCH, REFLECTION) and form.name == FANO:
+        return f"{_name(replace(form, name=line.wiring))} ({FANO})"
+    return _name(form)
 
 
 def _name(form: LineForm) -> str:
