@@ -55,6 +55,7 @@ class Choices:
         amplitude: what amplitudes mean, "V peak".
         boxes: what is fitted.
         derived: outputs that are reported.
+        held: places and widths of further modes that are held.
         width_hz: full width of the line in the sweep, Hz; 0: unknown.
         residual: what the line leaves of the sweep, relative; 0: unknown.
         level: of the drive, where tones of the FMU drive.
@@ -72,6 +73,7 @@ class Choices:
     amplitude: str
     boxes: tuple[Box, ...]
     derived: tuple[str, ...]
+    held: tuple[str, ...]
     width_hz: float = 0.0
     residual: float = 0.0
     level: float = 1.0

@@ -103,12 +103,11 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
     missing = "" if measured else missing_text(f"--fmu {name}" if source.is_model else name)
     _check(campaign_text(choices, files, offer, None) + missing, source)
     text = campaign_text(choices, files, offer, folder) + missing
-    held = _held(files, offer, [box.name for box in choices.boxes])
     words = (
-        f"Held at the FMU's own start values: {listed(held)}, and all others. What is found holds "
-        "with these, of which one line tells nothing."
+        f"Held at the FMU's own start values: {listed(choices.held)}, and all others. What is "
+        "found holds with these, of which one line tells nothing."
     )
-    tail = (words,) if held else ()
+    tail = (words,) if choices.held else ()
     return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes), *tail))
 
 
@@ -211,6 +210,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
     shown = trial.pairs() if trial and len(offer.places) > 1 else []
     fitted = answers.of(_fitted(files, offer, (STRENGTH,) if pair else (), shown))
     line, seen = files.line, seen_of(files.line, files.two)
+    held = _held(files, offer, fitted)
     boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
     if pair and STRENGTH in fitted:
         boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
@@ -228,7 +228,8 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         start_words=words,
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
-        derived=_derived(offer, fitted, held=bool(_held(files, offer, fitted))),
+        derived=_derived(offer, fitted, held=bool(held)),
+        held=held,
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
     )
@@ -273,12 +274,16 @@ def _by_name(fitted: Sequence[str], offer: Offer, seen: Sequence[Seen]) -> dict[
 
 
 def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:
-    """How strongly the upper mode is driven: heights of modes go with g/(f d)."""
+    """How strongly the upper mode is driven: heights of modes go with g/(f d).
+
+    The sign is that of the phase between both lines; amplitudes show it by what stands between.
+    """
     assert files.two is not None  # noqa: S101 - asked by the caller
     ratio = files.two.ratio
     one, two = (each.frequency_hz * each.width_hz for each in seen)
     start = math.copysign(abs(ratio) * two / one, ratio.real)
-    return strength_box(offer, STRENGTH, start, "heights of the two lines in the sweep")
+    why = "heights, widths and places of the two lines in the sweep: g2 goes with their product"
+    return strength_box(offer, STRENGTH, start, f"{why}; its sign with the phase between them")
 
 
 def _in_box(box: Box) -> Box:

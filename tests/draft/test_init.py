@@ -122,7 +122,9 @@ def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(
 
 
 def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:
-    path, _ = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
+    path, said = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
+    # g2 is the ratio of the heights times that of f d: the heights alone do not tell it
+    assert any("g2: from" in each and "heights, widths and places" in each for each in said)
     boxes = {p["name"]: p for p in tomllib.loads(path.read_text("utf-8"))["parameters"]}
     assert boxes["f1"]["start"] == pytest.approx(ETA, abs=0.5)
     assert boxes["f2"]["start"] == pytest.approx(ETA + SPLIT, abs=0.5)
