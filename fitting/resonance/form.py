@@ -23,7 +23,13 @@ import numpy as np
 
 from fitting.measurements.complex.gain import SharedGain, Solved
 from fitting.measurements.complex.wiring import Wiring
-from fitting.signal.complex_line import ComplexLine, complex_line, mean_delay
+from fitting.signal.complex_line import (
+    NEAR,
+    ComplexLine,
+    complex_line,
+    far_delays,
+    tops_and_bottoms,
+)
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import (
     BESIDE_WORDS,
@@ -42,7 +48,7 @@ from fitting.signal.peaks import (
 from fitting.signal.residual_tests import TOGETHER, Structure, residual_structure
 from fitting.signal.single_readings import fit_single_readings
 from fitting.signal.student import ROOT_68, reach
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
@@ -63,8 +69,6 @@ WORDS_BESIDE = {
 }
 #: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
 STEP = 1e-5
-#: Widths about a top or a bottom of which a line is guessed.
-NEAR = 4.0
 _BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
 
 
@@ -224,16 +228,11 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
         frequency_hz: rising, shape (n,), Hz.
         values: shape (n,), any unit.
     """
-    f, size = frequency_hz, np.abs(values)
+    f = frequency_hz
     span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
     whole = complex_line(f, values, None)
-    top, bottom = int(np.argmax(size)), int(np.argmin(size))
-    half = 0.5 * (float(np.median(size)) + size[bottom])
-    widths = {
-        float(f[top]): extent(f, size >= math.sqrt(0.5) * size[top], top),
-        float(f[bottom]): extent(f, size <= half, bottom),
-    }
-    delays = dict.fromkeys((0.0, whole.delay_s, *_far_delays(f, values, widths)))
+    widths = tops_and_bottoms(f, values)
+    delays = dict.fromkeys((0.0, whole.delay_s, *far_delays(f, values)))
     places = [(eta, part * width) for eta, width in widths.items() for part in (0.5, 1.0, 2.0)]
     for delay in delays:
         places += [(line.eta_hz, abs(line.width_hz)) for line in _lines(f, values, widths, delay)]
@@ -243,34 +242,6 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
         if math.isfinite(eta) and math.isfinite(width)
         for delay in delays
     ]
-
-
-def extent(frequency_hz: FloatArray, chosen: BoolArray, middle: int) -> float:
-    """Width of the region about a point where all points are chosen, Hz.
-
-    Args:
-        frequency_hz: rising, shape (n,), Hz.
-        chosen: shape (n,).
-        middle: number of the point.
-    """
-    others = np.flatnonzero(~chosen)
-    low = int(np.max(others[others < middle], initial=0))
-    high = int(np.min(others[others > middle], initial=frequency_hz.size - 1))
-    return float(frequency_hz[high] - frequency_hz[low])
-
-
-def _far_delays(f: FloatArray, values: ComplexArray, widths: Mapping[float, float]) -> list[float]:
-    """Delays that points far from a top or a bottom show, where most points are far, s.
-
-    A line of few points in a long sweep is a small part of what `complex_line` has to describe: a
-    wide line can stand for a delay, and the narrow one is not seen.
-    """
-    found = []
-    for eta, width in widths.items():
-        far = np.abs(f - eta) > NEAR * width
-        if 2 * int(np.sum(far)) > f.size:
-            found.append(mean_delay(f[far], values[far])[0])
-    return found
 
 
 def _lines(

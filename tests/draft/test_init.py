@@ -447,3 +447,17 @@ def test_a_recording_without_the_output_is_told(tmp_path: Path) -> None:
     with pytest.raises(ff.BadInput, match="no column 'y' among 'u', 'a' and 'b'; wanted one"):
         init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
     assert not (tmp_path / "drafted").exists() or not list((tmp_path / "drafted").glob("*.toml"))
+
+
+def test_a_narrow_dip_behind_a_cable_is_drafted(tmp_path: Path) -> None:
+    """0.3 MHz of 10 MHz behind 40 ns, which `line` finds: the campaign's own reader takes it."""
+    f = np.linspace(5.995e9, 6.005e9, 201)
+    dip = 1.0 - 0.6j * mode(f, 6e9, 3e5)
+    seen = dip * np.exp(-2j * np.pi * f * 40e-9) + noise(f.size, 3e-3, 1)
+    file = write_csv(tmp_path / "dip.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
+    path, _ = init(file, out=tmp_path / "o")
+    written = tomllib.loads(path.read_text("utf-8"))
+    assert written["complex_sweep"][0]["delay"] == "fit"
+    boxes = {p["name"]: p["start"] for p in written["parameters"]}
+    assert boxes["f1"] == pytest.approx(6e9, abs=3e3)
+    assert boxes["d1"] == pytest.approx(3e5, rel=0.02)
