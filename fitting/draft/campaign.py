@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from fitting.draft.files import Files, SweepFile, TableFile
@@ -32,6 +33,8 @@ CONTINUATION: Mapping[str, Any] = {
     "seed": 1,
 }
 
+#: Letters in a line of the head.
+HEAD_WIDTH = 98
 #: Before each line of a table that is missing.
 MARK = "#: "
 
@@ -80,7 +83,9 @@ class Choices:
     start_words: Mapping[str, str] = field(default_factory=dict)
 
 
-def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | None) -> str:
+def campaign_text(
+    choices: Choices, files: Files, offer: Offer, folder: Path | None, undescribed: str = ""
+) -> str:
     """The text of a campaign.
 
     Args:
@@ -88,6 +93,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
         files: of the measurements.
         offer: what the FMU offers.
         folder: where the campaign stands, to which paths are relative; None: they are absolute.
+        undescribed: what of the measurements the FMU does not describe, for the head.
     """
     remarks: Remarks = {}
     tables: dict[str, Any] = {"title": choices.title}
@@ -112,6 +118,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
         if files.sweeps or files.table
         else "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end.",
         "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
+        *wrap(undescribed, HEAD_WIDTH),
     )
     return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
 

@@ -138,7 +138,27 @@ def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None
     seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1) + (0.3 - 0.2j))
     path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")
     assert tomllib.loads(path.read_text("utf-8"))["sweep"]["background"] == "complex"
-    assert any("an FMU that has no background" in sentence for sentence in said)
+    assert any("Not described by this campaign: a complex constant" in each for each in said)
+    assert "# Not described by this campaign: a complex constant" in path.read_text("utf-8")
+
+
+@pytest.mark.parametrize("beside", ["noise", "nothing"])
+def test_no_fit_is_promised_of_what_the_fmu_does_not_describe(
+    beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Averaged powers of a line in noise of half its height: `reconstruct` ends with 4."""
+    power = np.abs(mode(F, ETA, WIDTH)) ** 2 + (0.25 if beside == "noise" else 0.0)
+    rough = np.sqrt(power) + noise(F.size, 1e-3, 1).real
+    file = write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough)
+    assert main(["init", str(file), "--out", str(tmp_path / "o"), "--yes"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert ("Not described by this campaign: noise whose power is added" in told) is (
+        beside == "noise"
+    )
+    assert ("next: fmu-fit reconstruct" in told) is (beside == "nothing")
+    campaign = str(tmp_path / "o" / "campaign.toml")
+    quick = ["--no-report", "--no-profiles", "--out", str(tmp_path / "r")]
+    assert main(["reconstruct", campaign, *quick]) == (4 if beside == "noise" else 0)
 
 
 def test_the_campaign_of_a_line_on_a_constant_solves_for_it(tmp_path: Path) -> None:
