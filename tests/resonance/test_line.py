@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -351,6 +352,22 @@ def test_decibels_and_powers_give_the_same_line(tmp_path: Path) -> None:
     ):
         found = ff.line(write_csv(tmp_path / "mine.csv", head, F, np.asarray(column)))
         assert found.width_hz == pytest.approx(plain.width_hz, rel=1e-6)
+
+
+def test_levels_say_what_their_amplitudes_are(tmp_path: Path) -> None:
+    """-10 dBm are 0.1 mW: its root is 0.3162, and sqrt(50 ohm 0.1 mW) = 70.7 mV rms."""
+    level = 20.0 * np.log10(math.sqrt(0.1) * np.abs(line_alone(F)) / 2.0)
+    found = ff.line(write_csv(tmp_path / "mine.csv", "f (Hz),level (dBm)", F, level))
+    assert found.amplitude == pytest.approx(math.sqrt(0.1), rel=1e-6)
+    assert found.unit == "(mW)^0.5"
+    said = " ".join(sentences(found))
+    volts = float(re_found(r"1 \(mW\)\^0\.5 is (\S+) V rms into 50 ohm", said))
+    assert volts * found.amplitude == pytest.approx(math.sqrt(50.0 * 1e-4), rel=1e-3)
+
+
+def re_found(pattern: str, text: str) -> str:
+    [found] = re.findall(pattern, text)
+    return str(found)
 
 
 def test_a_folder_that_cannot_be_used_is_refused_before_anything_is_read(

@@ -108,7 +108,10 @@ def _beside(line: Line) -> list[str]:
     factor, unit = (1.0, "") if line.unit == "1" else prefixed(line.beside, line.unit)
     size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
     if line.wiring in (FLOOR, RICE):
-        return [f"The noise beside the line is {size} (rms), the same at every frequency."]
+        return [
+            f"The noise beside the line is {size}, the root mean square of its own amplitude, the "
+            "same at every frequency."
+        ]
     if line.wiring == SINGLE:
         return [
             f"Noise of each reading: {size}, in X and in Y alike. The points scatter by it on the "
