@@ -43,6 +43,7 @@ from fitting.resonance.further_lines import (
     flank,
     further_lines,
 )
+from fitting.resonance.rival_forms import Covered, covered
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
 from fitting.signal.peaks import (
@@ -149,6 +150,9 @@ class Line:
         widening: factor on the errors for residuals that are no noise of one size; else 1.
         structure_p: probability that white noise leaves such residuals.
         sizes_p: probability that noise of one size leaves such residuals.
+        rivals: other forms of amplitudes that describe the points nearly as well, for which the
+            errors hold, too.
+        rivals_widening: factor on the errors for them, on frequency or width; else 1.
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
         faults: what makes the points no damped line.
@@ -184,6 +188,8 @@ class Line:
     widening: float
     structure_p: float
     sizes_p: float
+    rivals: tuple[str, ...]
+    rivals_widening: float
     forms: tuple[LineForm, ...]
     readings: tuple[DipReading, ...]
     faults: tuple[SweepFault, ...]
@@ -244,6 +250,9 @@ def _line_of(trace: Trace, wiring: str) -> Line:
     if asked and best.name != asked:
         raise BadInput(next(form.message for form in failed if form.name == asked))
     _check_one(trace, best, further, failed)
+    same = bool(asked) or trace.is_complex
+    wider = Covered(best, (), 1.0) if same else covered(found, criteria, order[0])
+    best = wider.form
     return Line(
         source=trace.source,
         frequency_hz=best.frequency_hz,
@@ -270,6 +279,8 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         widening=best.structure.widening,
         structure_p=best.structure.p_value,
         sizes_p=best.structure.sizes_p,
+        rivals=wider.rivals,
+        rivals_widening=wider.factor,
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
         readings=dip_readings(trace, best, wiring),
         faults=_faults(trace, best),

@@ -68,6 +68,7 @@ def sentences(line: Line) -> list[str]:
         *_further(line),
         *_mirrored(line),
         *_dependence(line),
+        *_rivals(line),
         *_widening(line),
         *(fault_sentence(fault) for fault in line.faults),
         *_instrument(line),
@@ -183,8 +184,8 @@ def _dependence(line: Line) -> list[str]:
         moved = [
             f"{what} by {number(there - here, 2)} Hz"
             for what, there, here, std in (
-                ("the line", form.frequency_hz, line.frequency_hz, line.frequency_std_hz),
-                ("its width", form.width_hz, line.width_hz, line.width_std_hz),
+                ("the line", form.frequency_hz, line.frequency_hz, chosen.frequency_std_hz),
+                ("its width", form.width_hz, line.width_hz, chosen.width_std_hz),
             )
             if abs(there - here) > MOVES * std
         ]
@@ -194,6 +195,17 @@ def _dependence(line: Line) -> list[str]:
                 "not tell which it is."
             )
     return said
+
+
+def _rivals(line: Line) -> list[str]:
+    """Forms for which the errors hold, too."""
+    if not line.rivals or line.rivals_widening <= TOLD:
+        return []
+    return [
+        f"The errors hold for {listed(line.rivals)}, too, which these points do not plainly tell "
+        f"from {line.forms[0].name}: they are up to {number(line.rivals_widening, 2)} times as "
+        "wide for it (those in the table are of each form alone)."
+    ]
 
 
 def _widening(line: Line) -> list[str]:
