@@ -138,7 +138,7 @@ class Line:
         q: their ratio.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         amplitude_mirrored: the other amplitude that amplitudes beside a complex constant or a tail
-            do not tell from it, in ``unit``; NaN in other forms.
+            do not tell from it, in ``unit``; NaN in other forms, and where they do.
         beside: the constant of "offset", "floor" and "rice", in ``unit``, of "single" the noise of
             either quadrature of a reading; zero in other forms.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.

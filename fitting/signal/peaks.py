@@ -44,6 +44,8 @@ BESIDE_WORDS = {
 #: Evaluations after which the tail of another line that is still looked for is none, and the fall
 #: of the sum of squares that counts.
 ROUNDS_FOR_TAIL, GAIN_OF_TAIL = 80, 1e-8
+#: Chi square by which a second amplitude may be worse that is told beside the best one.
+ALLOWED = 9.0
 #: What a tail is refused for that is none.
 AMONG = "stands among the points"
 #: Median of the modulus of a normal deviate, and deviation of a second difference of noise.
@@ -94,7 +96,8 @@ class Resonance:
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
     constant (0 without; of noise its root mean square), ``residual_rms`` relative to the amplitude,
     ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes. ``mirrored`` is the
-    other amplitude that has the same curve, beside a complex constant or a tail; NaN elsewhere.
+    other amplitude that has the same curve, beside a complex constant, or about it, beside a tail;
+    NaN elsewhere.
     """
 
     eta_hz: float
@@ -385,8 +388,9 @@ def fit_beside_tail(
     g' is the response of another mode, see :func:`mode_response`, c a complex height: seven
     unknowns. Points that show a tail alone hardly tell from how far it comes: the other line is
     kept near to where it was seen, by two rows that are the noise at ``room`` of its widths and
-    at a factor exp(``room``) on its width. As magnitudes fix A or its mirror image only,
-    ``mirrored`` is the other one.
+    at a factor exp(``room``) on its width. As magnitudes hardly tell A from its mirror image, both
+    are fitted: the better one is taken, and ``mirrored`` is the other one, NaN where its chi square
+    is larger by `ALLOWED`.
 
     Args:
         frequency_hz: frequencies (n,), Hz.
@@ -408,7 +412,11 @@ def fit_beside_tail(
         for other in others
         for turn in (1.0, np.exp(2j * np.pi / 3.0), np.exp(-2j * np.pi / 3.0))
     ]
-    fit, tail = min(tried, key=lambda each: float(each[0].residuals @ each[0].residuals))
+    fit, tail = min(tried, key=lambda each: _squares(each[0]))
+    second = tail.minimised(tail.mirrored(fit.values))
+    eta, _ = tail.line(second.values[5:], tail.other)
+    if _squares(second) < _squares(fit) and not frequency_hz[0] <= eta <= frequency_hz[-1]:
+        fit, second = second, fit
     eta, _ = tail.line(fit.values[5:], tail.other)
     if frequency_hz[0] <= eta <= frequency_hz[-1]:
         if residual_structure(fit.residuals[:-2], fit.jacobian[:-2]).order == 0:
@@ -418,7 +426,8 @@ def fit_beside_tail(
     own = replace(fit, residuals=fit.residuals[:-2], jacobian=fit.jacobian[:-2])
     curve = height * (own.residuals + shares)
     found = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
-    return replace(found, mirrored=height * tail.mirrored(fit.values))
+    near = second.converged and _squares(second) - _squares(fit) < ALLOWED * fit.variance
+    return replace(found, mirrored=height * abs(float(second.values[2])) if near else math.nan)
 
 
 @dataclass(frozen=True)
@@ -451,19 +460,37 @@ class _TailFit:
         there = abs(mode_response(self.f[[near]], *self.other)[0])
         size = min(float(self.shares[near]) / there, 1e3) * complex(turn)
         start = np.array([0.0, 0.0, 1.0, size.real, size.imag, 0.0, 0.0])
-        return minimise_squares(
-            self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL
-        ), self
+        return self.minimised(start), self
 
-    def mirrored(self, x: FloatArray) -> float:
-        """The other amplitude with the same curve: the zero of the numerator on the other side."""
+    def mirrored(self, x: FloatArray) -> FloatArray:
+        """Where the fit of the other amplitude begins: the numerator's zero on the other side.
+
+        Both lines over one denominator have a numerator with a zero z near them, and f - z has the
+        modulus of f - z* at every real f; heights (A, c) are fitted to what that makes.
+        """
         (eta, width), (eta2, width2) = self.line(x[:2], self.own), self.line(x[5:], self.other)
-        pole, pole2 = eta + 0.5j * width, eta2 + 0.5j * width2
-        one, two = x[2] * width, complex(x[3], x[4]) * width2
-        if one + two == 0.0:
-            return abs(float(x[2]))
-        zero = (one * pole2 + two * pole) / (one + two)
-        return float(abs(x[2]) * abs(pole - np.conj(zero)) / abs(pole - zero))
+        one, two = x[2] * width * eta, complex(x[3], x[4]) * width2 * eta2
+        numerator = [-(one + two), 1j * (one * width2 + two * width), one * eta2**2 + two * eta**2]
+        zeros = np.roots(numerator)
+        if not zeros.size:
+            return x
+        zero = zeros[int(np.argmax(zeros.real))]
+        lines = np.stack(
+            [mode_response(self.f, eta, width), mode_response(self.f, eta2, width2)], 1
+        )
+        wave = lines @ np.array([x[2], complex(x[3], x[4])])
+        turned = wave * (self.f - np.conj(zero)) / (self.f - zero)
+        height, beside = np.linalg.lstsq(lines, turned, rcond=None)[0]
+        size = max(abs(height), np.finfo(float).tiny)
+        beside = beside * np.conj(height) / size
+        return np.array([x[0], x[1], size, beside.real, beside.imag, x[5], x[6]])
+
+    def minimised(self, start: FloatArray) -> LeastSquaresFit:
+        return minimise_squares(self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL)
+
+
+def _squares(fit: LeastSquaresFit) -> float:
+    return float(fit.residuals @ fit.residuals)
 
 
 def _amplitudes(wave: ComplexArray, beside: FloatArray, background: str) -> FloatArray:

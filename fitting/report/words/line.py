@@ -141,6 +141,8 @@ def _mirrored(line: Line) -> list[str]:
         return []
     factor, unit = prefixed(line.amplitude_mirrored, "" if line.unit == "1" else line.unit)
     other = f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+    if line.wiring == TAIL:
+        return [f"Without phases A may as well be {other}: both describe these points."]
     return [
         f"Without phases A may as well be {other}: both have the same curve, and the same f and "
         "width."
