@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.fmu import Fmu
@@ -58,6 +59,42 @@ def init(
             holds another campaign.
         FmuFailure: the FMU failed with its own start values.
     """
+    made = drafted(files, fmu, out=out, columns=columns, told=told, ask=ask)
+    return made.path, (*made.said, *((made.undescribed,) if made.undescribed else ()))
+
+
+@dataclass(frozen=True)
+class Drafted:
+    """A campaign that was written; what was found, and what its FMU does not describe, or empty."""
+
+    path: Path
+    said: tuple[str, ...]
+    undescribed: str
+
+
+def drafted(
+    files: str | Path | Sequence[str | Path],
+    fmu: str | Path | None = None,
+    *,
+    out: str | Path = ".",
+    columns: Columns | None = None,
+    told: Mapping[str, str | Sequence[str]] | None = None,
+    ask: Ask | None = None,
+) -> Drafted:
+    """The same as `init`, with what the campaign does not describe by itself.
+
+    Args:
+        files: see `init`.
+        fmu: see `init`.
+        out: see `init`.
+        columns: see `init`.
+        told: see `init`.
+        ask: see `init`.
+
+    Raises:
+        BadInput: see `init`.
+        FmuFailure: see `init`.
+    """
     paths, fmu = told_apart(
         [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)], fmu
     )
@@ -76,7 +113,7 @@ def init(
                 draft = draft_of(looked_at, source, answers, Path(out))
         path = Path(out) / CAMPAIGN
         write_whole(path, draft.text)
-    return path, draft.said
+    return Drafted(path, draft.said, draft.undescribed)
 
 
 def told_apart(

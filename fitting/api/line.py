@@ -83,7 +83,7 @@ def line(
         unit: Of these values.
         within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
         wiring: "transmission", "fano", "sloped", "notch" or "reflection", of amplitudes also
-            "offset", "floor", "rice" or "tail"; empty: they are compared.
+            "offset", "floor", "rice", "single" or "tail"; empty: they are compared.
         columns: Of a file, what it does not tell.
 
     Returns:

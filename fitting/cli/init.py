@@ -61,12 +61,12 @@ def run(args: argparse.Namespace) -> int:
         BadInput: files or an FMU that cannot be used, or do not suit each other.
         FmuFailure: the FMU failed with its own start values.
     """
-    from fitting.api.init import init, told_apart
+    from fitting.api.init import drafted, told_apart
     from fitting.report.table import wrapped
 
     told = {name: getattr(args, name) for name in ("output", "tone", "input", "fit")}
     told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
-    path, said = init(
+    made = drafted(
         args.files,
         args.fmu,
         out=args.out,
@@ -74,11 +74,14 @@ def run(args: argparse.Namespace) -> int:
         told={name: value for name, value in told.items() if value is not None},
         ask=None if args.yes or not sys.stdin.isatty() else _ask,
     )
-    for line in said:
-        print(*wrapped(line, indent=2), sep="\n")
+    path = made.path
+    for line in (*made.said, made.undescribed):
+        print(*wrapped(line, indent=2), sep="\n", end="\n" if line else "")
     print(path)
     measured, fmu = told_apart(args.files, args.fmu)
-    if measured:
+    if measured and made.undescribed:
+        print(f"what can be fitted, without that: fmu-fit reconstruct {shlex.quote(str(path))}")
+    elif measured:
         print(f"next: fmu-fit reconstruct {shlex.quote(str(path))}")
     else:
         print("missing: a measurement; the end of that file tells how to add one")

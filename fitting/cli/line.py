@@ -24,6 +24,7 @@ WIRINGS = (
     "offset",
     "floor",
     "rice",
+    "single",
     "tail",
 )
 

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from fitting.draft.files import Files, SweepFile, TableFile
@@ -32,6 +33,8 @@ CONTINUATION: Mapping[str, Any] = {
     "seed": 1,
 }
 
+#: Letters in a line of the head.
+HEAD_WIDTH = 98
 #: Before each line of a table that is missing.
 MARK = "#: "
 
@@ -55,6 +58,7 @@ class Choices:
         amplitude: what amplitudes mean, "V peak".
         boxes: what is fitted.
         derived: outputs that are reported.
+        held: places and widths of further modes that are held.
         width_hz: full width of the line in the sweep, Hz; 0: unknown.
         residual: what the line leaves of the sweep, relative; 0: unknown.
         level: of the drive, where tones of the FMU drive.
@@ -72,13 +76,16 @@ class Choices:
     amplitude: str
     boxes: tuple[Box, ...]
     derived: tuple[str, ...]
+    held: tuple[str, ...]
     width_hz: float = 0.0
     residual: float = 0.0
     level: float = 1.0
     start_words: Mapping[str, str] = field(default_factory=dict)
 
 
-def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | None) -> str:
+def campaign_text(
+    choices: Choices, files: Files, offer: Offer, folder: Path | None, undescribed: str = ""
+) -> str:
     """The text of a campaign.
 
     Args:
@@ -86,6 +93,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
         files: of the measurements.
         offer: what the FMU offers.
         folder: where the campaign stands, to which paths are relative; None: they are absolute.
+        undescribed: what of the measurements the FMU does not describe, for the head.
     """
     remarks: Remarks = {}
     tables: dict[str, Any] = {"title": choices.title}
@@ -110,6 +118,7 @@ def campaign_text(choices: Choices, files: Files, offer: Offer, folder: Path | N
         if files.sweeps or files.table
         else "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end.",
         "What a remark calls a guess is one; docs/reference/campaign.md tells every key.",
+        *wrap(undescribed, HEAD_WIDTH),
     )
     return rewritten(toml_text(tables, head), lambda made: put_remarks(made, remarks))
 

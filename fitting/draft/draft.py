@@ -21,7 +21,7 @@ from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
 from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, WORDS_BESIDE
 from fitting.resonance.line import Line, LineForm
-from fitting.signal.peaks import FLOOR, OFFSET, RICE, TAIL
+from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -40,16 +40,28 @@ BESIDE = {
 STRENGTH = "g2"
 #: Parameters that a line determines: where it is and how wide.
 PER_LINE = 2
+#: Forms of amplitudes with what a campaign cannot put beside an FMU's, and what would help.
+BEYOND = {
+    FANO: "phases, or X and Y, or an FMU that has a background",
+    FLOOR: "phases, or X and Y",
+    RICE: "phases, or X and Y",
+    TAIL: "a file that holds both lines, or an FMU with both",
+}
 #: A sweep, to see whether a campaign that has none yet can be read.
 EXAMPLE = "frequency (Hz),amplitude (V)\n" + "".join(f"{f},{1.0 + f % 3}\n" for f in range(1, 9))
 
 
 @dataclass(frozen=True)
 class Draft:
-    """A campaign as text, and what was found, taken and guessed, in sentences."""
+    """A campaign as text, and what was found, taken and guessed, in sentences.
+
+    ``undescribed`` says what of the measurements its FMU cannot describe, and why; empty: nothing
+    that was seen.
+    """
 
     text: str
     said: tuple[str, ...]
+    undescribed: str = ""
 
 
 def model_for(files: Files) -> str:
@@ -102,14 +114,18 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
     measured = files.sweeps or files.table
     missing = "" if measured else missing_text(f"--fmu {name}" if source.is_model else name)
     _check(campaign_text(choices, files, offer, None) + missing, source)
-    text = campaign_text(choices, files, offer, folder) + missing
-    held = _held(files, offer, [box.name for box in choices.boxes])
+    undescribed = _undescribed(files, source)
+    text = campaign_text(choices, files, offer, folder, undescribed) + missing
     words = (
-        f"Held at the FMU's own start values: {listed(held)}, and all others. What is found holds "
-        "with these, of which one line tells nothing."
+        f"Held at the FMU's own start values: {listed(choices.held)}, and all others. What is "
+        "found holds with these, of which one line tells nothing."
     )
-    tail = (words,) if held else ()
-    return Draft(text=text, said=(*said, *answers.said, *_boxes(choices.boxes), *tail))
+    tail = (words,) if choices.held else ()
+    return Draft(
+        text=text,
+        said=(*said, *answers.said, *_boxes(choices.boxes), *tail),
+        undescribed=undescribed,
+    )
 
 
 def _held(files: Files, offer: Offer, fitted: Sequence[str]) -> tuple[str, ...]:
@@ -144,19 +160,39 @@ def _beside(form: LineForm) -> list[str]:
 
 
 def _beyond_fmu(line: Line) -> list[str]:
-    """What stands beside a line of amplitudes is in no FMU: what to do about it."""
-    cannot = (
-        "Amplitudes cannot be fitted with it through an FMU that has no background, and the "
-        "campaign may end as one that does not describe its data (exit code 4)"
-    )
-    if line.forms[0].name in (FANO, RICE, TAIL):
-        return [f"{cannot}: with phases, or X and Y, they could."]
+    """What stands beside a line of amplitudes is in no FMU: what the campaign does about it."""
     size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
     if line.forms[0].name == OFFSET:
         return [f"The campaign solves for it beside the FMU's amplitudes; here it is {size}."]
-    if line.forms[0].name == FLOOR:
-        return [f"{cannot}: with the square of {size} taken off their squares, they can."]
+    if line.forms[0].name == SINGLE:
+        return [
+            f"The noise of each reading, {size}, lifts amplitudes that are not far above it; the "
+            "FMU's have none, and with X and Y nothing would be lifted."
+        ]
     return []
+
+
+def _undescribed(files: Files, source: Source) -> str:
+    """What the campaign's FMU does not describe of a sweep of amplitudes, and what would help."""
+    lines = [sweep.line for sweep in files.sweeps if not sweep.is_complex]
+    if files.table is not None:
+        return ""
+    for line in lines:
+        if line is None or line.forms[0].name not in BEYOND:
+            continue
+        form = line.forms[0].name
+        way, noise = BEYOND[form], form in (FLOOR, RICE)
+        own = "its FMU describes only if it has that itself"
+        has = "its FMU does not have" if source.is_model or noise else own
+        if form == FLOOR:
+            size = f"{number(line.beside, 4)} {line.unit if line.unit != '1' else ''}".rstrip()
+            way = f"the square of {size} taken off their squares, or {way}"
+        return (
+            f"Not described by this campaign: {WORDS_BESIDE[form]}, beside the line of the sweep, "
+            f"which {has}. A fit may end as one that does not describe the data (exit code 4); "
+            f"what would help: {way}."
+        )
+    return ""
 
 
 def _said(files: Files) -> list[str]:
@@ -211,6 +247,7 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
     shown = trial.pairs() if trial and len(offer.places) > 1 else []
     fitted = answers.of(_fitted(files, offer, (STRENGTH,) if pair else (), shown))
     line, seen = files.line, seen_of(files.line, files.two)
+    held = _held(files, offer, fitted)
     boxes = boxes_of(source.workers, offer, fitted, _by_name(fitted, offer, seen), start)
     if pair and STRENGTH in fitted:
         boxes[fitted.index(STRENGTH)] = _strength(files, offer, seen)
@@ -228,7 +265,8 @@ def _chosen(files: Files, source: Source, offer: Offer, answers: Answers) -> Cho
         start_words=words,
         amplitude=_amplitude(files, answers),
         boxes=tuple(boxes),
-        derived=_derived(offer, fitted, held=bool(_held(files, offer, fitted))),
+        derived=_derived(offer, fitted, held=bool(held)),
+        held=held,
         width_hz=min((each.width_hz for each in seen), default=0.0),
         residual=0.0 if line is None else line.residual,
     )
@@ -273,12 +311,16 @@ def _by_name(fitted: Sequence[str], offer: Offer, seen: Sequence[Seen]) -> dict[
 
 
 def _strength(files: Files, offer: Offer, seen: Sequence[Seen]) -> Box:
-    """How strongly the upper mode is driven: heights of modes go with g/(f d)."""
+    """How strongly the upper mode is driven: heights of modes go with g/(f d).
+
+    The sign is that of the phase between both lines; amplitudes show it by what stands between.
+    """
     assert files.two is not None  # noqa: S101 - asked by the caller
     ratio = files.two.ratio
     one, two = (each.frequency_hz * each.width_hz for each in seen)
     start = math.copysign(abs(ratio) * two / one, ratio.real)
-    return strength_box(offer, STRENGTH, start, "heights of the two lines in the sweep")
+    why = "heights, widths and places of the two lines in the sweep: g2 goes with their product"
+    return strength_box(offer, STRENGTH, start, f"{why}; its sign with the phase between them")
 
 
 def _in_box(box: Box) -> Box:

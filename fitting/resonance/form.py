@@ -7,7 +7,8 @@
 the slope b', too. Of amplitudes |S| is known, and b' and tau are not looked for; but what knows no
 phase may be added to them: ``offset`` is |a g| + c (a detector's zero), ``floor`` is
 sqrt(|a g|^2 + c^2) (noise of which powers were averaged), ``rice`` the mean amplitude with the same
-noise, and ``tail`` is |a g + c g'|, g' of another line outside of the points. With phases the tails
+noise, ``single`` has that noise in every point, a single reading, as Rice's distribution says, and
+``tail`` is |a g + c g'|, g' of another line outside of the points. With phases the tails
 c g' e of lines that are seen outside of the points stand in every form. A notch and a
 reflection are curves of the form ``fano``: only what a and b mean is different there.
 """
@@ -22,7 +23,13 @@ import numpy as np
 
 from fitting.measurements.complex.gain import SharedGain, Solved
 from fitting.measurements.complex.wiring import Wiring
-from fitting.signal.complex_line import ComplexLine, complex_line, mean_delay
+from fitting.signal.complex_line import (
+    NEAR,
+    ComplexLine,
+    complex_line,
+    far_delays,
+    tops_and_bottoms,
+)
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import (
     BESIDE_WORDS,
@@ -30,6 +37,7 @@ from fitting.signal.peaks import (
     MIN_SWEEP_POINTS,
     OFFSET,
     RICE,
+    SINGLE,
     TAIL,
     UNKNOWNS,
     Resonance,
@@ -37,15 +45,17 @@ from fitting.signal.peaks import (
     fit_resonance,
     mode_response,
 )
-from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.signal.residual_tests import TOGETHER, Structure, residual_structure
+from fitting.signal.single_readings import fit_single_readings
 from fitting.signal.student import ROOT_68, reach
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
 #: Of amplitudes, and what each is called where amplitudes are fitted.
 AMPLITUDE_FORMS = {
     TRANSMISSION: "none",
+    SINGLE: SINGLE,
     OFFSET: OFFSET,
     FLOOR: FLOOR,
     RICE: RICE,
@@ -59,8 +69,6 @@ WORDS_BESIDE = {
 }
 #: Of the scaled unknowns, for derivatives: half of the digits of their second differences.
 STEP = 1e-5
-#: Widths about a top or a bottom of which a line is guessed.
-NEAR = 4.0
 _BACKGROUNDS = {TRANSMISSION: "none", FANO: "constant", SLOPED: "slope"}
 
 
@@ -77,11 +85,14 @@ class FittedForm:
         q: their ratio, and its error.
         amplitude: of the line alone at its eigenfrequency, in the trace's unit.
         mirrored: the other amplitude with which amplitudes are the same curve; NaN without one.
-        beside: the constant c of amplitudes, in their unit; zero in other forms.
+        beside: the constant c of amplitudes, in their unit, of ``single`` the noise of both
+            quadratures each; zero in other forms.
         delay_s: of the cable, s, and its error; NaN where it was not looked for.
         unknowns: real numbers that were fitted.
         freedom: degrees of freedom of the noise; points that hang together count as fewer.
         squares: sum of the squared residuals over the largest value.
+        likely_squares: those with which normal noise of one size is as likely, by which forms are
+            compared: ``squares`` but where the noise is Rice's.
         residual: their root mean square over ``amplitude``.
         structure: what the order of the residuals tells.
         curve: S (n,), or |S|, as fitted, in the trace's unit.
@@ -106,6 +117,7 @@ class FittedForm:
     unknowns: int
     freedom: float
     squares: float
+    likely_squares: float
     residual: float
     structure: Structure
     curve: FloatArray | ComplexArray
@@ -134,7 +146,16 @@ def fit_amplitudes(
     Raises:
         BadInput: too few points, no resonance among them, or one that they do not determine.
     """
-    if name == FANO:
+    likely_squares = None
+    if name == SINGLE:
+        readings = fit_single_readings(frequency_hz, amplitude, source=source)
+        found, likely_squares = readings.resonance, readings.squares
+        if found.structure.order > 0:
+            raise BadInput(
+                f"{source}: is no line of single readings: what they leave, which would be noise "
+                f"of its own in each, does {TOGETHER}"
+            )
+    elif name == FANO:
         found = _peak_or_dip(frequency_hz, amplitude, source)
     elif name == TAIL:
         found = fit_beside_tail(frequency_hz, amplitude, others, room=room, source=source)
@@ -148,6 +169,7 @@ def fit_amplitudes(
     if name in (FLOOR, RICE) and found.background.real < 0.0:
         raise BadInput(f"{source}: the noise beside its line would have a negative power")
     left = (found.curve - amplitude) / float(np.max(amplitude))
+    squares = float(left @ left)
     return FittedForm(
         name=name,
         frequency_hz=found.eta_hz,
@@ -164,7 +186,8 @@ def fit_amplitudes(
         delay_std_s=math.nan,
         unknowns=UNKNOWNS[AMPLITUDE_FORMS[name]],
         freedom=found.freedom,
-        squares=float(left @ left),
+        squares=squares,
+        likely_squares=squares if likely_squares is None else likely_squares,
         residual=found.residual_rms,
         structure=found.structure,
         curve=found.curve,
@@ -205,16 +228,11 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
         frequency_hz: rising, shape (n,), Hz.
         values: shape (n,), any unit.
     """
-    f, size = frequency_hz, np.abs(values)
+    f = frequency_hz
     span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
     whole = complex_line(f, values, None)
-    top, bottom = int(np.argmax(size)), int(np.argmin(size))
-    half = 0.5 * (float(np.median(size)) + size[bottom])
-    widths = {
-        float(f[top]): extent(f, size >= math.sqrt(0.5) * size[top], top),
-        float(f[bottom]): extent(f, size <= half, bottom),
-    }
-    delays = dict.fromkeys((0.0, whole.delay_s, *_far_delays(f, values, widths)))
+    widths = tops_and_bottoms(f, values)
+    delays = dict.fromkeys((0.0, whole.delay_s, *far_delays(f, values)))
     places = [(eta, part * width) for eta, width in widths.items() for part in (0.5, 1.0, 2.0)]
     for delay in delays:
         places += [(line.eta_hz, abs(line.width_hz)) for line in _lines(f, values, widths, delay)]
@@ -224,34 +242,6 @@ def guesses(frequency_hz: FloatArray, values: ComplexArray) -> list[Guess]:
         if math.isfinite(eta) and math.isfinite(width)
         for delay in delays
     ]
-
-
-def extent(frequency_hz: FloatArray, chosen: BoolArray, middle: int) -> float:
-    """Width of the region about a point where all points are chosen, Hz.
-
-    Args:
-        frequency_hz: rising, shape (n,), Hz.
-        chosen: shape (n,).
-        middle: number of the point.
-    """
-    others = np.flatnonzero(~chosen)
-    low = int(np.max(others[others < middle], initial=0))
-    high = int(np.min(others[others > middle], initial=frequency_hz.size - 1))
-    return float(frequency_hz[high] - frequency_hz[low])
-
-
-def _far_delays(f: FloatArray, values: ComplexArray, widths: Mapping[float, float]) -> list[float]:
-    """Delays that points far from a top or a bottom show, where most points are far, s.
-
-    A line of few points in a long sweep is a small part of what `complex_line` has to describe: a
-    wide line can stand for a delay, and the narrow one is not seen.
-    """
-    found = []
-    for eta, width in widths.items():
-        far = np.abs(f - eta) > NEAR * width
-        if 2 * int(np.sum(far)) > f.size:
-            found.append(mean_delay(f[far], values[far])[0])
-    return found
 
 
 def _lines(
@@ -414,6 +404,7 @@ class _ComplexFit:
             unknowns=slopes.shape[1],
             freedom=independent,
             squares=squares,
+            likely_squares=squares,
             residual=math.sqrt(squares / self.y.size) / abs(gain),
             structure=structure,
             curve=self.top * solved.values,

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.resonance.form import extent
 from fitting.resonance.trace import Trace
+from fitting.signal.complex_line import extent
 from fitting.signal.least_squares import minimise_squares
 from fitting.signal.peaks import mode_response, point_noise
 from fitting.text.arrays import FloatArray

@@ -43,9 +43,19 @@ from fitting.resonance.further_lines import (
     flank,
     further_lines,
 )
+from fitting.resonance.rival_forms import Covered, covered
 from fitting.resonance.trace import Trace
 from fitting.resonance.two_lines import TwoResonances, two_lines
-from fitting.signal.peaks import AMONG, FLOOR, MIN_SWEEP_POINTS, OFFSET, RICE, TAIL, UNKNOWNS
+from fitting.signal.peaks import (
+    AMONG,
+    FLOOR,
+    MIN_SWEEP_POINTS,
+    OFFSET,
+    RICE,
+    SINGLE,
+    TAIL,
+    UNKNOWNS,
+)
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.signal.student import ratio95
 from fitting.signal.sweep_faults import Fault, SweepFault, sweep_faults
@@ -53,11 +63,16 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number
 
+#: Forms of amplitudes alone.
+AMPLITUDES_ALONE = (OFFSET, FLOOR, RICE, SINGLE, TAIL)
 #: What may be asked for: forms, and those of their readings that are no form of their own.
-WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, OFFSET, FLOOR, RICE, TAIL)
+WIRINGS = (TRANSMISSION, NOTCH, REFLECTION, FANO, SLOPED, *AMPLITUDES_ALONE)
 #: A resonance is there if noise alone were to look like one less often than this.
 SEEN_P = 1e-3
 
+#: Squares by which a curve is off from any that only rises or only falls, over those of the noise,
+#: from which no flank describes the points.
+TURNS = 10.0
 #: Points at an end of which one is the largest where the end cuts off a line.
 AT_END = 3
 #: Widths, and logarithm of a factor on the width, by which another line may not be where a point
@@ -65,6 +80,8 @@ AT_END = 3
 SEEN_ROOM, UNSEEN_ROOM = 1.0, 3.0
 #: Akaike's criterion by which a form with a delay must be better than all without one.
 PLAINLY = 10.0
+#: Akaike's criterion below which a form is as good as another one.
+AS_GOOD = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +89,8 @@ class LineForm:
     """A form of the line and what it gives; NaN where it could not be fitted (``message``).
 
     Attributes:
-        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor", "rice" or
-            "tail", too.
+        name: "transmission", "fano" or "sloped"; of amplitudes "offset", "floor", "rice",
+            "single" or "tail", too.
         delayed: whether the delay of a cable is fitted, too.
         criterion: Akaike's, over the least of all forms; 10 is plainly worse.
         residual: root mean square of what is left, over the line's amplitude.
@@ -121,8 +138,9 @@ class Line:
         q: their ratio.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         amplitude_mirrored: the other amplitude that amplitudes beside a complex constant or a tail
-            do not tell from it, in ``unit``; NaN in other forms.
-        beside: the constant of "offset", "floor" and "rice", in ``unit``; zero in other forms.
+            do not tell from it, in ``unit``; NaN in other forms, and where they do.
+        beside: the constant of "offset", "floor" and "rice", in ``unit``, of "single" the noise of
+            either quadrature of a reading; zero in other forms.
         wiring: the form that was taken, see ``forms``; or the wiring that was asked for.
         asked: whether it was asked for, and not found.
         delay_s: of the cable, s, and its error; NaN where none was found.
@@ -132,6 +150,9 @@ class Line:
         widening: factor on the errors for residuals that are no noise of one size; else 1.
         structure_p: probability that white noise leaves such residuals.
         sizes_p: probability that noise of one size leaves such residuals.
+        rivals: other forms of amplitudes that describe the points nearly as well, for which the
+            errors hold, too.
+        rivals_widening: factor on the errors for them, on frequency or width; else 1.
         forms: every form that was tried, the one that was taken first.
         readings: where the line is a dip, what it means in each wiring.
         faults: what makes the points no damped line.
@@ -167,6 +188,8 @@ class Line:
     widening: float
     structure_p: float
     sizes_p: float
+    rivals: tuple[str, ...]
+    rivals_widening: float
     forms: tuple[LineForm, ...]
     readings: tuple[DipReading, ...]
     faults: tuple[SweepFault, ...]
@@ -202,7 +225,7 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
     if wiring == SLOPED and not trace.is_complex:
         raise BadInput(f"wiring: {SLOPED} wants phases, and {trace.source} has amplitudes alone")
-    if wiring in (OFFSET, FLOOR, RICE, TAIL) and trace.is_complex:
+    if wiring in AMPLITUDES_ALONE and trace.is_complex:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
     try:
         return _line_of(_turned(trace), wiring)
@@ -220,12 +243,16 @@ def _line_of(trace: Trace, wiring: str) -> Line:
     order = [int(k) for k in np.argsort(criteria, kind="stable")]
     if further and not asked:
         order = _with_tail(found, criteria, order)
+    order = _without_doubtful_constant(found, criteria, order)
     order.sort(key=lambda k: bool(asked) and found[k].name != asked)
     order = _without_doubtful_delay(found, criteria, order, asked)
     best = found[order[0]]
     if asked and best.name != asked:
         raise BadInput(next(form.message for form in failed if form.name == asked))
     _check_one(trace, best, further, failed)
+    same = bool(asked) or trace.is_complex
+    wider = Covered(best, (), 1.0) if same else covered(found, criteria, order[0])
+    best = wider.form
     return Line(
         source=trace.source,
         frequency_hz=best.frequency_hz,
@@ -252,6 +279,8 @@ def _line_of(trace: Trace, wiring: str) -> Line:
         widening=best.structure.widening,
         structure_p=best.structure.p_value,
         sizes_p=best.structure.sizes_p,
+        rivals=wider.rivals,
+        rivals_widening=wider.factor,
         forms=(*(_numbers(found[k], criteria[k] - np.min(criteria)) for k in order), *failed),
         readings=dip_readings(trace, best, wiring),
         faults=_faults(trace, best),
@@ -280,6 +309,26 @@ def _without_doubtful_delay(
     if not plain or criteria[plain[0]] - criteria[order[0]] >= PLAINLY:
         return order
     return [plain[0], *(k for k in order if k != plain[0])]
+
+
+def _without_doubtful_constant(
+    found: Sequence[FittedForm], criteria: FloatArray, order: list[int]
+) -> list[int]:
+    """The order in which forms are taken: what noise of single readings makes is nothing else.
+
+    Such noise lifts a faint line as a constant does, or noise that was averaged, and has no unknown
+    for it; and where it is small, nobody sees that it is Rice's.
+    """
+    of_name = {found[k].name: k for k in order}
+    near = [
+        of_name[name]
+        for name in (TRANSMISSION, SINGLE)
+        if name in of_name and criteria[of_name[name]] - criteria[order[0]] < AS_GOOD
+    ]
+    doubtful = found[order[0]].name in (SINGLE, OFFSET, FLOOR, RICE)
+    if not doubtful or of_name.get(SINGLE) not in near:
+        return order
+    return [near[0], *(k for k in order if k != near[0])]
 
 
 def _with_tail(found: Sequence[FittedForm], criteria: FloatArray, order: list[int]) -> list[int]:
@@ -417,12 +466,12 @@ def _resolves_delay(trace: Trace, delayed: FittedForm) -> bool:
 
 def _criteria(found: Sequence[FittedForm], rows: int) -> FloatArray:
     """Akaike's criterion of every form, see the head of this file."""
-    closest = min(found, key=lambda form: form.squares)
+    closest = min(found, key=lambda form: form.likely_squares)
     count = rows / closest.structure.widening**2
     made = []
     for form in found:
         k = form.unknowns
-        squares = max(form.squares, rows * SMALLEST_RESIDUAL**2)
+        squares = max(form.likely_squares, rows * SMALLEST_RESIDUAL**2)
         small = 2.0 * k * (k + 1) / (count - k - 1) if count > k + 1 else math.inf
         made.append(count * math.log(squares / rows) + 2.0 * k + small)
     return np.array(made) if np.any(np.isfinite(made)) else np.arange(len(made), dtype=float)
@@ -486,7 +535,8 @@ def _check_one(
             f"{trace.source}: shows no resonance between {ends}: a straight line describes its "
             "points as well"
         )
-    _complain_of_flank(trace, further, best.squares, best.unknowns)
+    if not _turns(best):
+        _complain_of_flank(trace, further, best.squares, best.unknowns)
     if _chance(trace, best, best.structure.together) > SEEN_P:
         _complain_of_ends(trace)
         for form in failed:
@@ -506,6 +556,22 @@ def _check_one(
             f"{hertz(best.width_hz, digits=3)} wide, is cut off by the {end} point of the sweep at "
             f"{hertz(where, digits=8)}; wanted half a width on both sides at least"
         )
+
+
+def _turns(best: FittedForm) -> bool:
+    """Whether a form that leaves noise alone rises and falls by far more than that noise.
+
+    The flank of one line beyond the ends does only one of both, and is then not looked for.
+    """
+    if best.structure.order > 0:
+        return False
+    curve = np.abs(best.curve) / float(np.max(np.abs(best.curve)))
+    reversals = [
+        np.maximum.accumulate(each) - np.minimum.accumulate(each[::-1])[::-1]
+        for each in (curve, curve[::-1])
+    ]
+    off = min(float(np.sum((0.5 * gap) ** 2)) for gap in reversals)
+    return off > TURNS * best.squares
 
 
 def _complain_of_flank(

@@ -19,6 +19,9 @@ from fitting.text.units import convert, same_kind
 #: Units of squares of amplitudes, with and without the density over frequency.
 POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
 
+#: Unit of amplitudes that were levels over a milliwatt.
+ROOT_MW = "(mW)^0.5"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Columns:
@@ -251,6 +254,12 @@ def _hertz(roles: Roles) -> FloatArray:
 def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str, list[str]]:
     """Amplitudes of a column, their unit, and what was made of them."""
     values, unit = recording.numbers(channel), channel.unit or "1"
+    if unit == "dBm":
+        words = (
+            "Decibels were read as those of an amplitude, 20 dB as a factor of ten (dBm): the "
+            f"square of an amplitude is a power in mW, and 1 {ROOT_MW} is 0.2236 V rms into 50 ohm."
+        )
+        return np.asarray(10.0 ** (values / 20.0)), ROOT_MW, [words]
     if unit.startswith("dB"):
         words = f"Decibels were read as those of an amplitude: 20 dB are a factor of ten ({unit})."
         return np.asarray(10.0 ** (values / 20.0)), "1", [words]

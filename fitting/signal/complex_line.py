@@ -8,11 +8,12 @@ eta + i w/2 for responses that count phases as exp(+i 2 pi u t). tau is a cable'
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 
 #: Least squares with new weights: Sanathanan and Koerner's denominator settles by then.
 ROUNDS = 4
@@ -25,6 +26,8 @@ CONSTANT = 1e-12
 CLOSER = 4
 #: Delays, the best ones, about which that is done where the sweep has gaps.
 PROMISING = 8
+#: Widths about a top or a bottom of which a line is guessed.
+NEAR = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,9 +75,57 @@ def complex_line(
     lowest = [
         guess + float(steps[k]) for k in np.argsort(misfits)[: PROMISING if tried > TRIED else 1]
     ]
-    ends = [_closer(f, s, begin) for begin in lowest]
+    ends = [_closer(f, s, begin) for begin in (*lowest, *far_delays(f, s))]
     best = min(ends, key=lambda tau: _line(f, s, tau).left)
     return complex_line(frequency_hz, values, best)
+
+
+def extent(frequency_hz: FloatArray, chosen: BoolArray, middle: int) -> float:
+    """Width of the region about a point where all points are chosen, Hz.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        chosen: shape (n,).
+        middle: number of the point.
+    """
+    others = np.flatnonzero(~chosen)
+    low = int(np.max(others[others < middle], initial=0))
+    high = int(np.min(others[others > middle], initial=frequency_hz.size - 1))
+    return float(frequency_hz[high] - frequency_hz[low])
+
+
+def tops_and_bottoms(frequency_hz: FloatArray, values: ComplexArray) -> dict[float, float]:
+    """Where the largest and the smallest modulus is, Hz, and how far it reaches, Hz.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz, rising.
+        values: measured (n,), any unit.
+    """
+    f, size = frequency_hz, np.abs(values)
+    top, bottom = int(np.argmax(size)), int(np.argmin(size))
+    half = 0.5 * (float(np.median(size)) + size[bottom])
+    return {
+        float(f[top]): extent(f, size >= math.sqrt(0.5) * size[top], top),
+        float(f[bottom]): extent(f, size <= half, bottom),
+    }
+
+
+def far_delays(frequency_hz: FloatArray, values: ComplexArray) -> list[float]:
+    """Delays that points far from a top or a bottom show, where most points are far, s.
+
+    A line of few points in a long sweep is a small part of what `complex_line` has to describe: a
+    wide line can stand for a delay, and the narrow one is not seen.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz, rising.
+        values: measured (n,), any unit.
+    """
+    found = []
+    for eta, width in tops_and_bottoms(frequency_hz, values).items():
+        far = np.abs(frequency_hz - eta) > NEAR * width
+        if 2 * int(np.sum(far)) > frequency_hz.size:
+            found.append(mean_delay(frequency_hz[far], values[far])[0])
+    return found
 
 
 def _closer(f: FloatArray, s: ComplexArray, delay_s: float) -> float:

@@ -23,8 +23,12 @@ FLOOR_KINDS = ("robust", "mean", "none")
 #: And what else amplitudes may carry: a constant that is added to them, noise, of which powers or
 #: amplitudes were averaged, or the tail of another line.
 OFFSET, FLOOR, RICE, TAIL = "offset", "floor", "rice", "tail"
+#: Or every point is one reading of the line in noise, see `fitting.signal.single_readings`.
+SINGLE = "single"
+#: Backgrounds of which fits are made elsewhere than in `fit_resonance`.
+ELSEWHERE = (TAIL, SINGLE)
 #: Unknowns of a line of amplitudes with what may stand beside it.
-UNKNOWNS = {"none": 3, OFFSET: 4, FLOOR: 4, RICE: 4, "complex": 5, TAIL: 7}
+UNKNOWNS = {"none": 3, SINGLE: 3, OFFSET: 4, FLOOR: 4, RICE: 4, "complex": 5, TAIL: 7}
 #: What a campaign may declare beside the line of a sweep.
 BACKGROUNDS = ("none", "complex", OFFSET)
 #: What may stand beside a line, in words; "slope" only beside complex values.
@@ -34,11 +38,14 @@ BESIDE_WORDS = {
     OFFSET: "a constant that is added to its amplitude",
     FLOOR: "noise whose power is added to its own",
     RICE: "noise, of which amplitudes were averaged",
+    SINGLE: "noise that is in every single reading",
     TAIL: "the tail of another line",
 }
 #: Evaluations after which the tail of another line that is still looked for is none, and the fall
 #: of the sum of squares that counts.
 ROUNDS_FOR_TAIL, GAIN_OF_TAIL = 80, 1e-8
+#: Chi square by which a second amplitude may be worse that is told beside the best one.
+ALLOWED = 9.0
 #: What a tail is refused for that is none.
 AMONG = "stands among the points"
 #: Median of the modulus of a normal deviate, and deviation of a second difference of noise.
@@ -89,7 +96,8 @@ class Resonance:
     of the squared amplitude), ``q`` = eta / width, ``amplitude`` at ``eta``, ``background`` the
     constant (0 without; of noise its root mean square), ``residual_rms`` relative to the amplitude,
     ``correlation`` between eta and width, ``curve`` (n,) the fitted amplitudes. ``mirrored`` is the
-    other amplitude that has the same curve, beside a complex constant or a tail; NaN elsewhere.
+    other amplitude that has the same curve, beside a complex constant, or about it, beside a tail;
+    NaN elsewhere.
     """
 
     eta_hz: float
@@ -313,11 +321,11 @@ def fit_resonance(
     Raises:
         BadInput: too few points, no resonance within the sweep, or one that the points do not hold.
     """
-    if background not in UNKNOWNS or background == TAIL:
-        wanted = tuple(name for name in UNKNOWNS if name != TAIL)
+    if background not in UNKNOWNS or background in ELSEWHERE:
+        wanted = tuple(name for name in UNKNOWNS if name not in ELSEWHERE)
         raise ValueError(f"background {background!r}, wanted one of {wanted}")
-    _check_count(frequency_hz, background, source)
-    eta0, width0, height = (_dip_guess if dip else _first_guess)(frequency_hz, amplitude_v)
+    check_count(frequency_hz, background, source)
+    eta0, width0, height = (_dip_guess if dip else first_guess)(frequency_hz, amplitude_v)
 
     def curve(x: FloatArray) -> FloatArray:
         wave = x[2] * mode_response(frequency_hz, eta0 + width0 * x[0], width0 * math.exp(x[1]))
@@ -334,11 +342,21 @@ def fit_resonance(
     if background == "complex":
         fit = folded(left, fit)
         mirrored = height * abs(float(fit.values[2]) + 2j * complex(*fit.values[3:]))
-    found = _as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
+    found = as_resonance(frequency_hz, fit, curve(fit.values), (eta0, width0, height), source)
     return replace(found, background=beside, mirrored=mirrored)
 
 
-def _check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
+def check_count(frequency_hz: FloatArray, background: str, source: str) -> None:
+    """Complain of too few points.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        background: what stands beside the line, one of `UNKNOWNS`.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: fewer points than unknowns and one, or than `MIN_SWEEP_POINTS`.
+    """
     least = max(MIN_SWEEP_POINTS, UNKNOWNS[background] + 1)
     if frequency_hz.size < least:
         raise BadInput(
@@ -370,8 +388,9 @@ def fit_beside_tail(
     g' is the response of another mode, see :func:`mode_response`, c a complex height: seven
     unknowns. Points that show a tail alone hardly tell from how far it comes: the other line is
     kept near to where it was seen, by two rows that are the noise at ``room`` of its widths and
-    at a factor exp(``room``) on its width. As magnitudes fix A or its mirror image only,
-    ``mirrored`` is the other one.
+    at a factor exp(``room``) on its width. As magnitudes hardly tell A from its mirror image, both
+    are fitted: the better one is taken, and ``mirrored`` is the other one, NaN where its chi square
+    is larger by `ALLOWED`.
 
     Args:
         frequency_hz: frequencies (n,), Hz.
@@ -383,17 +402,21 @@ def fit_beside_tail(
     Raises:
         BadInput: too few points, no resonance among them, another line that stands among them.
     """
-    _check_count(frequency_hz, TAIL, source)
+    check_count(frequency_hz, TAIL, source)
     height = float(np.max(amplitude_v))
     shares = amplitude_v / height
-    eta0, width0, _ = _first_guess(frequency_hz, _over_chord(frequency_hz, amplitude_v))
+    eta0, width0, _ = first_guess(frequency_hz, _over_chord(frequency_hz, amplitude_v))
     pull = max(point_noise(shares), SMALLEST_RESIDUAL) / room
     tried = [
         _TailFit(frequency_hz, shares, (eta0, width0), other, pull).begun(turn)
         for other in others
         for turn in (1.0, np.exp(2j * np.pi / 3.0), np.exp(-2j * np.pi / 3.0))
     ]
-    fit, tail = min(tried, key=lambda each: float(each[0].residuals @ each[0].residuals))
+    fit, tail = min(tried, key=lambda each: _squares(each[0]))
+    second = tail.minimised(tail.mirrored(fit.values))
+    eta, _ = tail.line(second.values[5:], tail.other)
+    if _squares(second) < _squares(fit) and not frequency_hz[0] <= eta <= frequency_hz[-1]:
+        fit, second = second, fit
     eta, _ = tail.line(fit.values[5:], tail.other)
     if frequency_hz[0] <= eta <= frequency_hz[-1]:
         if residual_structure(fit.residuals[:-2], fit.jacobian[:-2]).order == 0:
@@ -402,8 +425,9 @@ def fit_beside_tail(
     fit = folded(tail.residuals, fit)
     own = replace(fit, residuals=fit.residuals[:-2], jacobian=fit.jacobian[:-2])
     curve = height * (own.residuals + shares)
-    found = _as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
-    return replace(found, mirrored=height * tail.mirrored(fit.values))
+    found = as_resonance(frequency_hz, own, curve, (eta0, width0, height), source)
+    near = second.converged and _squares(second) - _squares(fit) < ALLOWED * fit.variance
+    return replace(found, mirrored=height * abs(float(second.values[2])) if near else math.nan)
 
 
 @dataclass(frozen=True)
@@ -436,19 +460,37 @@ class _TailFit:
         there = abs(mode_response(self.f[[near]], *self.other)[0])
         size = min(float(self.shares[near]) / there, 1e3) * complex(turn)
         start = np.array([0.0, 0.0, 1.0, size.real, size.imag, 0.0, 0.0])
-        return minimise_squares(
-            self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL
-        ), self
+        return self.minimised(start), self
 
-    def mirrored(self, x: FloatArray) -> float:
-        """The other amplitude with the same curve: the zero of the numerator on the other side."""
+    def mirrored(self, x: FloatArray) -> FloatArray:
+        """Where the fit of the other amplitude begins: the numerator's zero on the other side.
+
+        Both lines over one denominator have a numerator with a zero z near them, and f - z has the
+        modulus of f - z* at every real f; heights (A, c) are fitted to what that makes.
+        """
         (eta, width), (eta2, width2) = self.line(x[:2], self.own), self.line(x[5:], self.other)
-        pole, pole2 = eta + 0.5j * width, eta2 + 0.5j * width2
-        one, two = x[2] * width, complex(x[3], x[4]) * width2
-        if one + two == 0.0:
-            return abs(float(x[2]))
-        zero = (one * pole2 + two * pole) / (one + two)
-        return float(abs(x[2]) * abs(pole - np.conj(zero)) / abs(pole - zero))
+        one, two = x[2] * width * eta, complex(x[3], x[4]) * width2 * eta2
+        numerator = [-(one + two), 1j * (one * width2 + two * width), one * eta2**2 + two * eta**2]
+        zeros = np.roots(numerator)
+        if not zeros.size:
+            return x
+        zero = zeros[int(np.argmax(zeros.real))]
+        lines = np.stack(
+            [mode_response(self.f, eta, width), mode_response(self.f, eta2, width2)], 1
+        )
+        wave = lines @ np.array([x[2], complex(x[3], x[4])])
+        turned = wave * (self.f - np.conj(zero)) / (self.f - zero)
+        height, beside = np.linalg.lstsq(lines, turned, rcond=None)[0]
+        size = max(abs(height), np.finfo(float).tiny)
+        beside = beside * np.conj(height) / size
+        return np.array([x[0], x[1], size, beside.real, beside.imag, x[5], x[6]])
+
+    def minimised(self, start: FloatArray) -> LeastSquaresFit:
+        return minimise_squares(self.residuals, start, rounds=ROUNDS_FOR_TAIL, gain=GAIN_OF_TAIL)
+
+
+def _squares(fit: LeastSquaresFit) -> float:
+    return float(fit.residuals @ fit.residuals)
 
 
 def _amplitudes(wave: ComplexArray, beside: FloatArray, background: str) -> FloatArray:
@@ -507,8 +549,13 @@ def _constant(beside: FloatArray, background: str) -> complex:
     return complex(*beside) if beside.size else 0j
 
 
-def _first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
-    """Crest, and the width of the region above 1/sqrt(2) of it."""
+def first_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float, float, float]:
+    """Crest, the width of the region above 1/sqrt(2) of it, and its height.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        amplitude_v: amplitudes (n,), V peak.
+    """
     top = int(np.argmax(amplitude_v))
     height = float(amplitude_v[top])
     high = frequency_hz[amplitude_v >= height / math.sqrt(2.0)]
@@ -533,13 +580,25 @@ def _dip_guess(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[float
     return float(frequency_hz[bottom]), width, top if top > 0.0 else 1.0
 
 
-def _as_resonance(
+def as_resonance(
     frequency_hz: FloatArray,
     fit: LeastSquaresFit,
     curve: FloatArray,
     guess: tuple[float, float, float],
     source: str,
 ) -> Resonance:
+    """A line as it was fitted, of unknowns that begin with shift, log width and height.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        fit: of shares of the height that was guessed.
+        curve: fitted amplitudes (n,), V peak.
+        guess: frequency and width, Hz, and height, V peak, from which the unknowns are counted.
+        source: of the data, for complaints.
+
+    Raises:
+        BadInput: no resonance within the sweep, or one that the points do not hold.
+    """
     eta0, width0, height = guess
     structure = residual_structure(fit.residuals, fit.jacobian)
     freedom = fit.freedom / structure.widening**2

@@ -54,13 +54,12 @@ class Structure:
     @property
     def is_unequal(self) -> bool:
         """Whether the residuals are larger at some points than at others."""
-        return self.sizes_p < STRUCTURED
+        return UNEQUAL in self.found
 
     @property
     def found(self) -> tuple[str, ...]:
         """What the residuals do that noise of one size does not, in words."""
-        together = (TOGETHER,) if self.p_value < STRUCTURED else ()
-        return (*together, UNEQUAL) if self.is_unequal else together
+        return tuple(words for words, _, _ in _deviations(self.p_value, self.sizes_p))
 
     @property
     def told(self) -> str:
@@ -75,12 +74,14 @@ def found_words(p_value: float, sizes_p: float) -> str:
         p_value: of the test against white noise.
         sizes_p: of the test against one size.
     """
-    said = []
-    if p_value < STRUCTURED:
-        said.append(f"{TOGETHER} ({probability(p_value)} for white noise)")
-    if sizes_p < STRUCTURED:
-        said.append(f"{UNEQUAL} ({probability(sizes_p)} for noise of one size)")
-    return " and ".join(said)
+    found = _deviations(p_value, sizes_p)
+    return " and ".join(f"{words} ({probability(p)} for {noise})" for words, p, noise in found)
+
+
+def _deviations(p_value: float, sizes_p: float) -> list[tuple[str, float, str]]:
+    """What residuals do that noise of one size does not, how probably, and of which noise."""
+    tests = ((TOGETHER, p_value, "white noise"), (UNEQUAL, sizes_p, "noise of one size"))
+    return [test for test in tests if test[1] < STRUCTURED]
 
 
 def residual_structure(residuals: FloatArray, jacobian: FloatArray) -> Structure:

@@ -122,7 +122,9 @@ def test_two_lines_become_a_campaign_of_two_modes_that_finds_both(
 
 
 def test_two_lines_of_amplitudes_begin_at_both_and_keep_apart(tmp_path: Path) -> None:
-    path, _ = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
+    path, said = init(two_modes(tmp_path, phases=False), out=tmp_path / "o")
+    # g2 is the ratio of the heights times that of f d: the heights alone do not tell it
+    assert any("g2: from" in each and "heights, widths and places" in each for each in said)
     boxes = {p["name"]: p for p in tomllib.loads(path.read_text("utf-8"))["parameters"]}
     assert boxes["f1"]["start"] == pytest.approx(ETA, abs=0.5)
     assert boxes["f2"]["start"] == pytest.approx(ETA + SPLIT, abs=0.5)
@@ -136,7 +138,27 @@ def test_amplitudes_on_a_constant_say_that_no_fmu_has_it(tmp_path: Path) -> None
     seen = np.abs(mode(F, ETA, WIDTH) + noise(F.size, 2e-3, 1) + (0.3 - 0.2j))
     path, said = init(write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, seen), out=tmp_path / "o")
     assert tomllib.loads(path.read_text("utf-8"))["sweep"]["background"] == "complex"
-    assert any("an FMU that has no background" in sentence for sentence in said)
+    assert any("Not described by this campaign: a complex constant" in each for each in said)
+    assert "# Not described by this campaign: a complex constant" in path.read_text("utf-8")
+
+
+@pytest.mark.parametrize("beside", ["noise", "nothing"])
+def test_no_fit_is_promised_of_what_the_fmu_does_not_describe(
+    beside: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Averaged powers of a line in noise of half its height: `reconstruct` ends with 4."""
+    power = np.abs(mode(F, ETA, WIDTH)) ** 2 + (0.25 if beside == "noise" else 0.0)
+    rough = np.sqrt(power) + noise(F.size, 1e-3, 1).real
+    file = write_csv(tmp_path / "x.csv", "f (Hz),R (V)", F, rough)
+    assert main(["init", str(file), "--out", str(tmp_path / "o"), "--yes"]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert ("Not described by this campaign: noise whose power is added" in told) is (
+        beside == "noise"
+    )
+    assert ("next: fmu-fit reconstruct" in told) is (beside == "nothing")
+    campaign = str(tmp_path / "o" / "campaign.toml")
+    quick = ["--no-report", "--no-profiles", "--out", str(tmp_path / "r")]
+    assert main(["reconstruct", campaign, *quick]) == (4 if beside == "noise" else 0)
 
 
 def test_the_campaign_of_a_line_on_a_constant_solves_for_it(tmp_path: Path) -> None:
@@ -445,3 +467,17 @@ def test_a_recording_without_the_output_is_told(tmp_path: Path) -> None:
     with pytest.raises(ff.BadInput, match="no column 'y' among 'u', 'a' and 'b'; wanted one"):
         init(path, build_lag_fmu(tmp_path), out=tmp_path / "drafted")
     assert not (tmp_path / "drafted").exists() or not list((tmp_path / "drafted").glob("*.toml"))
+
+
+def test_a_narrow_dip_behind_a_cable_is_drafted(tmp_path: Path) -> None:
+    """0.3 MHz of 10 MHz behind 40 ns, which `line` finds: the campaign's own reader takes it."""
+    f = np.linspace(5.995e9, 6.005e9, 201)
+    dip = 1.0 - 0.6j * mode(f, 6e9, 3e5)
+    seen = dip * np.exp(-2j * np.pi * f * 40e-9) + noise(f.size, 3e-3, 1)
+    file = write_csv(tmp_path / "dip.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
+    path, _ = init(file, out=tmp_path / "o")
+    written = tomllib.loads(path.read_text("utf-8"))
+    assert written["complex_sweep"][0]["delay"] == "fit"
+    boxes = {p["name"]: p["start"] for p in written["parameters"]}
+    assert boxes["f1"] == pytest.approx(6e9, abs=3e3)
+    assert boxes["d1"] == pytest.approx(3e5, rel=0.02)

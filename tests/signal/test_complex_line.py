@@ -7,6 +7,7 @@ import pytest
 
 from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import ComplexArray, FloatArray
+from tests.support.lines import mode
 
 ETA_HZ, WIDTH_HZ = 6.94e6, 94.0
 
@@ -97,3 +98,13 @@ def test_noise_is_what_is_left() -> None:
     # and it carries neither eta nor the width away: weights by the denominator, settled
     assert found.eta_hz == pytest.approx(ETA_HZ, abs=0.01 * WIDTH_HZ)
     assert found.width_hz == pytest.approx(WIDTH_HZ, rel=0.015)
+
+
+def test_a_narrow_dip_behind_a_cable_that_turns_over_the_sweep_is_found() -> None:
+    """Thirty widths, 0.4 of a turn: a line of half the sweep leaves less than any delay near it."""
+    f = np.linspace(5.995e9, 6.005e9, 201)
+    seen = (1.0 - 0.6j * mode(f, 6e9, 3e5)) * np.exp(-2j * np.pi * f * 40e-9)
+    found = complex_line(f, seen, None)
+    assert found.delay_s == pytest.approx(40e-9, abs=0.1e-9)
+    assert found.eta_hz == pytest.approx(6e9, abs=3e3)
+    assert found.width_hz == pytest.approx(3e5, rel=0.02)

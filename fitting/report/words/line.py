@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from fitting.inference.mistakes import fault_sentence
 from fitting.report.table import Column, Table, tabulate, terminal_text, text_lines, wrapped
 from fitting.resonance.dip_reading import NOTCH, REFLECTION, DipReading
-from fitting.resonance.form import TRANSMISSION, WORDS_BESIDE
-from fitting.resonance.line import Line, LineForm
-from fitting.signal.peaks import FLOOR, RICE, TAIL
+from fitting.resonance.form import FANO, TRANSMISSION, WORDS_BESIDE
+from fitting.resonance.line import AS_GOOD, Line, LineForm
+from fitting.signal.peaks import FLOOR, RICE, SINGLE, TAIL
 from fitting.signal.residual_tests import TOLD, found_words
 from fitting.text.notation import hertz, listed, number, percent, prefixed, quantity, with_error
 
@@ -20,8 +21,6 @@ WIRINGS = {
     NOTCH: "a resonator beside a feed line",
     REFLECTION: "a resonator at the end of a line",
 }
-#: Akaike's criterion from which a form is plainly worse, and below which it is as good.
-WORSE, AS_GOOD = 10.0, 2.0
 #: Standard errors by which another form that is nearly as good moves the line to be told.
 MOVES = 2.0
 
@@ -69,6 +68,7 @@ def sentences(line: Line) -> list[str]:
         *_further(line),
         *_mirrored(line),
         *_dependence(line),
+        *_rivals(line),
         *_widening(line),
         *(fault_sentence(fault) for fault in line.faults),
         *_instrument(line),
@@ -87,6 +87,11 @@ def _taken(line: Line) -> str:
     least = min(form.criterion for form in fitted)
     if line.forms[0].criterion > least and line.wiring == TAIL:
         best = "as another line is there, and not for Akaike's criterion"
+    elif line.forms[0].criterion > least and not line.is_complex:
+        best = (
+            "the simplest of the forms that Akaike's criterion hardly tells from the best of the "
+            f"{len(fitted)} that could be fitted (by {number(AS_GOOD, 1)} at most)"
+        )
     elif line.forms[0].criterion > least:
         best = (
             f"by Akaike's criterion the best of the {len(fitted)} forms that could be fitted but "
@@ -104,7 +109,15 @@ def _beside(line: Line) -> list[str]:
     factor, unit = (1.0, "") if line.unit == "1" else prefixed(line.beside, line.unit)
     size = f"{number(line.beside / factor, 3)} {unit}".rstrip()
     if line.wiring in (FLOOR, RICE):
-        return [f"The noise beside the line is {size} (rms), the same at every frequency."]
+        return [
+            f"The noise beside the line is {size}, the root mean square of its own amplitude, the "
+            "same at every frequency."
+        ]
+    if line.wiring == SINGLE:
+        return [
+            f"Noise of each reading: {size}, in X and in Y alike. The points scatter by it on the "
+            "line, and beside the line by 0.66 of it about 1.25 times it (Rice)."
+        ]
     return [f"The constant is {size}: a zero of the detector, or what a range of it leaves out."]
 
 
@@ -128,6 +141,8 @@ def _mirrored(line: Line) -> list[str]:
         return []
     factor, unit = prefixed(line.amplitude_mirrored, "" if line.unit == "1" else line.unit)
     other = f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+    if line.wiring == TAIL:
+        return [f"Without phases A may as well be {other}: both describe these points."]
     return [
         f"Without phases A may as well be {other}: both have the same curve, and the same f and "
         "width."
@@ -171,8 +186,8 @@ def _dependence(line: Line) -> list[str]:
         moved = [
             f"{what} by {number(there - here, 2)} Hz"
             for what, there, here, std in (
-                ("the line", form.frequency_hz, line.frequency_hz, line.frequency_std_hz),
-                ("its width", form.width_hz, line.width_hz, line.width_std_hz),
+                ("the line", form.frequency_hz, line.frequency_hz, chosen.frequency_std_hz),
+                ("its width", form.width_hz, line.width_hz, chosen.width_std_hz),
             )
             if abs(there - here) > MOVES * std
         ]
@@ -182,6 +197,17 @@ def _dependence(line: Line) -> list[str]:
                 "not tell which it is."
             )
     return said
+
+
+def _rivals(line: Line) -> list[str]:
+    """Forms for which the errors hold, too."""
+    if not line.rivals or line.rivals_widening <= TOLD:
+        return []
+    return [
+        f"The errors hold for {listed(line.rivals)}, too, which these points do not plainly tell "
+        f"from {line.forms[0].name}: they are up to {number(line.rivals_widening, 2)} times as "
+        "wide for it (those in the table are of each form alone)."
+    ]
 
 
 def _widening(line: Line) -> list[str]:
@@ -217,7 +243,7 @@ def forms_table(line: Line) -> Table:
         line: as it was fitted.
     """
     columns: tuple[Column[LineForm], ...] = (
-        Column("form", _name, role="name"),
+        Column("form", lambda form: _row_name(line, form), role="name"),
         Column("f (Hz)", lambda form: _value(form.frequency_hz, form.frequency_std_hz)),
         Column("width (Hz)", lambda form: _value(form.width_hz, form.width_std_hz)),
         Column("Q", lambda form: _value(form.q, form.q_std)),
@@ -225,6 +251,13 @@ def forms_table(line: Line) -> Table:
         Column("Akaike", lambda form: number(round(form.criterion, 1), 4)),
     )
     return tabulate("Forms that were compared", columns, line.forms)
+
+
+def _row_name(line: Line, form: LineForm) -> str:
+    """A form as its row is called: a wiring that was asked for, with the form that is its curve."""
+    if line.wiring in (NOTCH, REFLECTION) and form.name == FANO:
+        return f"{_name(replace(form, name=line.wiring))} ({FANO})"
+    return _name(form)
 
 
 def _name(form: LineForm) -> str:
