@@ -132,7 +132,7 @@ def adequacy_sentences(
         return (f"{said}: all errors are {inflation:.3g} times as wide.",)
     if np.isnan(adequacy.chi_square):
         return (f"{said}: the noise is taken from the scatter of the residuals themselves.",)
-    return (f"{said}: the stated noise explains the residuals.",)
+    return (f"{said}: the {likelihood.objective.data.noise_words} explains the residuals.",)
 
 
 def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:

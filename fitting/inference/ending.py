@@ -19,7 +19,7 @@ from fitting.text.notation import number
 DESCRIBES = "converged and describes the data"
 MISFIT = "converged but does not describe the data"
 NOT_CONVERGED = "not converged"
-#: Probability from which chi square is smaller than the stated noise lets it be.
+#: Probability from which chi square is smaller than the noise lets it be.
 TOO_SMALL = 1.0 - 1e-4
 #: Where no row has a noise of its own, or as many parameters as rows are fitted.
 UNTESTED = "as far as can be told, with nothing to hold χ² against"
@@ -31,8 +31,8 @@ class Ending:
 
     `extent` says how far the data are described, where residuals are no noise of one size: what is
     left of the curve that is described worst, root mean square, over its largest amplitude; of
-    complex values it is their distance from the model. `whole`: chi square is what the stated
-    noise explains, so that nothing need be added.
+    complex values it is their distance from the model. `whole`: chi square is what the noise
+    explains, so that nothing need be added.
     """
 
     words: str = ""
@@ -62,6 +62,7 @@ def ending_of(
     inflation: float,
     structure: Structure | None,
     extent: str = "",
+    noise: str = "stated noise",
 ) -> Ending:
     """How a fit ended.
 
@@ -71,6 +72,7 @@ def ending_of(
         inflation: of all errors, for residuals beyond the noise.
         structure: of the residuals of curves, None without any.
         extent: how far curves are described (`extent_of`), said where their structure is.
+        noise: what chi square is held against (`Dataset.noise_words`).
     """
     if status not in (Status.CONVERGED, Status.MISFIT):
         return Ending(words=NOT_CONVERGED)
@@ -89,8 +91,8 @@ def ending_of(
     if adequacy is None or not chi:
         return Ending(words=DESCRIBES, ground=UNTESTED)
     if adequacy.p_value > TOO_SMALL:
-        return Ending(words=DESCRIBES, ground=f"{chi}, less than the stated noise would leave")
-    return Ending(words=DESCRIBES, ground=f"{chi}, as the stated noise explains", whole=True)
+        return Ending(words=DESCRIBES, ground=f"{chi}, less than the {noise} would leave")
+    return Ending(words=DESCRIBES, ground=f"{chi}, as the {noise} explains", whole=True)
 
 
 def extent_of(data: Dataset, residuals: FloatArray) -> str:

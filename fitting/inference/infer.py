@@ -321,6 +321,7 @@ def _ending(fit: Fit, status: Status, adequacy: Adequacy | None, inflation: floa
         inflation=inflation,
         structure=solution.structure,
         extent=extent_of(solution.objective.data, solution.final.residuals),
+        noise=solution.objective.data.noise_words,
     )
 
 

@@ -310,7 +310,7 @@ def _open_search(outcome: Outcome) -> list[str]:
     count = sum(minimum.descents for minimum in low)
     said = (
         f"The box was searched from {search.screened} points without finding parameters that the "
-        f"stated noise explains: {count} of {search.descents} descents ended at the least "
+        f"noise explains: {count} of {search.descents} descents ended at the least "
         f"χ², {low[0].chi_square:.4g}"
     )
     if others:

@@ -123,6 +123,12 @@ class Dataset:
         """The measurements that are peaks of tones."""
         return tuple(m for m in self.measurements if isinstance(m, Tones))
 
+    @property
+    def noise_words(self) -> str:
+        """What the noise is that rows are held against: stated, or estimated from the data."""
+        estimated = any(m.estimates_noise for m in self.measurements)
+        return "estimated noise" if estimated else "stated noise"
+
     def peaks(self, values: Sequence[Values]) -> FloatArray:
         """Amplitudes of some values at all lines of tones: (n_peaks,).
 

@@ -138,6 +138,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def estimates_noise(self) -> bool:
+        """Whether its data's own scatter tells the noise of its rows, where nobody states it."""
+        ...
+
+    @property
     def has_free_scale(self) -> bool:
         """Whether the logarithm of a factor on the scale is a parameter of the fit."""
         ...
@@ -396,6 +401,11 @@ class MeasurementKind:
     def parameters(self) -> tuple[Parameter, ...]:
         """Nothing beside the FMU's."""
         return ()
+
+    @property
+    def estimates_noise(self) -> bool:
+        """Its noise is stated, or the residuals tell it."""
+        return False
 
     @property
     def has_free_scale(self) -> bool:

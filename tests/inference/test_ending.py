@@ -56,6 +56,10 @@ def test_only_a_chi_square_that_noise_explains_is_wholly_good(share: float) -> N
     assert ending.whole
     assert ending.words == DESCRIBES
     assert ending.ground.endswith(" on 9 degrees of freedom, as the stated noise explains")
+    told = ending_of(
+        Status.CONVERGED, found, inflation=1.0, structure=None, noise="estimated noise"
+    )
+    assert told.ground.endswith(", as the estimated noise explains")
 
 
 def test_errors_that_are_as_wide_as_before_are_not_told_as_wider() -> None:

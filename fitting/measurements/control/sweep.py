@@ -120,6 +120,11 @@ class ControlSweep(MeasurementKind):
         return {name: unit for name, unit in self.units.items() if unit}
 
     @property
+    def estimates_noise(self) -> bool:
+        """Where it is estimated from each spectrum."""
+        return self.estimated
+
+    @property
     def is_curve(self) -> bool:
         """Its points follow each other."""
         return True
