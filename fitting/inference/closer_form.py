@@ -110,6 +110,7 @@ def _complex_values(solution: Solution) -> Iterator[Adequacy | None]:
                     columns=curve.wiring.columns,
                     moving=int(moving),
                     label=curve.label,
+                    table="[complex_control_sweep]" if sweeps.units else Fitted.table,
                     resolved=_resolved(solution, k),
                 ),
             )
@@ -170,12 +171,14 @@ def _forms(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Iterator[tuple[
 class Fitted:
     """What a fit did for a complex sweep: complex `columns` solved inside, parameters `moving` it.
 
-    `label` is the sweep's; residuals below `resolved`, over the largest value, say nothing.
+    `label` is the sweep's, `table` that of the campaign that tells of it; residuals below
+    `resolved`, over the largest value, say nothing.
     """
 
     columns: int = 1
     moving: int = 2
     label: str = ""
+    table: str = "[[complex_sweep]]"
     resolved: float = SMALLEST_RESIDUAL
 
     @property
@@ -270,7 +273,7 @@ def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> li
         if not words:
             continue
         more = columns > fitted.columns
-        key = f'[[complex_sweep]] background = "{BACKGROUNDS[columns - 1]}"' if more else ""
+        key = f'{fitted.table} background = "{BACKGROUNDS[columns - 1]}"' if more else ""
         shows = "an output that shows all lines of the sweep" if lines in LINES else ""
         found.append(
             _Form(
