@@ -87,11 +87,13 @@ def _keys(table: Any, place: Place) -> Iterator[Place]:
 
 
 def cases(count: int, seed: int) -> Iterator[Case]:
-    """So many cases, drawn without repeating one."""
+    """So many cases, drawn without repeating one; every key once before one comes again."""
     draw = random.Random(seed)
-    keys = schema_keys()
-    all_of_them = [(key, what) for key in keys for what in (*VALUES, "removed", "misspelt")]
-    for key, what in draw.sample(all_of_them, count):
+    values = (*VALUES, "removed", "misspelt")
+    keys = draw.sample(schema_keys(), len(schema_keys()))
+    once = [(key, draw.choice(values)) for key in keys]
+    others = [(key, what) for key in keys for what in values if (key, what) not in set(once)]
+    for key, what in [*once, *draw.sample(others, max(0, count - len(once)))][:count]:
         name = f"{'.'.join(map(str, key))}: {what}"
         made = partial(_changed_text, key, what)
         yield _case(KEYS, name, made, (*FILES, str(key[-1])))

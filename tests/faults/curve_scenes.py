@@ -87,6 +87,18 @@ def map_columns() -> dict[str, list[float]]:
     return found
 
 
+def complex_map_columns() -> dict[str, list[float]]:
+    """A row for each point: voltage, frequency, X, Y."""
+    parts = [response(MAP_HZ, ETA_HZ + SLOPE_HZ * volt) for volt in VOLTS]
+    values = np.concatenate(parts)
+    return {
+        "V (V)": np.repeat(VOLTS, MAP_HZ.size).tolist(),
+        "frequency (Hz)": np.tile(MAP_HZ, len(parts)).tolist(),
+        "X (V)": values.real.tolist(),
+        "Y (V)": values.imag.tolist(),
+    }
+
+
 def xy_columns() -> dict[str, list[float]]:
     """A complex sweep by its quadratures."""
     s = response(SWEPT_HZ)
@@ -129,9 +141,20 @@ def _tables(own: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]]) -> 
 
 def control(change: Change | None = None, columns: Columns | None = None) -> Files:
     """Spectra over a voltage, which the eigenfrequency follows by a law."""
+    table = {"control_sweep": {"file": MAP, "controls": ["V"], "amplitude": "V peak"}}
+    return _over_a_voltage(table, change, map_columns() if columns is None else columns)
+
+
+def complex_control(change: Change | None = None, columns: Columns | None = None) -> Files:
+    """The same with both quadratures."""
+    table = {"complex_control_sweep": {"file": MAP, "controls": ["V"]}}
+    return _over_a_voltage(table, change, complex_map_columns() if columns is None else columns)
+
+
+def _over_a_voltage(table: Mapping[str, Any], change: Change | None, columns: Columns) -> Files:
     tables = _tables(
         {
-            "control_sweep": {"file": MAP, "controls": ["V"], "amplitude": "V peak"},
+            **table,
             "laws": {"eta_plus": "e0 + e1*V/V0"},
             "constants": {"V0": "1 V"},
         },
@@ -141,7 +164,7 @@ def control(change: Change | None = None, columns: Columns | None = None) -> Fil
             {"name": "e1", "lower": "-10 Hz", "upper": "10 Hz", "start": "2 Hz"},
         ),
     )
-    return _files(tables, change, {MAP: map_columns() if columns is None else columns})
+    return _files(tables, change, {MAP: columns})
 
 
 def sweep(change: Change | None = None, columns: Columns | None = None) -> Files:

@@ -9,6 +9,7 @@ import numpy as np
 from tests.faults import curve_scenes as scenes
 from tests.faults.curve_scenes import (
     COMPLEX,
+    MAP,
     Corrupted,
     Fault,
     Told,
@@ -26,6 +27,7 @@ def faults() -> Iterator[Fault]:
     yield from quadrature_faults()
     yield from phase_faults()
     yield from wiring_faults()
+    yield from complex_map_faults()
     yield from tone_key_faults()
     yield from tone_phase_faults()
 
@@ -143,6 +145,42 @@ def wiring_faults() -> Iterator[Fault]:
         yield Fault(f"wiring: {name}", made, says)
     made = scenes.sweep(lambda t: t["complex_sweep"].append(dict(t["complex_sweep"][0])))
     yield Fault("wiring: data twice", made, ("again", "wanted"))
+
+
+def complex_map_faults() -> Iterator[Fault]:
+    """Keys of [complex_control_sweep], and its columns."""
+    keys: Told = {
+        "no control": ({"controls": []}, ("controls", "wanted at least one column")),
+        "a quadrature as a control": (
+            {"controls": ["X"]},
+            ("controls", "'X'", "wanted columns of"),
+        ),
+        "a control that nothing names": ({"controls": ["W"]}, ("no column 'W'",)),
+        "a shared notch": ({"wiring": "notch", "scale": "shared"}, ("scale", 'wanted "own"')),
+        "a delay in words": ({"delay": "long"}, ("delay", "'long'", "wanted")),
+        "a range outside": (
+            {"range": ["1 Hz", "2 Hz"]},
+            ("0 points to fit from 1 Hz to 2 Hz", "wanted at least 8"),
+        ),
+        "sigma of hertz": ({"sigma": "1 Hz"}, ("sigma", "'Hz'", "wanted 'V'")),
+        "an output that is none": ({"output": "q9"}, ("output", "no variable 'q9'")),
+        "a column that is none": ({"columns": {"x": "Re"}}, (MAP, "no column 'Re'")),
+    }
+    for name, (told, says) in keys.items():
+        files = scenes.complex_control(said("complex_control_sweep", told))
+        yield Fault(f"complex map: {name}", files, says)
+    whole = scenes.complex_map_columns()
+    x, f = "X (V)", "frequency (Hz)"
+    columns: Corrupted = {
+        "no Y": (without(whole, "Y (V)"), ("no column 'Y'",)),
+        "a text": (celled(whole, x, 7, "high"), ("row 9, column 'X'", "'high'", "wanted")),
+        "nan": (celled(whole, x, 7, "nan"), ("row 9, column 'X'", "'nan'", "wanted")),
+        "frequency in seconds": (renamed(whole, f, "frequency (s)"), ("'frequency'", "'s'")),
+        "X without unit": (renamed(whole, x, "X"), ("'X' has no unit",)),
+        "a control without unit": (renamed(whole, "V (V)", "V"), ("'V' has no unit",)),
+    }
+    for name, (made, says) in columns.items():
+        yield Fault(f"complex map: {name}", scenes.complex_control(None, made), (MAP, *says))
 
 
 # --- complex tones ---------------------------------------------------------------------------

@@ -280,7 +280,7 @@ def test_two_modes_are_no_cable() -> None:
 def test_a_delay_that_the_sweep_does_not_resolve_is_refused() -> None:
     u = ETA + np.linspace(-10.0, 10.0, 41)
     with pytest.raises(BadInput, match=r"a delay is not resolved beside the phase of the line"):
-        ComplexCurve(u, mode(u, ETA, WIDTH), delay_s=None)
+        ff.ComplexSweep(SETUP, ComplexCurve(u, mode(u, ETA, WIDTH), delay_s=None))
 
 
 # --- several sweeps, and what is solved inside ----------------------------------------------

@@ -51,7 +51,8 @@ def draw_measurement(described: Figure, data: ShownCampaign) -> Drawing:
     handles: dict[object, Artist] = {}
     for handle in (h for axes in drawn.values() for h in handles_of(axes)):
         handles.setdefault(handle.get_label(), handle)
-    legend_below(figure, list(handles.values()), ncols=4)
+    if handles:
+        legend_below(figure, list(handles.values()), ncols=4)
     return Drawing(
         name=described.name,
         series=described.series,
