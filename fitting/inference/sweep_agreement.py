@@ -162,6 +162,9 @@ class _Both:
         both = self._least("ST", begin, swept.y)
         if self.factor:
             joined = self._least("STF", both.y, swept.y)
+            # what a factor led to may be lower without it, too
+            without = np.append(joined.y[:-1], 0.0)
+            both = min((both, self._descend("ST", without)), key=lambda end: end.chi_square)
             told = self._told_by_factor(both, joined)
             if told is not None:
                 return told

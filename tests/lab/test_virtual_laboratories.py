@@ -171,3 +171,10 @@ def said(**changed: object) -> list[dict[str, object]]:
 def test_judge_finds_what_is_false(about: str, changed: dict[str, object]) -> None:
     assert not list(findings(judged()))
     assert about in {found.about for found in findings(judged(**changed))}
+
+
+def test_a_sweep_and_peaks_that_the_truth_fits_do_not_contradict_each_other(tmp_path: Path) -> None:
+    """Of a hundred readings the one whose joint descent was left half way, and said 6.3 sigma."""
+    laboratory = KINDS["readings"](2005)
+    found = by_closed_form(ff.Fmu("CoupledOscillator"), ["width_plus"])(laboratory, tmp_path)
+    assert not [said for said in found.warnings if "contradict" in said]
