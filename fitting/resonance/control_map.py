@@ -41,16 +41,18 @@ class ControlMap:
         over = listed(f"{c.name} ({c.unit or 'no unit told'})" for c in self.controls)
         return f"{len(counts)} spectra over {over}, {points} frequencies each"
 
-    def way(self, *, phases: bool) -> str:
+    def way(self, *, phases: bool, drafted: bool) -> str:
         """How it is fitted, for complaints of whoever wants one sweep.
 
         Args:
             phases: whether its values are complex.
+            drafted: whether to say that there may be a draft.
         """
         names = listed(c.name for c in self.controls)
+        draft = ", and fmu-fit init drafts it for two modes that meet, --fmu CoupledModes2"
         return (
             f"[{TABLES[phases]}] of a campaign fits all of them together, by laws of what follows "
-            f"{names}: {PAGE} tells how"
+            f"{names}: {PAGE} tells how{draft * drafted}"
         )
 
 

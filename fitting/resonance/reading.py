@@ -220,7 +220,7 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     recording = roles.recording
     found = map_in(roles)
     if found is not None:
-        way = found.way(phases=roles.is_complex)
+        way = found.way(phases=roles.is_complex, drafted=True)
         raise BadInput(f"{path}: is a map, {found.words}; wanted one sweep. {way}")
     frequency_hz = hertz_in(roles)
     read = _columns_words(roles)
