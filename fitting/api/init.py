@@ -41,8 +41,10 @@ def init(
 
     Args:
         files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
-            peaks or a spectrum each, and a sweep; or recordings over time, of an output and
-            perhaps an input, for an FMU that is named. One of them may be the FMU (.fmu).
+            peaks or a spectrum each, and a sweep; or a map, spectra over a control quantity in one
+            table, for an FMU of two coupled modes that is named; or recordings over time, of an
+            output and perhaps an input, for an FMU that is named. One of them may be the FMU
+            (.fmu).
         fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
             where a sweep shows two lines.
         out: Folder for campaign.toml, made where there is none.

@@ -12,12 +12,13 @@ import numpy as np
 
 from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import RawTrace, read_trace, unit_of
+from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
-from fitting.text.tables import Table, read_table
+from fitting.text.tables import Column, Table, read_table
 from fitting.text.written import Written
 
 S = TypeVar("S")
@@ -251,7 +252,8 @@ def _hertz(unit: str, where: str) -> float:
 
 
 def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpectrum:
-    frequency, amplitude = table.column("frequency"), table.column("amplitude")
+    frequency = _usual(table, "frequency", FREQUENCY, how)
+    amplitude = _usual(table, "amplitude", AMPLITUDE, how)
     where = f"{table.path}: column 'frequency'"
     written = unit_of(table, frequency, "frequency (Hz)")
     f = _hertz(written, where) * table.numbers(frequency)[rows]
@@ -281,6 +283,13 @@ def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpec
         source=table.path,
         drive=drive,
     )
+
+
+def _usual(table: Table, name: str, names: Sequence[str], how: SpectraFormat) -> Column:
+    """The column of that name, or else of the first usual one that is no control and no drive."""
+    taken = {each.lower() for each in (*how.controls, how.drive_column)}
+    found = (table.find(each) for each in (name, *names) if each not in taken)
+    return next((column for column in found if column is not None), None) or table.column(name)
 
 
 def with_harmonics(spectrum: MeasuredSpectrum, fundamental_hz: float) -> MeasuredSpectrum:

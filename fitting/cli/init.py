@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="FILE",
-        help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or "
+        help="sweeps of any instrument; or a table of experiments, its spectra, and a sweep; or a "
+        "map, spectra over a control quantity in one table, with --fmu CoupledModes2; or "
         "recordings over time, of an output and perhaps an input; one may be the FMU (.fmu), "
         "which alone gives a skeleton",
     )

@@ -14,6 +14,7 @@ from fitting.draft.files import Files, SweepFile, TableFile
 from fitting.draft.model import Offer
 from fitting.draft.values import Box
 from fitting.resonance.form import FANO, SLOPED
+from fitting.resonance.reading import Roles
 from fitting.signal.peaks import OFFSET
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz
@@ -110,7 +111,7 @@ def campaign_text(
     tables["continuation"] = dict(CONTINUATION)
     remarks["continuation", "nu_start"] = "the prior only helps at the start"
     remarks["continuation", "starts"] = "3: also the lowest minima that a search finds"
-    tables["accuracy"] = {"amplitude": _accuracy(choices.residual, held=bool(choices.driven))}
+    tables["accuracy"] = {"amplitude": accuracy(choices.residual, held=bool(choices.driven))}
     well = ": well below the scatter" if choices.residual > 0.0 else ""
     remarks["accuracy", "amplitude"] = f"of the simulation, relative{well}"
     head = (
@@ -152,11 +153,15 @@ def completed(text: str) -> str:
     return text.replace(f"\n{MARK}", "\n")
 
 
-def _accuracy(residual: float, *, held: bool) -> float:
+def accuracy(residual: float, *, held: bool) -> float:
     """A hundredth of the scatter, as a power of ten from 1e-6 to 1e-4.
 
     An input that is held over each step lets nobody promise less than 1e-5: more was asked for in
     vain, and a warning told so.
+
+    Args:
+        residual: what is left, relative; 0: unknown.
+        held: whether an input is driven.
     """
     least = -5 if held else -6
     if not residual > 0.0:
@@ -255,7 +260,7 @@ def _experiments(
     if files.pattern:
         made["spectra"] = relative_path(Path(files.pattern), folder)
         remarks["experiments", "spectra"] = "a spectrum for each row"
-        made |= _columns(files.spectra[0], remarks, ("experiments",))
+        made |= columns_of(files.spectra[0].roles, remarks, ("experiments",))
     else:
         made["peaks"] = [column.name for column in table.peaks]
         if table.sigmas:
@@ -286,7 +291,7 @@ def _add_sweeps(
         tables["sweep"] = {
             "file": relative_path(sweep.path, folder),
             "layout": sweep.roles.recognised.layout,
-            **_columns(sweep, remarks, ("sweep",)),
+            **columns_of(sweep.roles, remarks, ("sweep",)),
             "amplitude": choices.amplitude,
             "use": "fit",
             "scale": "fit",
@@ -314,7 +319,7 @@ def _complex(
     made: dict[str, Any] = {
         "file": relative_path(sweep.path, folder),
         "layout": sweep.roles.recognised.layout,
-        **_columns(sweep, remarks, at),
+        **columns_of(sweep.roles, remarks, at),
     }
     if count > 1:
         made["label"] = sweep.path.stem
@@ -336,9 +341,14 @@ def _complex(
     return made
 
 
-def _columns(sweep: SweepFile, remarks: Remarks, at: tuple[str | int, ...]) -> dict[str, Any]:
-    """Names of the columns, with units where the file tells none."""
-    roles = sweep.roles
+def columns_of(roles: Roles, remarks: Remarks, at: tuple[str | int, ...]) -> dict[str, Any]:
+    """Names of the columns, with units where the file tells none.
+
+    Args:
+        roles: of a file.
+        remarks: to which its own is added.
+        at: the way to the table.
+    """
     parts = roles.real is not None
     named = {"frequency": roles.frequency}
     if parts:

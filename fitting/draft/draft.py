@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import shlex
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from fitting.campaign.binding import bind
-from fitting.draft.campaign import Choices, campaign_text, completed, meaning, missing_text
+from fitting.draft.campaign import Choices, campaign_text, meaning, missing_text
+from fitting.draft.checked import Draft, check_text
+from fitting.draft.control import map_draft_of
 from fitting.draft.files import Files
 from fitting.draft.model import Offer, Tone, offer_of
 from fitting.draft.questions import Answers, Question
@@ -18,15 +18,12 @@ from fitting.draft.source import Source
 from fitting.draft.traces import Recording, traces_of
 from fitting.draft.trial import Trial
 from fitting.draft.values import Box, Seen, boxes_of, seen_of, strength_box
-from fitting.measurements.kinds import read_campaign
 from fitting.resonance.form import FANO, WORDS_BESIDE
 from fitting.resonance.line import Line, LineForm
 from fitting.signal.peaks import FLOOR, OFFSET, RICE, SINGLE, TAIL
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
 from fitting.text.notation import hertz, listed, number, quantity
-from fitting.text.scratch import Scratch
 from fitting.text.units import convert, same_kind
 
 #: The models of this project that are one resonance, and two.
@@ -47,21 +44,6 @@ BEYOND = {
     RICE: "phases, or X and Y",
     TAIL: "a file that holds both lines, or an FMU with both",
 }
-#: A sweep, to see whether a campaign that has none yet can be read.
-EXAMPLE = "frequency (Hz),amplitude (V)\n" + "".join(f"{f},{1.0 + f % 3}\n" for f in range(1, 9))
-
-
-@dataclass(frozen=True)
-class Draft:
-    """A campaign as text, and what was found, taken and guessed, in sentences.
-
-    ``undescribed`` says what of the measurements its FMU cannot describe, and why; empty: nothing
-    that was seen.
-    """
-
-    text: str
-    said: tuple[str, ...]
-    undescribed: str = ""
 
 
 def model_for(files: Files) -> str:
@@ -69,7 +51,12 @@ def model_for(files: Files) -> str:
 
     Args:
         files: of the measurements.
+
+    Raises:
+        BadInput: a map, which nobody named an FMU for.
     """
+    if files.map is not None:
+        raise files.map.refused("wanted an FMU", drafted=True)
     return ONE_MODE if files.two is None else TWO_MODES
 
 
@@ -89,7 +76,7 @@ def trace_draft_of(
         FmuFailure: the FMU failed with its own start values.
     """
     made = traces_of(recordings, source, offer_of(source.workers.description), answers)
-    _check(made.text(None), source)
+    check_text(made.text(None), source)
     return Draft(text=made.text(folder), said=(*made.seen, *answers.said, *_boxes(made.boxes)))
 
 
@@ -107,13 +94,15 @@ def draft_of(files: Files, source: Source, answers: Answers, folder: Path) -> Dr
             is none; or files and FMU do not suit each other, as the campaign's own reader says.
         FmuFailure: the FMU failed with its own start values.
     """
-    said = _said(files)
     offer = offer_of(source.workers.description)
+    if files.map is not None:
+        return map_draft_of(files.map, source, offer, answers, folder)
+    said = _said(files)
     choices = _chosen(files, source, offer, answers)
     name = shlex.quote(source.name)
     measured = files.sweeps or files.table
     missing = "" if measured else missing_text(f"--fmu {name}" if source.is_model else name)
-    _check(campaign_text(choices, files, offer, None) + missing, source)
+    check_text(campaign_text(choices, files, offer, None) + missing, source)
     undescribed = _undescribed(files, source)
     text = campaign_text(choices, files, offer, folder, undescribed) + missing
     words = (
@@ -474,20 +463,3 @@ def _amplitude(files: Files, answers: Answers) -> str:
         )
     )
     return meaning(units, kind)
-
-
-def _check(text: str, source: Source) -> None:
-    """The draft read and bound as `reconstruct` will do it, before it is written anywhere.
-
-    Where a measurement is missing, with one that is made up for this alone.
-    """
-    tomllib.loads(text)
-    with Scratch() as folder:
-        path = folder / "campaign.toml"
-        write_whole(path, completed(text))
-        write_whole(folder / "sweep.csv", EXAMPLE)
-        try:
-            bind(read_campaign(path), source.workers.description.variables)
-        except BadInput as error:
-            said = (str(t).replace(f"{path}: ", "").replace(str(path), "draft") for t in error.args)
-            raise BadInput(*(f"the draft does not suit: {text}" for text in said)) from error

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
-from fitting.resonance.reading import Columns, Roles, read_trace_of, roles_of
+from fitting.resonance.reading import Columns, Roles, map_in, read_trace_of, roles_of
 from fitting.resonance.two_lines import TwoLines, TwoResonances
 from fitting.text.errors import BadInput, gathered
 from fitting.text.tables import Column, read_table
@@ -42,6 +43,25 @@ class SweepFile:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MapFile:
+    """Spectra over a control quantity in one table: ``found`` says which."""
+
+    path: Path
+    roles: Roles
+    found: ControlMap
+
+    def refused(self, why: str, *, drafted: bool = False) -> BadInput:
+        """What to do with it by hand, where no draft can be made of it.
+
+        Args:
+            why: no draft can be made.
+            drafted: whether another FMU would have one.
+        """
+        way = self.found.way(phases=self.roles.is_complex, drafted=drafted)
+        return BadInput(f"{self.path}: is a map, {self.found.words}; {why}. {way}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class TableFile:
     """A table of experiments: a row each, with the frequencies of its tones.
 
@@ -60,10 +80,11 @@ class TableFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Files:
-    """All files: sweeps, and perhaps a table of experiments with a spectrum for each."""
+    """All files: sweeps, and perhaps a table of experiments with a spectrum for each; or a map."""
 
     sweeps: tuple[SweepFile, ...]
     table: TableFile | None = None
+    map: MapFile | None = None
     spectra: tuple[SweepFile, ...] = ()
     pattern: str = ""
 
@@ -88,13 +109,17 @@ def files_of(paths: Sequence[Path], columns: Columns) -> Files:
         columns: what is told of the sweeps' columns.
 
     Raises:
-        BadInput: a file that cannot be read; two tables; a table with too many spectra, or none.
+        BadInput: a file that cannot be read; two tables; a table with too many spectra, or none; a
+            map beside other files.
     """
     tables = [table for table in map(_table, paths) if table is not None]
     if len(tables) > 1:
         names = ", ".join(str(table.path) for table in tables)
         raise BadInput(f"{names}: are tables of experiments, wanted one in a campaign")
     table = tables[0] if tables else None
+    maps = [found for path in paths for found in _map(path, columns, alone=len(paths) == 1)]
+    if maps:
+        return Files(sweeps=(), map=maps[0])
     others = [path for path in paths if table is None or path != table.path]
     found = gathered([partial(_sweep, path, columns) for path in others])
     if table is None:
@@ -118,6 +143,21 @@ def files_of(paths: Sequence[Path], columns: Columns) -> Files:
         spectra=spectra,
         pattern=_pattern(table, spectra) if spectra else "",
     )
+
+
+def _map(path: Path, columns: Columns, *, alone: bool) -> list[MapFile]:
+    """The map that a file is, of none none; refused beside other files."""
+    try:
+        roles = roles_of(path, columns)
+        found = map_in(roles)
+    except BadInput:
+        return []  # its reader complains
+    if found is None:
+        return []
+    made = MapFile(path=path, roles=roles, found=found)
+    if not alone:
+        raise made.refused("wanted it without other files")
+    return [made]
 
 
 def _sweep(path: Path, columns: Columns) -> SweepFile:

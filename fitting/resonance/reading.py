@@ -9,8 +9,9 @@ import numpy as np
 
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording
 from fitting.campaign.recognised import Recognised, recognised
+from fitting.resonance.control_map import ControlMap, map_of
 from fitting.resonance.trace import Trace, trace_of
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import listed
@@ -217,34 +218,81 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     """
     roles = roles_of(path, columns)
     recording = roles.recording
-    frequency_hz = _hertz(roles)
+    found = map_in(roles)
+    if found is not None:
+        way = found.way(phases=roles.is_complex, drafted=True)
+        raise BadInput(f"{path}: is a map, {found.words}; wanted one sweep. {way}")
+    frequency_hz = hertz_in(roles)
     read = _columns_words(roles)
-    said = [f"{path.name}: {roles.recognised.words}.", f"Read: {read}.", *_guesses(roles, columns)]
+    values, unit, words = values_in(roles)
+    said = [*lead(roles), *_guesses(roles, columns), *words]
+    if frequency_hz.size > 1 and frequency_hz[0] > frequency_hz[-1]:
+        said.append("The sweep runs downwards in frequency; its points were turned round.")
+    made = trace_of(frequency_hz, values, unit, source=str(path))
+    return replace(made, read=read, said=tuple(said), notes=dict(recording.notes))
+
+
+def map_in(roles: Roles) -> ControlMap | None:
+    """The map that a file is, where it holds several spectra over a control; else None.
+
+    Args:
+        roles: of its columns.
+
+    Raises:
+        BadInput: a frequency that is no number.
+    """
+    frequencies = roles.recording.numbers(roles.frequency)
+    return map_of(roles.recording, frequencies, [channel.name for channel in roles.all])
+
+
+def lead(roles: Roles) -> tuple[str, str]:
+    """What a file is, and as what its columns were read, in sentences.
+
+    Args:
+        roles: of its columns.
+    """
+    name = roles.recording.path.name
+    return f"{name}: {roles.recognised.words}.", f"Read: {_columns_words(roles)}."
+
+
+def values_in(roles: Roles) -> tuple[FloatArray | ComplexArray, str, list[str]]:
+    """Amplitudes or complex values (n,) of a file, their unit, and what was made of them.
+
+    Args:
+        roles: of its columns.
+
+    Raises:
+        BadInput: a cell that is no number, a unit of another kind.
+    """
+    path, recording = roles.recording.path, roles.recording
     if roles.real is not None and roles.imaginary is not None:
         unit = roles.real.unit or "1"
         factor = 1.0
         if roles.imaginary.unit not in (None, roles.real.unit):
             where = f"{path}: column '{roles.imaginary.name}'"
             factor = convert(1.0, str(roles.imaginary.unit), unit, where=where)
-        values = recording.numbers(roles.real) + 1j * factor * recording.numbers(roles.imaginary)
-    elif roles.sizes is not None and roles.sizes.is_complex:
-        unit, values = roles.sizes.unit or "1", recording.values(roles.sizes)
-    else:
-        assert roles.sizes is not None  # noqa: S101 - roles_of has complained otherwise
-        sizes, unit, words = _amplitudes(recording, roles.sizes)
-        said += words
-        values = sizes
-        if roles.phase is not None:
-            where = f"{path}: column '{roles.phase.name}'"
-            radians = convert(1.0, str(roles.phase.unit), "rad", where=where)
-            values = sizes * np.exp(1j * radians * recording.numbers(roles.phase))
-    if frequency_hz.size > 1 and frequency_hz[0] > frequency_hz[-1]:
-        said.append("The sweep runs downwards in frequency; its points were turned round.")
-    found = trace_of(frequency_hz, values, unit, source=str(path))
-    return replace(found, read=read, said=tuple(said), notes=dict(recording.notes))
+        parts = recording.numbers(roles.real) + 1j * factor * recording.numbers(roles.imaginary)
+        return parts, unit, []
+    assert roles.sizes is not None  # noqa: S101 - roles_of has complained otherwise
+    if roles.sizes.is_complex:
+        return recording.values(roles.sizes), roles.sizes.unit or "1", []
+    sizes, unit, words = _amplitudes(recording, roles.sizes)
+    if roles.phase is None:
+        return sizes, unit, words
+    where = f"{path}: column '{roles.phase.name}'"
+    radians = convert(1.0, str(roles.phase.unit), "rad", where=where)
+    return sizes * np.exp(1j * radians * recording.numbers(roles.phase)), unit, words
 
 
-def _hertz(roles: Roles) -> FloatArray:
+def hertz_in(roles: Roles) -> FloatArray:
+    """The frequencies (n,) of a file, Hz.
+
+    Args:
+        roles: of its columns.
+
+    Raises:
+        BadInput: a cell that is no number, a unit of another kind.
+    """
     channel = roles.frequency
     where = f"{roles.recording.path}: column '{channel.name}'"
     unit = str(channel.unit)

@@ -48,8 +48,9 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
     TABLE: ClassVar[str] = "control_sweep"
 
     file: FileName
-    """Either all points, a row each: the controls, frequency, amplitude; or a row for each
-    spectrum: the controls, and in the column file the name of the spectrum's own file."""
+    """Either all points, a row each: the controls, frequency, amplitude, or other usual names of
+    these, as f and R; or a row for each spectrum: the controls, and in the column file the name of
+    the spectrum's own file."""
     amplitude: Annotated[
         Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
     ]

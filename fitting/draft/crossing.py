@@ -1,0 +1,340 @@
+"""Two modes that meet over a control: a closed form through a map tells where a fit may start.
+
+    q1 = N2/(N1 N2 - l^4)      N_i = f_i^2 - u^2 + i u d_i      f1 or f2 a polynomial of the control
+
+is what one tone on mode 1 makes of it, q1 in units of no interest: every spectrum has a scale of
+its own, by least squares. At the crossing both lines are gap = l^2/f apart. Starts come from the
+ridge, the frequencies of the largest amplitudes: mode 1 shows, so that the ridge follows it where
+both are far from each other.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fitting.signal.least_squares import minimise_squares
+from fitting.signal.scale import half_power_width
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray
+
+#: Spectra that are looked at, at most; starts that are refined, and evaluations for each.
+MOST_SPECTRA, REFINED, ROUNDS = 12, 6, 60
+#: Tried: places of the crossing over the control from -1 to 1, and gaps in widths of a line.
+PLACES, GAPS = np.linspace(-1.0, 1.0, 9), (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+#: Tried slopes of the tuned mode: in slopes of the ridge, or in spans over half the control.
+STEEPER, SLOPES = (1.0, 1.5, 2.5), (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+#: A square of the control counts from this fall of the sum of squares, a second mode from that one,
+#: and where each of its three numbers gains so many times what noise would.
+BENT, SECOND, BEYOND_NOISE = 0.8, 0.9, 10.0
+#: Turns of a cable over a sweep, at most, and steps for each; its share of the sum of squares.
+MOST_TURNS, STEPS, CABLE = 40, 16, 0.8
+#: Exponents of the logarithms of gap and widths stay below it.
+LARGEST = 50.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Crossing:
+    """Two modes, one of which follows the control, as they were seen.
+
+    Attributes:
+        tuned: 1: the mode that is driven and seen follows the control, 2: the other one.
+        law: coefficients of its frequency, Hz, of powers of the control, from 0.
+        other_hz: frequency of the mode that does not.
+        coupling_hz: l.
+        widths_hz: full widths of modes 1 and 2.
+        gap_hz: between both lines where they come closest.
+        place: of the control there, None: beyond what was measured.
+        left: root mean square of what is left, over the largest amplitude of each spectrum.
+        one_left: the same, where mode 1 alone is fitted.
+        rows: number of amplitudes.
+    """
+
+    tuned: int
+    law: tuple[float, ...]
+    other_hz: float
+    coupling_hz: float
+    widths_hz: tuple[float, float]
+    gap_hz: float
+    place: float | None
+    left: float
+    one_left: float
+    rows: int
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether a second mode is there at all.
+
+        Source: the extra sum of squares (N. Draper and H. Smith, Applied Regression Analysis).
+        """
+        two, one = self.left**2, self.one_left**2
+        return two < SECOND * one and self.rows * (one - two) > 3.0 * BEYOND_NOISE * two
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Amplitudes (n,) over frequencies (n,), Hz, at each value of the control, of a map."""
+
+    control: FloatArray
+    frequency_hz: Sequence[FloatArray]
+    amplitude: Sequence[FloatArray]
+
+    @cached_property
+    def middle(self) -> float:
+        """Of the control."""
+        return 0.5 * float(np.min(self.control) + np.max(self.control))
+
+    @cached_property
+    def half(self) -> float:
+        """Half of what the control runs over."""
+        return 0.5 * float(np.ptp(self.control))
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """The control from -1 to 1, (spectra,)."""
+        return np.asarray((self.control - self.middle) / self.half)
+
+    @cached_property
+    def range_hz(self) -> tuple[float, float]:
+        """First and last frequency of all."""
+        return min(float(f[0]) for f in self.frequency_hz), max(
+            float(f[-1]) for f in self.frequency_hz
+        )
+
+    @cached_property
+    def ridge_hz(self) -> FloatArray:
+        """Frequencies of the largest amplitudes, (spectra,)."""
+        pairs = zip(self.frequency_hz, self.amplitude, strict=True)
+        return np.array([f[int(np.argmax(a))] for f, a in pairs])
+
+    @cached_property
+    def width_hz(self) -> float:
+        """A typical width of a line, and no less than the points are apart."""
+        pairs = list(zip(self.frequency_hz, self.amplitude, strict=True))
+        found = [half_power_width(f, a) for f, a in pairs]
+        apart = float(np.median(np.concatenate([np.diff(f) for f in self.frequency_hz])))
+        seen = [width for width in found if width > 0.0 and math.isfinite(width)]
+        return max(float(np.median(seen)) if seen else 0.0, apart)
+
+    def some(self) -> Spectra:
+        """A dozen of them at most, over the whole range."""
+        count = self.control.size
+        if count <= MOST_SPECTRA:
+            return self
+        order = np.argsort(self.control)
+        kept = order[np.round(np.linspace(0, count - 1, MOST_SPECTRA)).astype(int)]
+        return Spectra(
+            self.control[kept],
+            [self.frequency_hz[k] for k in kept],
+            [self.amplitude[k] for k in kept],
+        )
+
+
+def crossing_of(spectra: Spectra) -> Crossing:
+    """The two modes that describe a map best.
+
+    Args:
+        spectra: of the map, three or more.
+    """
+    few = spectra.some()
+    found = min((_refined(few, tuned) for tuned in (1, 2)), key=lambda each: each[1])
+    model, squares, values = found
+    straight = _Model(few, model.tuned, 1)
+    linear = straight.fitted(np.delete(values, 2))
+    if linear[1] * BENT <= squares:
+        (values, squares), model = linear, straight
+    lone = _Model(few, 1, 2, alone=True)
+    one = min(lone.fitted(start)[1] for start in lone.lone_starts())
+    return model.crossing(values, squares, one)
+
+
+def _refined(spectra: Spectra, tuned: int) -> tuple[_Model, float, FloatArray]:
+    model = _Model(spectra, tuned, 2)
+    tried = sorted(model.starts(), key=model.squares)[:REFINED]
+    values, squares = min((model.fitted(start) for start in tried), key=lambda each: each[1])
+    return model, squares, values
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """The closed form over a map, as a function of values (degree + 5,).
+
+    They are, in spans of the frequencies from their middle, the coefficients of the tuned mode
+    (degree + 1) and the place of the other one; logarithms of gap and both widths, in line widths.
+    """
+
+    spectra: Spectra
+    tuned: int
+    degree: int
+    alone: bool = False
+
+    @cached_property
+    def middle_hz(self) -> float:
+        return 0.5 * sum(self.spectra.range_hz)
+
+    @cached_property
+    def span_hz(self) -> float:
+        low, high = self.spectra.range_hz
+        return high - low
+
+    @cached_property
+    def _flat(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+        """Frequencies, amplitudes over their largest, the control of all rows; starts, counts."""
+        s = self.spectra
+        counts = np.array([f.size for f in s.frequency_hz])
+        sizes = [a / np.max(a) for a in s.amplitude]
+        u, x = np.concatenate(s.frequency_hz), np.repeat(s.x, counts)
+        return u, np.concatenate(sizes), x, np.cumsum(counts) - counts, counts
+
+    def places_hz(self, values: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Frequencies of modes 1 and 2 at the control x, without coupling."""
+        law = np.polynomial.polynomial.polyval(x, values[: self.degree + 1])
+        moved = np.asarray(self.middle_hz + self.span_hz * law, dtype=float)
+        held = self.middle_hz + self.span_hz * np.full_like(x, values[self.degree + 1])
+        return (moved, held) if self.tuned == 1 else (held, moved)
+
+    def sizes_hz(self, values: FloatArray) -> tuple[float, float, float]:
+        """Gap at the crossing and widths of modes 1 and 2."""
+        unit = self.spectra.width_hz
+        gap, one, two = (unit * math.exp(min(float(v), LARGEST)) for v in values[-3:])
+        return (0.0 if self.alone else gap), one, two
+
+    def response(self, values: FloatArray, u: FloatArray, x: FloatArray) -> ComplexArray:
+        """q1 (n,) at frequencies (n,), Hz, and the control x (n,)."""
+        f1, f2 = self.places_hz(values, x)
+        gap, d1, d2 = self.sizes_hz(values)
+        one = (f1 - u) * (f1 + u) + 1j * u * d1
+        two = (f2 - u) * (f2 + u) + 1j * u * d2
+        return np.asarray(1.0 / (one - (gap * self.middle_hz) ** 2 / two))
+
+    def rows(self, values: FloatArray) -> FloatArray:
+        """What is left of all amplitudes, under a scale of each spectrum."""
+        u, measured, x, starts, counts = self._flat
+        made = np.abs(self.response(values, u, x)) * self.middle_hz * self.spectra.width_hz
+        power = np.add.reduceat(made**2, starts)
+        scale = np.add.reduceat(made * measured, starts) / np.maximum(power, 1e-300)
+        return np.asarray(np.repeat(scale, counts) * made - measured)
+
+    def squares(self, values: FloatArray) -> float:
+        rows = self.rows(values)
+        return float(rows @ rows)
+
+    def fitted(self, start: FloatArray) -> tuple[FloatArray, float]:
+        """Values of the least sum of squares from a start, and that sum."""
+        found = minimise_squares(self.rows, start, rounds=ROUNDS, gain=1e-9)
+        return found.values, float(found.residuals @ found.residuals)
+
+    def _ridges(self) -> list[FloatArray]:
+        """Coefficients (3,) of lines and parabolas along the ridge."""
+        x, f = self.spectra.x, (self.spectra.ridge_hz - self.middle_hz) / self.span_hz
+        pairs = [(i, j) for i, j in itertools.combinations(range(x.size), 2) if x[i] != x[j]]
+        slope = float(np.median([(f[j] - f[i]) / (x[j] - x[i]) for i, j in pairs]))
+        found = [np.array([float(np.median(f - slope * x)), slope, 0.0])]
+        if np.unique(x).size > 3:
+            found.append(np.polynomial.polynomial.polyfit(x, f, 2))
+        return found
+
+    def lone_starts(self) -> list[FloatArray]:
+        """Where mode 1 alone may begin."""
+        return [np.array([*ridge, 0.0, 0.0, 0.0, 0.0]) for ridge in self._ridges()]
+
+    def starts(self) -> Iterator[FloatArray]:
+        """Where both modes may begin."""
+        gaps = [math.log(gap) for gap in GAPS if gap * self.spectra.width_hz < self.span_hz]
+        for place, gap in itertools.product(PLACES, gaps):
+            for law, held in self._laws(float(place)):
+                yield np.array([*law, held, gap, 0.0, 0.0])
+
+    def _laws(self, place: float) -> Iterator[tuple[FloatArray, float]]:
+        """Laws of the tuned mode, and the other one, which it meets at that place."""
+        if self.tuned == 1:
+            for ridge, steeper in itertools.product(self._ridges(), STEEPER):
+                law = ridge * np.array([1.0, steeper, steeper])
+                yield law, float(np.polynomial.polynomial.polyval(place, law))
+            return
+        held = float(np.median(self.spectra.ridge_hz) - self.middle_hz) / self.span_hz
+        for slope, sign in itertools.product(SLOPES, (-1.0, 1.0)):
+            yield np.array([held - sign * slope * place, sign * slope, 0.0]), held
+
+    def crossing(self, values: FloatArray, squares: float, one: float) -> Crossing:
+        """The same in Hz and in the control's own unit; sums of squares of both and of one mode."""
+        s, rows = self.spectra, self._flat[0].size
+        plain = np.polynomial.Polynomial(
+            values[: self.degree + 1], domain=[s.middle - s.half, s.middle + s.half]
+        ).convert()
+        law = np.zeros(self.degree + 1)
+        law[: plain.coef.size] = self.span_hz * np.asarray(plain.coef, dtype=float)
+        law[0] += self.middle_hz
+        gap, d1, d2 = self.sizes_hz(values)
+        x = np.linspace(-1.0, 1.0, 2001)
+        f1, f2 = self.places_hz(values, x)
+        k = int(np.argmin(np.abs(f1 - f2)))
+        inside = 0 < k < x.size - 1
+        return Crossing(
+            tuned=self.tuned,
+            law=tuple(float(c) for c in law),
+            other_hz=self.middle_hz + self.span_hz * float(values[self.degree + 1]),
+            coupling_hz=math.sqrt(gap * self.middle_hz),
+            widths_hz=(d1, d2),
+            gap_hz=gap,
+            place=s.middle + s.half * float(x[k]) if inside else None,
+            left=math.sqrt(squares / rows),
+            one_left=math.sqrt(one / rows),
+            rows=rows,
+        )
+
+
+def response_of(crossing: Crossing, frequency_hz: FloatArray, control: float) -> ComplexArray:
+    """q1 (n,) of a crossing at one value of the control, to a factor.
+
+    Args:
+        crossing: as it was seen.
+        frequency_hz: (n,), Hz.
+        control: in its own unit.
+    """
+    moved = float(np.polynomial.polynomial.polyval(control, crossing.law))
+    f1, f2 = (moved, crossing.other_hz) if crossing.tuned == 1 else (crossing.other_hz, moved)
+    d1, d2 = crossing.widths_hz
+    u = frequency_hz
+    one, two = ((f - u) * (f + u) + 1j * u * d for f, d in ((f1, d1), (f2, d2)))
+    return np.asarray(1.0 / (one - crossing.coupling_hz**4 / two))
+
+
+def phases_of(
+    crossing: Crossing, spectra: Spectra, values: Sequence[ComplexArray]
+) -> tuple[bool, bool]:
+    """Whether an instrument counts phases the other way, and whether a cable turns them.
+
+    Args:
+        crossing: as it was seen.
+        spectra: its map.
+        values: complex ones of every spectrum, (n,) each.
+    """
+    low, high = spectra.range_hz
+    fewest = min(f.size for f in spectra.frequency_hz)
+    turns = min(MOST_TURNS, fewest // 2) * STEPS
+    delays = np.arange(-turns, turns + 1) / (STEPS * (high - low))
+    plain, other = (
+        _left(crossing, spectra, [np.conj(v) if turned else v for v in values], delays)
+        for turned in (False, True)
+    )
+    turned = float(np.min(other)) < float(np.min(plain))
+    left = other if turned else plain
+    return turned, bool(np.min(left) < CABLE * left[turns])
+
+
+def _left(
+    crossing: Crossing, spectra: Spectra, values: Sequence[ComplexArray], delays: FloatArray
+) -> FloatArray:
+    """Share of the squares that a gain of each spectrum leaves, (delays,)."""
+    shares = []
+    for control, f, seen in zip(spectra.control, spectra.frequency_hz, values, strict=True):
+        made = response_of(crossing, f, float(control))
+        turning = np.exp(2j * np.pi * np.outer(delays, f - f[0]))
+        overlap = np.abs(turning @ (seen * np.conj(made))) ** 2
+        shares.append(overlap / (np.sum(np.abs(made) ** 2) * np.sum(np.abs(seen) ** 2)))
+    return np.asarray(1.0 - np.mean(shares, axis=0))
