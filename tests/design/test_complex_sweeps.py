@@ -68,7 +68,7 @@ def beside(p: FloatArray, place: tuple[float, float], u: FloatArray) -> ComplexA
     """
     away = u - 0.5 * (u[0] + u[-1])
     terms = [phasor(p[:5], *place, u), np.ones(u.size), away / (0.5 * np.ptp(OLD_HZ))]
-    return np.stack(terms, axis=1) * np.exp(-2j * np.pi * away * p[5])[:, None]
+    return np.asarray(np.stack(terms, axis=1) * np.exp(-2j * np.pi * away * p[5])[:, None])
 
 
 def seen(wire: Wire, place: tuple[float, float], u: FloatArray) -> ComplexArray:
