@@ -589,7 +589,7 @@ class WrittenAccuracy(Keys):
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenSweeps(Keys):
-    """Whole sweeps of a [control_sweep] as next measurements, each at values of its controls."""
+    """Whole sweeps over a control as next measurements, each at values of its controls."""
 
     controls: Annotated[
         Mapping[str, Values], Missing('wanted values to try, as controls = { "V" = [0, "1 V"] }')
@@ -628,7 +628,8 @@ class WrittenDesign(Keys):
     repeats: Positives | None = None
     """Numbers of spectra averaged with their phases to try."""
     noise_floor: Value | None = None
-    """Of a peak in one spectrum, as "0.18 uV"; without it the median of the campaign's."""
+    """Of a peak in one spectrum, of a point of a sweep or of each of its quadratures, as "0.18 uV";
+    without it the campaign's own."""
     relative_noise: Annotated[Number | None, Usually(0.01)] = None
     """Noise of a peak as a share of it, which averaging does not lower."""
     phases: Switch | None = None
@@ -649,7 +650,8 @@ class WrittenDesign(Keys):
     averaged: Counts | None = None
     """Spectra averaged in each row of a campaign that a design made."""
     sweeps: WrittenSweeps | None = None
-    """Propose whole sweeps of the campaign's [control_sweep] in place of tones."""
+    """Propose whole sweeps of the campaign's [control_sweep], else of its [complex_control_sweep],
+    in place of tones."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     hand_over(args, found.design)
     print("\n".join(design_lines(found.design)))
     print(f"\nwritten: {', '.join(map(str, written[:2]))}")
-    what = "amplitudes" if found.design.is_of_sweeps else "peaks"
+    what = "every point of its sweeps" if found.design.is_of_sweeps else "peaks"
     print(f"for the laboratory: {written[2]}, {what} to be filled in")
     for page in written[3:]:
         print(f"report: {page}")

@@ -13,8 +13,9 @@ from typing import Any
 
 from fitting.campaign import BoundCampaign, Drive, SweepData
 from fitting.design.candidates import Limits, base_settings, levels_and_more
+from fitting.design.continued import continued_of
 from fitting.design.result import Design, Proposal
-from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, sweeps_csv
+from fitting.design.sweep_campaign import SWEEPS_NAME, edit_for_sweeps, fill_in, sweeps_csv
 from fitting.text.arrays import Scalar
 from fitting.text.notation import hertz, number, prefixed
 from fitting.text.tables import read_text
@@ -45,11 +46,8 @@ def campaign_files(
     """
     text = _campaign(design, bound, limits, folder, command)
     if limits.sweeps is not None:
-        written = str(tomllib.loads(text)["control_sweep"]["amplitude"])
-        return {
-            CAMPAIGN_NAME: text,
-            SWEEPS_NAME: sweeps_csv(design, bound, written.split()[0], command),
-        }
+        written = tomllib.loads(text)
+        return {CAMPAIGN_NAME: text, SWEEPS_NAME: sweeps_csv(design, bound, written, command)}
     files: dict[str, str | bytes] = {
         CAMPAIGN_NAME: text,
         EXPERIMENTS_NAME: _experiments(design, bound, limits, command),
@@ -74,7 +72,7 @@ def _campaign(
             named = bound.path.parent / str(tables["fmu"]["file"])
             tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
         for name in bound.measurements:
-            if limits.sweeps is None or name != "control_sweep":
+            if limits.sweeps is None or name != continued_of(bound).table:
                 tables.pop(name, None)  # other data, which are not measured again
         if limits.sweeps is not None:
             edit_for_sweeps(tables, design, bound, limits)
@@ -98,7 +96,7 @@ def _campaign(
         "drifts, and take the sweep anew if the gain of the detection has changed.",
     ]
     if limits.sweeps is not None:
-        head = [f"Next sweeps, to be made: fill in the amplitudes of {SWEEPS_NAME}."]
+        head = [f"Next sweeps, to be made. {fill_in(bound)} of {SWEEPS_NAME}."]
     return rewritten(read_text(bound.path), edit, [*head, f"Proposed by: {command}"])
 
 

@@ -9,20 +9,14 @@ import numpy as np
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, to_model
 from fitting.design.candidates import Limits, SweepLimits
+from fitting.design.continued import continued_of
 from fitting.design.result import Design, Expected, Kind, PlacePoint, Proposal
-from fitting.design.sweeps import control_sweep_of
 from fitting.design.weighing import DesignGoal, Weighed, chosen_by
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import hertz, listed, number, quantity
 
 #: A factor on the error that nobody calls useless.
 HELPFUL = 3.0
-#: What is taken of the scale of new sweeps, by that of the control sweep.
-SCALES = {
-    "each": "each has a scale of its own, of which nothing is known",
-    "shared": "they share one scale, of which nothing is known",
-    "none": "their scale is known to be 1",
-}
 
 
 def propose(
@@ -57,9 +51,7 @@ def propose(
         campaign=str(bound.path),
         target=goal.target,
         unit=unit,
-        amplitude_unit=bound.amplitude_unit
-        if limits.sweeps is None
-        else control_sweep_of(bound).unit,
+        amplitude_unit=bound.amplitude_unit if limits.sweeps is None else continued_of(bound).unit,
         criterion=goal.criterion,
         before=_expected(weighed.sigmas([])),
         spread=weighed.spread,
@@ -213,7 +205,7 @@ def _sentences(
     if limits.sweeps is not None:
         said.append(
             "Every control of a new sweep is taken to be as exact as in the sweeps so far; "
-            f"{SCALES[control_sweep_of(bound).scaled_by]}."
+            f"{continued_of(bound).scale}."
         )
     if limits.setting_sigmas:
         errors = listed(f"{name} by {s:.3g}" for name, s in limits.setting_sigmas.items())
@@ -255,7 +247,7 @@ def _noise(limits: Limits, unit: str) -> str:
 
 
 def _sweep_limits(bound: BoundCampaign, limits: Limits, sweeps: SweepLimits) -> dict[str, str]:
-    unit, [centre_hz] = control_sweep_of(bound).unit, limits.centres_hz
+    unit, [centre_hz] = continued_of(bound).unit, limits.centres_hz
     return {
         "output": limits.outputs[0],
         "sweep": f"{sweeps.points} points over {hertz(sweeps.span_hz)} around {hertz(centre_hz)}",

@@ -1,22 +1,22 @@
-"""Proposed sweeps as part of a campaign: its tables, and a file with the amplitudes left open."""
+"""Proposed sweeps as part of a campaign: its tables, and a file with the values left open."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from fitting.campaign import BoundCampaign
 from fitting.design.candidates import DriveChoice, Limits
+from fitting.design.continued import continued_of
 from fitting.design.result import Design, Proposal
-from fitting.design.sweeps import control_sweep_of, frequencies_hz
+from fitting.design.sweeps import frequencies_hz
 from fitting.text.arrays import Scalar
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.notation import hertz, listed, number, prefixed
 from fitting.text.toml import Tables, inline, put
 
 SWEEPS_NAME = "sweeps.csv"
 #: Tables of data that are not measured again.
 MEASURED_BEFORE = ("experiments", "drift", "sweep")
-#: Keys of [control_sweep] that tell of the files measured before.
-OF_FILES = ("layout", "range")
 
 
 def edit_for_sweeps(tables: Tables, design: Design, bound: BoundCampaign, limits: Limits) -> None:
@@ -30,16 +30,16 @@ def edit_for_sweeps(tables: Tables, design: Design, bound: BoundCampaign, limits
     """
     for name in MEASURED_BEFORE:
         tables.pop(name, None)
-    table = tables["control_sweep"]
-    for key in OF_FILES:
+    so_far = continued_of(bound)
+    table = tables[so_far.table]
+    for key in so_far.of_files:
         table.pop(key, None)
     fixed = constants_of(design, bound)
     if fixed:
         table["controls"] = [name for name in table["controls"] if name not in fixed]
-        units = control_sweep_of(bound).units
-        given = {name: _quantity(value, units[name]) for name, value in fixed.items()}
+        given = {name: _quantity(value, so_far.units[name]) for name, value in fixed.items()}
         put(tables, "constants", {**tables.get("constants", {}), **given})
-    put(table, "file", SWEEPS_NAME, "what to measure: a sweep each, with its amplitudes")
+    put(table, "file", SWEEPS_NAME, "what to measure: each sweep, point by point")
     what = "the instrument's limits"
     put(tables, "design", _design_table(design, bound, limits), what)
 
@@ -65,7 +65,7 @@ def _quantity(value: Scalar, unit: str) -> Scalar:
 
 
 def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[str, Any]:
-    unit, wanted = control_sweep_of(bound).unit, limits.sweeps
+    unit, wanted = continued_of(bound).unit, limits.sweeps
     table: dict[str, Any] = {
         "target": design.target,
         "criterion": design.criterion,
@@ -84,29 +84,42 @@ def _design_table(design: Design, bound: BoundCampaign, limits: Limits) -> dict[
     return table
 
 
-def sweeps_csv(design: Design, bound: BoundCampaign, amplitude: str, command: str) -> str:
+def sweeps_csv(
+    design: Design, bound: BoundCampaign, written: Mapping[str, Any], command: str
+) -> str:
     """The points to be measured, a remark before each sweep says what is expected.
 
     Args:
         design: the proposed sweeps.
         bound: campaign, bound to its FMU.
-        amplitude: unit of the amplitudes in the file.
+        written: tables of the campaign that the file belongs to.
         command: command line that made it, for the record.
     """
-    units = control_sweep_of(bound).units
+    so_far = continued_of(bound)
     fixed = constants_of(design, bound)
     names = [name for name in design.proposals[0].settings if name not in fixed]
-    heads = [f"{name} ({units.get(name) or 1})" for name in names]
+    heads = [f"{name} ({so_far.units.get(name) or 1})" for name in names]
+    open_cells = [""] * len(so_far.columns)
     lines = [
-        "# Next sweeps. Fill in the column amplitude.",
+        f"# Next sweeps. {fill_in(bound)}.",
         f"# Proposed by: {command}",
-        ",".join([*heads, "frequency (Hz)", f"amplitude ({amplitude})"]),
+        ",".join([*heads, "frequency (Hz)", *so_far.heads(written[so_far.table])]),
     ]
     for p in design.proposals:
         lines.append(f"# {_what(p, design)}")
         controls = [str(p.settings[name]) for name in names]
-        lines += [",".join([*controls, repr(float(f)), ""]) for f in _frequencies(p)]
+        lines += [",".join([*controls, repr(float(f)), *open_cells]) for f in _frequencies(p)]
     return "\n".join(lines) + "\n"
+
+
+def fill_in(bound: BoundCampaign) -> str:
+    """What the laboratory is asked to do with the file.
+
+    Args:
+        bound: campaign, bound to its FMU.
+    """
+    columns = continued_of(bound).columns
+    return f"Fill in the column{'s' * (len(columns) > 1)} {listed(columns)}"
 
 
 def _frequencies(p: Proposal) -> list[float]:

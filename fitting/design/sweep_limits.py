@@ -1,4 +1,4 @@
-"""Limits of sweeps as next measurements: what [design] says, else as the control sweep had them."""
+"""Limits of sweeps as next measurements: what [design] says, else as the campaign's had them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenDesign, WrittenSweeps
 from fitting.design.candidates import Limits, SweepLimits
-from fitting.design.sweeps import check_controls, control_sweep_of
+from fitting.design.continued import Continued, continued_of
+from fitting.design.sweeps import check_controls
 from fitting.fmu.variables import VariableLike
-from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.written import Written, in_unit, positive_in
@@ -60,14 +60,14 @@ def sweep_limits(
         table: [design], as it was read.
 
     Raises:
-        BadInput: no control sweep, an unknown control, a value of the wrong unit, a key that places
-            tones, no noise.
+        BadInput: no sweeps over a control, an unknown control, a value of the wrong unit, a key
+            that places tones, no noise.
     """
-    sweep, said = control_sweep_of(bound), table.said
+    so_far, said = continued_of(bound), table.said
     _check_places(bound, table)
-    if any(np.any(s.level != 1.0) for s in sweep.spectra):
+    if so_far.has_own_drive:
         raise BadInput(
-            f"{table.where('sweeps')}: the spectra of [control_sweep] have a drive of their own; "
+            f"{table.where('sweeps')}: the spectra of [{so_far.table}] have a drive of their own; "
             "wanted sweeps with one amplitude of the drive"
         )
     for key in OF_TONES:
@@ -76,8 +76,8 @@ def sweep_limits(
                 f"{table.where(key)}: has no meaning beside sweeps, which are proposed in place of "
                 "tones"
             )
-    first = min(s.u_hz[0] for s in sweep.spectra)
-    last = max(s.u_hz[-1] for s in sweep.spectra)
+    first = min(s.frequency_hz[0] for s in so_far.sweeps)
+    last = max(s.frequency_hz[-1] for s in so_far.sweeps)
     centre_hz = float(0.5 * (first + last))
     if said.centres is not None:
         if len(said.centres) != 1:
@@ -88,13 +88,13 @@ def sweep_limits(
         centre_hz = in_unit(said.centres[0], "Hz")
     limits = SweepLimits(
         span_hz=_asked(said).span or float(last - first),
-        points=_asked(said).points or max(s.u_hz.size for s in sweep.spectra),
-        controls=_controls(bound, variables, table, sweep),
+        points=_asked(said).points or max(s.frequency_hz.size for s in so_far.sweeps),
+        controls=_controls(bound, variables, table, so_far),
     )
     step_hz = limits.span_hz / (limits.points - 1)
-    floor, relative = _noise(sweep, table)
+    floor, relative = _noise(so_far, table)
     return Limits(
-        outputs=(sweep.seen,),
+        outputs=(so_far.output,),
         centres_hz=(centre_hz,),
         frequency_step_hz=step_hz,
         least_spacing_hz=step_hz,
@@ -104,7 +104,7 @@ def sweep_limits(
         repeats=(1,),
         noise_floor_v=floor,
         relative_noise=relative,
-        largest_v=_amplitude(sweep, said.largest, HEADROOM * max(s.largest for s in sweep.spectra)),
+        largest_v=_amplitude(so_far, said.largest, HEADROOM * so_far.largest),
         number=said.number or Limits.number,
         sweeps=limits,
     )
@@ -128,48 +128,49 @@ def _controls(
     bound: BoundCampaign,
     variables: Mapping[str, VariableLike],
     table: SweepTable,
-    sweep: ControlSweep,
+    so_far: Continued,
 ) -> dict[str, tuple[Scalar, ...]]:
     binder = Binder(variables, bound.setup.laws.names)
-    binder.control_units.update(sweep.control_units)
+    binder.control_units.update({n: unit for n, unit in so_far.units.items() if unit})
     written = _asked(table.said).controls
-    check_controls(written, sweep, table.where("sweeps"))
+    check_controls(written, so_far, table.where("sweeps"))
     return {
-        name: tuple(binder.setting(name, _with_unit(value, sweep.units[name])) for value in values)
+        name: tuple(binder.setting(name, _with_unit(value, so_far.units[name])) for value in values)
         for name, values in written.items()
     }
 
 
 def _with_unit(written: Written, unit: str) -> Written:
-    """A plain number in the unit of the control sweep."""
+    """A plain number in the unit of the sweeps so far."""
     plain = written.unit is None and not isinstance(written.value, str)
     return replace(written, unit=unit or None) if plain else written
 
 
-def _amplitude(sweep: ControlSweep, written: Written | None, default: float) -> float:
-    return default if written is None else positive_in(written, sweep.unit)
+def _amplitude(so_far: Continued, written: Written | None, default: float) -> float:
+    return default if written is None else positive_in(written, so_far.unit)
 
 
-def _noise(sweep: ControlSweep, table: SweepTable) -> tuple[float, float]:
+def _noise(so_far: Continued, table: SweepTable) -> tuple[float, float]:
     """Noise of a point of a sweep, and the part of it that is a share of the amplitude.
 
     Least squares of sigma^2 = floor^2 + (relative A)^2 over the measured points, where it is
-    stated; the median of what the spectra's scatter says elsewhere.
+    stated; the median of what the sweeps' scatter says elsewhere.
     """
     said = table.said
-    sigma = np.concatenate([s.sigmas for s in sweep.spectra])
-    size = max(s.largest for s in sweep.spectra)
+    sigma = np.concatenate([s.sigma for s in so_far.sweeps])
+    amplitude = np.concatenate([s.amplitude for s in so_far.sweeps])
+    size = so_far.largest
     squares = np.array([float(np.median(sigma / size)) ** 2, 0.0])
-    if not sweep.estimated:
-        matrix = np.column_stack([np.ones(sweep.rows), (sweep.measured / size) ** 2])
+    if not so_far.estimated:
+        matrix = np.column_stack([np.ones(amplitude.size), (amplitude / size) ** 2])
         squares = np.linalg.lstsq(matrix, (sigma / size) ** 2, rcond=None)[0]
     found = np.sqrt(np.maximum(squares, 0.0))
     found[found < ROUNDING * found.max()] = 0.0
-    floor = _amplitude(sweep, said.noise_floor, float(f"{size * float(found[0]):.9g}"))
+    floor = _amplitude(so_far, said.noise_floor, float(f"{size * float(found[0]):.9g}"))
     relative = float(found[1]) if said.relative_noise is None else said.relative_noise
     if not (floor > 0.0 or relative > 0.0):
         raise BadInput(
-            f"{table.where('noise_floor')}: is not there and [control_sweep] tells no noise; "
+            f"{table.where('noise_floor')}: is not there and [{so_far.table}] tells no noise; "
             "wanted that of a point of a sweep"
         )
     return floor, relative

@@ -1,29 +1,31 @@
 """Whole sweeps as candidates: what each says of the parameters, through the FMU.
 
-With the amplitudes L = chi A(f; x) of a sweep at its frequencies, their noise sigma and the mean M
-of magnitudes of noisy quadratures (`fitting.signal.magnitude`), its rows as a fit weighs them are
+With the rows y of a sweep, amplitudes or both quadratures (`fitting.design.continued`), their noise
+sigma and the mean M of magnitudes of noisy quadratures (`fitting.signal.magnitude`; the values
+themselves where rows are no magnitudes), its rows as a fit weighs them are
 
-    W = M'(L) chi dA/dx/sigma        s = M'(L) L/sigma = d row/d ln chi
+    W = M'(y) dy/dx/sigma        s = M'(y) dy/dc/sigma
 
-A scale of its own is solved inside, F = W^T W - W^T s s^T W/(s^T s); one that all new sweeps share
-is a variable of the choice, a known one none.
+What is solved inside (c: a scale, a complex gain, a background) is projected out,
+F = W^T (1 - s s^+) W; what all new sweeps share is a variable of the choice.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import bounds, references, search_bounds, starts, to_model
 from fitting.design.candidates import DriveChoice, Limits, combinations
+from fitting.design.continued import Continued, Responses, SweepRows, continued_of
 from fitting.design.information import Place, Series
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA
-from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.signal.magnitude import mean_magnitude
@@ -31,59 +33,28 @@ from fitting.simulate.batch import Batch
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
-#: Prior of the logarithm of a scale that all new sweeps share: nothing is known of it.
-ANY_SCALE = 10.0
 #: Candidates at most.
 MOST_SWEEPS = 1000
+#: Directions of what is solved inside that are smaller than this share of the largest are rounding.
+RANK = 1e-10
 
 
-@dataclass(frozen=True)
-class SweepRows:
-    """Sweeps at one place: amplitudes (sweeps, m), scaled, and their derivatives (sweeps, m, n)."""
-
-    amplitude: FloatArray
-    by_x: FloatArray
-
-    @property
-    def largest(self) -> FloatArray:
-        """Largest amplitude of every sweep, (sweeps, 1)."""
-        return np.asarray(np.max(self.amplitude, axis=1, keepdims=True))
-
-
-def control_sweep_of(bound: BoundCampaign) -> ControlSweep:
-    """The control sweep of a campaign, which new sweeps continue.
-
-    Args:
-        bound: the campaign.
-
-    Raises:
-        BadInput: it has none.
-    """
-    for measurement in bound.measurements.values():
-        if isinstance(measurement, ControlSweep):
-            return measurement
-    raise BadInput(
-        f"{bound.path}: [design] sweeps: has no table [control_sweep], whose sweeps could be "
-        "continued; wanted one, or no sweeps"
-    )
-
-
-def check_controls(names: Iterable[str], sweep: ControlSweep, where: str) -> None:
-    """Complain of what the campaign's control sweep has no column for.
+def check_controls(names: Iterable[str], sweeps: Continued, where: str) -> None:
+    """Complain of what the campaign's sweeps have no column for.
 
     Args:
         names: of controls.
-        sweep: the campaign's.
+        sweeps: that are continued.
         where: what complaints name.
 
     Raises:
         BadInput: an unknown control.
     """
-    known = list(sweep.spectra[-1].settings)
+    known = list(sweeps.last)
     for name in names:
         if name not in known:
             raise BadInput(
-                f"{where}: '{name}' is no control of [control_sweep]; wanted some of "
+                f"{where}: '{name}' is no control of [{sweeps.table}]; wanted some of "
                 f"{', '.join(known)}"
             )
 
@@ -108,9 +79,8 @@ def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ..
             f"{MOST_SWEEPS}: fewer values in [design] sweeps"
         )
     [centre_hz] = limits.centres_hz
-    sweep = control_sweep_of(bound)
-    check_controls(wanted.controls, sweep, "limits: sweeps")
-    last = sweep.spectra[-1].settings
+    so_far = continued_of(bound)
+    check_controls(wanted.controls, so_far, "limits: sweeps")
     half = 0.5 * wanted.span_hz
     return tuple(
         DriveChoice(
@@ -118,7 +88,7 @@ def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ..
             tones_hz=(centre_hz - half, centre_hz + half),
             output=limits.outputs[0],
             level=1.0,
-            settings={**last, **chosen},
+            settings={**so_far.last, **chosen},
             points=wanted.points,
         )
         for chosen in combined
@@ -136,18 +106,26 @@ def frequencies_hz(choice: DriveChoice) -> FloatArray:
 
 
 def simulated_sweeps(
-    series: Series, choices: Sequence[DriveChoice], places: Sequence[Place], steps: FloatArray
+    series: Series,
+    so_far: Continued,
+    choices: Sequence[DriveChoice],
+    places: Sequence[Place],
+    steps: FloatArray,
 ) -> list[SweepRows]:
-    """Amplitudes of all sweeps and their derivatives at every place.
+    """Rows of all sweeps and their derivatives at every place.
 
     Args:
         series: the data so far, for the scale, the plan and the FMU.
-        choices: sweeps.
+        so_far: its sweeps that are continued.
+        choices: sweeps, all of the same frequencies.
         places: where they are wanted.
         steps: difference steps in x, shape (n,).
     """
     series.plan = _planned(series, choices)
-    return [_rows(series, choices, place, steps) for place in places]
+    return [
+        so_far.rows(_prediction(series, so_far, place), _responses(series, choices, place, steps))
+        for place in places
+    ]
 
 
 def _curves(model: DrivenModel, choices: Sequence[DriveChoice]) -> list[ResponseCurve]:
@@ -166,19 +144,15 @@ def _planned(series: Series, choices: Sequence[DriveChoice]) -> Plan:
     return model.plan
 
 
-def _rows(
+def _responses(
     series: Series, choices: Sequence[DriveChoice], place: Place, steps: FloatArray
-) -> SweepRows:
+) -> Responses:
     parameters = series.bound.parameters
     around = central(place.x, steps, *search_bounds(parameters))
     table = np.array([to_model(parameters, x) for x in (place.x, *around.nodes)])
-    curves, batch = _curves(series.model(place.alternative), choices), Batch()
-    task = together(
-        [
-            curve.predict(table, frequencies_hz(choice), batch)
-            for curve, choice in zip(curves, choices, strict=True)
-        ]
-    )
+    frequency_hz, batch = frequencies_hz(choices[0]), Batch()
+    curves = _curves(series.model(place.alternative), choices)
+    task = together([curve.predict(table, frequency_hz, batch) for curve in curves])
     found = None
     while found is None:
         try:
@@ -187,52 +161,59 @@ def _rows(
             found = ended.value
         else:
             batch.simulate(series.workers)
-    here, *nodes = _scale(series, place) * np.abs(np.stack(found, axis=1))
-    return SweepRows(here, around.quotients(nodes))
+    here, *nodes = np.stack(found, axis=1)
+    return Responses(
+        frequency_hz=frequency_hz,
+        values=here,
+        by_x=np.asarray(around.quotients(nodes), dtype=complex),
+        parameters=parameters,
+        p=table[0],
+    )
 
 
-def _scale(series: Series, place: Place) -> float:
-    """From simulated to measured amplitudes at a place, the median of all measured spectra's."""
+def _prediction(series: Series, so_far: Continued, place: Place) -> Prediction:
+    """Of the sweeps so far, at a place."""
     [answer] = series.response(place.alternative).evaluate_many(
         [to_model(series.bound.parameters, place.x)]
     )
     pairs = zip(series.data.measurements, answer.predictions, strict=True)
-    [(sweep, seen)] = [(m, p) for m, p in pairs if isinstance(m, ControlSweep)]
-    shared = sweep.scale(seen)
-    values = np.asarray(seen.values, dtype=float)
-    scaled = sweep.scaled(seen, 1.0 if shared is None else shared.value)
-    return float(np.median(scaled[values > 0.0] / values[values > 0.0]))
+    [seen] = [prediction for m, prediction in pairs if so_far.is_made_of(m)]
+    return seen
 
 
-def information_of_sweeps(
-    rows: SweepRows, sigmas: FloatArray, kept: Sequence[int], how: ControlSweep
-) -> FloatArray:
-    """Information (kept, n + 1, n + 1) of sweeps; (kept, n + 2, n + 2) where they share a scale.
+def information_of_sweeps(rows: SweepRows, sigmas: FloatArray, kept: Sequence[int]) -> FloatArray:
+    """Information (kept, n + 1 + l, n + 1 + l) of sweeps that have l unknowns in common.
 
     The variable behind the parameters is the scale of what was measured before, of which new
-    sweeps say nothing; the last one the scale that they share.
+    sweeps say nothing; the last ones are what they share.
 
     Args:
         rows: of all sweeps at a place.
-        sigmas: standard deviations of all points, shape (sweeps, m), in the detector's unit.
+        sigmas: standard deviations of all points, of each quadrature where both are rows, shape
+            (sweeps, m), in the detector's unit.
         kept: sweeps.
-        how: the scale of a sweep, and whether its amplitudes are magnitudes.
     """
     index = list(kept)
     noise = np.maximum(sigmas[index], SMALLEST_SIGMA * rows.largest[index])
-    amplitude = rows.amplitude[index]
-    slope = np.ones(amplitude.shape)
-    if how.rectified and not how.logarithmic:
-        flat = mean_magnitude(amplitude.ravel(), sigmas[index].ravel())
-        slope = flat.slope.reshape(amplitude.shape)
-    by_x = rows.by_x[index] * (slope / noise)[..., np.newaxis]
-    by_scale = (slope * amplitude / noise)[..., np.newaxis]
-    nothing = np.zeros(by_scale.shape)
-    columns = [by_x, nothing]
-    if how.scaled_by == "each":
-        along = by_scale / np.linalg.norm(by_scale, axis=1, keepdims=True)
-        columns = [by_x - along @ (np.swapaxes(along, 1, 2) @ by_x), nothing]
-    elif how.scaled_by == "shared":
-        columns = [by_x, nothing, by_scale]
-    matrix = np.concatenate(columns, axis=-1)
+    weights = 1.0 / noise
+    if rows.rectified:
+        flat = mean_magnitude(rows.amplitude[index].ravel(), sigmas[index].ravel())
+        weights = flat.slope.reshape(noise.shape) / noise
+    by_x = rows.by_x[index]
+    weights = np.tile(weights, (1, by_x.shape[1] // weights.shape[1]))[..., np.newaxis]
+    nothing = np.zeros((*by_x.shape[:-1], 1))
+    matrix = weights * np.concatenate([by_x, nothing, rows.shared[index]], axis=-1)
+    along = _directions(weights * rows.inside[index])
+    matrix = matrix - along @ (np.swapaxes(along, 1, 2) @ matrix)
     return np.asarray(np.swapaxes(matrix, 1, 2) @ matrix)
+
+
+def _directions(columns: FloatArray) -> FloatArray:
+    """Orthonormal columns that span each sweep's, (sweeps, r, k); zero beyond their rank."""
+    sizes = np.linalg.norm(columns, axis=1, keepdims=True)
+    if not columns.size:
+        return columns
+    found, values, _ = np.linalg.svd(
+        columns / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
+    )
+    return np.asarray(found * (values > RANK * values[:, :1])[:, np.newaxis])

@@ -7,7 +7,6 @@ from it; the choice is the best on average (geometric mean of the expected stand
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
@@ -18,6 +17,7 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.design.candidates import DriveChoice, Limits, Setup, as_campaign, setups_of
 from fitting.design.choice import DesignProblem, choose, target_sigmas
+from fitting.design.continued import ANY_PHASE, continued_of
 from fitting.design.information import (
     Place,
     Rows,
@@ -29,13 +29,7 @@ from fitting.design.information import (
     unmeasured,
 )
 from fitting.design.points import WhitenedData, equal_fits, nearest_fit, spread_out
-from fitting.design.sweeps import (
-    ANY_SCALE,
-    control_sweep_of,
-    information_of_sweeps,
-    simulated_sweeps,
-    sweep_choices,
-)
+from fitting.design.sweeps import information_of_sweeps, simulated_sweeps, sweep_choices
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA, information
 from fitting.fit.objective import evaluate_many
@@ -52,8 +46,6 @@ LEAST_SIGNAL = 3.0
 LINEAR = 1e-6
 #: Step in x for the gradient of a derived output.
 GRADIENT_STEP = 1e-4
-#: Standard deviation of a phase that may be any, rad.
-ANY_PHASE = math.pi / math.sqrt(3.0)
 #: Points of equal fit from which their spread bounds what is known of the target.
 ENOUGH = 5
 
@@ -268,9 +260,9 @@ def _scale_sigma(data: Series) -> float:
 
 
 def _new_nuisances(bound: BoundCampaign, limits: Limits) -> list[float]:
-    """Prior standard deviations of what all new measurements share: a phase, a scale."""
+    """Prior standard deviations of what all new measurements share: a phase, a scale, a gain."""
     if limits.sweeps is not None:
-        return [ANY_SCALE] if control_sweep_of(bound).scaled_by == "shared" else []
+        return list(continued_of(bound).nuisances)
     return [ANY_PHASE] if limits.phases else []
 
 
@@ -412,12 +404,12 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
 
 def _weighed_sweeps(data: Series, limits: Limits, known: _Known, steps: FloatArray) -> Weighed:
     """Candidates that are sweeps, and their information."""
-    choices, how = sweep_choices(data.bound, limits), control_sweep_of(data.bound)
-    rows = simulated_sweeps(data, choices, known.places, steps)
+    choices, so_far = sweep_choices(data.bound, limits), continued_of(data.bound)
+    rows = simulated_sweeps(data, so_far, choices, known.places, steps)
 
     def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
         sigmas = limits.sigmas(rows[rank].amplitude, count)
-        return information_of_sweeps(rows[rank], sigmas, kept, how)
+        return information_of_sweeps(rows[rank], sigmas, kept)
 
     largest = np.stack([r.largest for r in rows])
     return _gathered(limits, _Candidates(choices, largest, information_at, linear=True), known)

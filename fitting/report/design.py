@@ -95,8 +95,8 @@ def _proposed(design: Design, figures: Figures) -> Section:
     )
     if design.is_of_sweeps:
         said = (
-            "A campaign with these settings lies in the folder campaign: the amplitudes of every "
-            "sweep are to be filled in, a row for each frequency."
+            "A campaign with these settings lies in the folder campaign: what is measured in "
+            "every sweep is to be filled in, a row for each frequency."
         )
     return Section(
         id="proposed",

@@ -13,13 +13,11 @@ from scipy.special import ive
 
 import fitting as ff
 from fitting.api.design import NextMeasurements
-from fitting.campaign import Setup
-from fitting.design.sweeps import SweepRows, information_of_sweeps
-from fitting.measurements.control.spectrum import ControlSpectrum
-from fitting.measurements.control.sweep import ControlSweep
+from fitting.design.continued import SweepRows
+from fitting.design.sweeps import information_of_sweeps
 from fitting.report.words.design import design_lines
-from fitting.text.arrays import FloatArray
-from tests.support.modal_workers import modal_model, phasors
+from fitting.text.arrays import ComplexArray, FloatArray
+from tests.support.modal_workers import phasors
 
 CAMPAIGN = """
 title = "A crossing"
@@ -93,9 +91,14 @@ SIGMA = 0.002
 
 def amplitude(p: FloatArray, volts: float, kelvin: float, u_hz: FloatArray) -> FloatArray:
     """|q1| of the two modes in closed form."""
+    return np.abs(phasor(p, volts, kelvin, u_hz))
+
+
+def phasor(p: FloatArray, volts: float, kelvin: float, u_hz: FloatArray) -> ComplexArray:
+    """q1 of the two modes in closed form."""
     theta, d1, d2, plus, slope = map(float, p)
     eta = {"eta_plus": plus + slope * volts + kelvin, "eta_minus": 1_000_400.0}
-    return np.abs(phasors({"theta": theta, "d1": d1, "d2": d2, **eta}, u_hz, 0))
+    return phasors({"theta": theta, "d1": d1, "d2": d2, **eta}, u_hz, 0)
 
 
 LARGEST = max(np.max(amplitude(TRUTH, *place, OLD_HZ)) for place in OLD)
@@ -168,16 +171,15 @@ def test_a_lorentzian_of_known_noise_says_what_its_fisher_information_says(scale
     y = np.linspace(-40.0, 40.0, 4001)
     line = 1.0 / np.sqrt(1.0 + y**2)
     by_x = np.column_stack([2.0 * y * line**3, y**2 * line**3])  # f0 and w, in widths
-    model = modal_model({})
-    how = ControlSweep(
-        setup=Setup(model.setup.drive, "q1_hybrid", start_values={}, steady_start=True),
-        spectra=tuple(ControlSpectrum(1e6 + y, line, {"V": v}) for v in (0.0, 1.0)),
-        scaled_by=scale,
+    own, none = line[None, :, None], np.zeros((1, 4001, 0))
+    rows = SweepRows(
+        amplitude=line[None],
+        by_x=by_x[None],
+        inside=own if scale == "each" else none,
+        shared=own if scale == "shared" else none,
         rectified=False,
-        estimated=False,
     )
-    rows = SweepRows(line[None], by_x[None])
-    [found] = information_of_sweeps(rows, np.full((1, 4001), 1e-3), [0], how)
+    [found] = information_of_sweeps(rows, np.full((1, 4001), 1e-3), [0])
     # integrals over y from -inf to inf of 4 y^2/(1+y^2)^3, y^4/(1+y^2)^3, y^2/(1+y^2)^2, 1/(1+y^2)
     centre, width, mixed, size = np.pi / 2, 3 * np.pi / 8, np.pi / 2, np.pi
     density = 1e6 / 0.02

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
+from fitting.signal.roughness import roughness
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
@@ -98,6 +99,14 @@ class ComplexCurve:
     def largest(self) -> float:
         """The largest modulus, in ``unit``."""
         return float(np.max(np.abs(self.y)))
+
+    def scatter(self) -> float:
+        """Standard deviation of each quadrature about a smooth curve; 0 where too few tell it.
+
+        The turns of the cable are taken off, as its phases show it where nobody knows the delay.
+        """
+        delay_s = self.line.delay_s if self.delay_s is None else self.delay_s
+        return roughness(self.y * np.exp(2j * np.pi * (self.u_hz - self.u_hz[0]) * delay_s))
 
     def rows_of(self, values: ComplexArray) -> FloatArray:
         """Real, then imaginary parts over the largest measured modulus, (2 n,).

@@ -10,15 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.control_table import LEAST_POINTS
+from fitting.signal.roughness import roughness
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-
-#: Differences of this order leave noise alone where a curve is resolved; its weight on white noise.
-DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
-#: Spectra with fewer points say nothing of their noise by themselves.
-LEAST_FOR_NOISE = 50
-#: Median of |x| of a normal distribution of unit variance.
-MEDIAN_OF_NORMAL = 0.6744897501960817
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +67,5 @@ class ControlSpectrum:
         return float(np.max(self.y))
 
     def scatter(self) -> float:
-        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it.
-
-        Median of |fourth differences|, which leave noise alone where the curve is resolved.
-        """
-        if self.y.size < LEAST_FOR_NOISE:
-            return 0.0
-        left = np.diff(self.y, DIFFERENCES) / WEIGHT
-        return float(np.median(np.abs(left))) / MEDIAN_OF_NORMAL
+        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it."""
+        return roughness(self.y)
