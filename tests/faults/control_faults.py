@@ -172,7 +172,10 @@ def coefficient_faults() -> Iterator[Fault]:
             lambda t: t.update({"laws": {}}),
             ("the constant 'V0' is named by no law",),
         ),
-        "no laws": (lambda t: (t.pop("laws"), t.pop("constants")), ("no variable 'V'",)),
+        "no laws": (
+            lambda t: (t.pop("laws"), t.pop("constants"), t["parameters"].pop()),
+            ("parameters 'e0'", "no variable 'e0'", "there is: A1"),
+        ),
     }
     for name, (change, says) in further.items():
         yield Fault(f"laws: {name}", scenes.control(change), says)
