@@ -120,7 +120,7 @@ def test_finished_items_of_another_ensemble_are_refused(swift_fmu: Path, tmp_pat
 def cluster_of_two() -> Iterator[Any]:
     distributed = pytest.importorskip("distributed", reason="fmu-fit[cluster] is not installed")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
     ) as cluster:
         yield cluster
 
