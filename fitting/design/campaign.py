@@ -71,8 +71,9 @@ def _campaign(
         if "file" in tables["fmu"]:
             named = bound.path.parent / str(tables["fmu"]["file"])
             tables["fmu"]["file"] = Path(os.path.relpath(named, folder)).as_posix()
+        kept = "" if limits.sweeps is None else continued_of(bound).table
         for name in bound.measurements:
-            if limits.sweeps is None or name != continued_of(bound).table:
+            if name != kept:
                 tables.pop(name, None)  # other data, which are not measured again
         if limits.sweeps is not None:
             edit_for_sweeps(tables, design, bound, limits)

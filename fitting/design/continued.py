@@ -27,7 +27,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.measurements.complex.sweep import DELAY, ComplexSweeps, Wired
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.measurements.measurement import Measurement, Prediction
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 from fitting.text.errors import BadInput
 
 #: Prior of the logarithm of a scale that all new sweeps share: nothing is known of it.
@@ -273,9 +273,9 @@ def _quadrature_rows(sweeps: ComplexSweeps, seen: Prediction, responses: Respons
     (shared if curve.shared and not curve.restarted else own).append(1j * gain)
     return SweepRows(
         amplitude=np.abs(values),
-        by_x=_parts(by_x),
-        inside=_parts(np.concatenate(own, axis=-1)),
-        shared=_parts(np.concatenate(shared, axis=-1)),
+        by_x=both_parts(by_x, axis=1),
+        inside=both_parts(np.concatenate(own, axis=-1), axis=1),
+        shared=both_parts(np.concatenate(shared, axis=-1), axis=1),
         rectified=False,
     )
 
@@ -295,8 +295,3 @@ def _coefficients(sweeps: ComplexSweeps, seen: Wired, u_hz: FloatArray) -> Compl
         found[1] += by_hz * (new_middle - old_middle)
         found[2] = by_hz * 0.5 * float(np.ptp(u_hz))
     return found
-
-
-def _parts(values: ComplexArray) -> FloatArray:
-    """All real parts before all imaginary ones, (sweeps, 2 m, k) of (sweeps, m, k)."""
-    return np.concatenate([values.real, values.imag], axis=1)

@@ -47,7 +47,7 @@ from fitting.signal.peaks import (
     fit_resonance,
 )
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
 
 #: The forms that are tried.
@@ -290,7 +290,7 @@ def _lines(frequency_hz: FloatArray, values: ComplexArray, fitted: Fitted) -> li
 
 def _structure(form: LinesTogether, values: ComplexArray) -> Structure:
     """What the residuals of a form tell of the noise."""
-    return residual_structure(_parts(form.curve - values), _real_columns(form))
+    return residual_structure(both_parts(form.curve - values), _real_columns(form))
 
 
 def _words(form: LinesTogether, frequency_hz: FloatArray, more: int) -> str:
@@ -316,11 +316,6 @@ def _words(form: LinesTogether, frequency_hz: FloatArray, more: int) -> str:
     if len(seen) < lines:
         return ""
     return f"{LINES[lines]}{beside[form.above.size - lines] if more else ''}"
-
-
-def _parts(values: ComplexArray) -> FloatArray:
-    """Real, then imaginary parts."""
-    return np.concatenate([values.real, values.imag])
 
 
 def _real_columns(form: LinesTogether) -> FloatArray:

@@ -48,7 +48,7 @@ from fitting.signal.peaks import (
 from fitting.signal.residual_tests import TOGETHER, Structure, residual_structure
 from fitting.signal.single_readings import fit_single_readings
 from fitting.signal.student import ROOT_68, reach
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
 
 TRANSMISSION, FANO, SLOPED = FORMS = ("transmission", "fano", "sloped")
@@ -358,7 +358,7 @@ class _ComplexFit:
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Real, then imaginary parts over the largest modulus, (2 n,)."""
-        return _parts(self.solved(x).values - self.y)
+        return both_parts(self.solved(x).values - self.y)
 
     def minimised(self, source: str) -> FittedForm:
         """The form at its least sum of squares."""
@@ -418,13 +418,9 @@ class _ComplexFit:
         columns = []
         for step in STEP * np.eye(x.size):
             ends = [self.design(x + h) @ solved.coefficients for h in (step, -step)]
-            columns.append(_parts(ends[0] - ends[1]) / (2.0 * STEP))
+            columns.append(both_parts(ends[0] - ends[1]) / (2.0 * STEP))
         gain = SharedGain((0,)).columns({0: solved})
-        return np.stack([*columns, *(_parts(column[0]) for column in gain)], axis=1)
-
-
-def _parts(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])
+        return np.stack([*columns, *(both_parts(column[0]) for column in gain)], axis=1)
 
 
 def _inverse(slopes: FloatArray) -> FloatArray:

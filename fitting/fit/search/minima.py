@@ -168,14 +168,13 @@ def _searched(
     ended = _let_down(evaluator, begins)
     unknowns = int(np.count_nonzero(box.free))
     enough = min(SCREENED * 2 ** max(0, unknowns - FEW), MOST_AT_FIRST)
-    screens, taken, explained = 0, 0, False
+    bar = HARDLY_P if scouting else TOO_LARGE_P
+    screens, taken = 0, 0
     while screens < SCREENS and unknowns:
         number = max(SCREENED, taken)
         ended += _let_down(evaluator, screened(evaluator, seed, number, skip=taken))
         screens, taken = screens + 1, taken + number
-        explained = _is_explained(
-            evaluator.likelihood, ended, HARDLY_P if scouting else TOO_LARGE_P
-        )
+        explained = _is_explained(evaluator.likelihood, ended, bar)
         if evaluator.evaluations >= budget or ((explained or scouting) and taken >= enough):
             break
     many = unknowns > FEW and not scouting
@@ -185,13 +184,12 @@ def _searched(
         points, looked_at = look()
         ended += _let_down(evaluator, points)
         screens, taken = screens + 1, taken + looked_at
-    explained = _is_explained(evaluator.likelihood, ended, HARDLY_P if scouting else TOO_LARGE_P)
     return Search(
         minima=_apart(box, evaluator.likelihood, ended),
         screened=taken,
         screens=screens,
         descents=len(ended),
-        explained=explained,
+        explained=_is_explained(evaluator.likelihood, ended, bar),
         evaluations=evaluator.evaluations,
         runs=evaluator.runs,
     )

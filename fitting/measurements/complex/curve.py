@@ -14,7 +14,7 @@ from fitting.campaign.complex_trace import MeasuredComplex
 from fitting.measurements.complex.wiring import Wiring
 from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.signal.roughness import roughness
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 
@@ -114,4 +114,4 @@ class ComplexCurve:
         Args:
             values: complex (n,), in the curve's unit.
         """
-        return np.concatenate([values.real, values.imag]) / self.largest
+        return both_parts(values) / self.largest

@@ -26,7 +26,7 @@ from fitting.measurements.measurement import Prediction, Values
 from fitting.measurements.tones import Tones
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
-from fitting.text.arrays import ComplexArray, FloatArray, IntArray
+from fitting.text.arrays import ComplexArray, FloatArray, IntArray, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.notation import number
 
@@ -128,7 +128,7 @@ class ComplexTones(Tones):
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """Real and imaginary part of S/y - 1, (rows,)."""
-        return _parts(self.solved(prediction, chi) / self.y - 1.0)
+        return both_parts(self.solved(prediction, chi) / self.y - 1.0)
 
     def scaled(self, prediction: Prediction, chi: float) -> Values:
         """S, complex (n,)."""
@@ -137,9 +137,9 @@ class ComplexTones(Tones):
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by phases, and by the logarithm of an unknown gain."""
         ratio = self.solved(prediction, 1.0) / self.y
-        columns = [_parts(ratio)] if self.unknown == "gain" else []
+        columns = [both_parts(ratio)] if self.unknown == "gain" else []
         columns += [
-            _parts(np.where(self.groups == g, 1j * ratio, 0.0))
+            both_parts(np.where(self.groups == g, 1j * ratio, 0.0))
             for g in range(self.solved_inside - len(columns))
         ]
         return np.stack(columns, axis=1) if columns else np.empty((self.rows, 0))
@@ -231,7 +231,3 @@ def phases_of(experiment: Experiment) -> Phases:
     if experiment.phases is None:
         raise BadInput(f"experiment '{experiment.label}': has no phases; wanted one for each line")
     return experiment.phases
-
-
-def _parts(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])
