@@ -74,6 +74,13 @@ class Bench:
             raise ValueError(f"{len(self.levels)} levels for {len(self.pairs_hz)} pairs")
         if not all(level > 0.0 for level in (*self.levels, self.weak_level)):
             raise ValueError(f"drive levels {self.levels}, {self.weak_level} must be positive")
+        moved = abs(self.drift_hz) / 2.0 + abs(self.curvature_hz)
+        if moved >= self.modes.eta_plus_hz:
+            raise ValueError(
+                f"drift_hz = {self.drift_hz:g} Hz and curvature_hz = {self.curvature_hz:g} Hz move "
+                f"the sample by {moved:g} Hz, wanted less than eta_plus_hz = "
+                f"{self.modes.eta_plus_hz:.10g} Hz"
+            )
 
     @property
     def modes(self) -> TwoModes:

@@ -7,10 +7,12 @@ to far better than the spacing suggests, and comparing two orders gives the erro
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.signal.student import ROOT_95, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
@@ -53,10 +55,10 @@ class LaboratoryMaximum:
 
     `value_v` is the largest point (Algorithm 1 as written); `fitted_v` the top of a parabola
     through 1/A^2 of the points above 70 % of it; `scatter` the relative standard deviation of
-    those points about the parabola; `bias` = value/fitted - 1, what noise (positive) and grid
-    (negative) did to the largest point; `bias_std` the statistical error of `bias`. Where no top
-    can be fitted `fitted_v` and `bias` are NaN. `fall` is the drop to the lower neighbour, as a
-    share; `on_edge`: the largest point is the first or the last one.
+    those points about the parabola, from `freedom` degrees of freedom; `bias` = value/fitted - 1,
+    what noise (positive) and grid (negative) did to the largest point; `bias_std` the statistical
+    error of `bias`. Where no top can be fitted `fitted_v` and `bias` are NaN. `fall` is the drop to
+    the lower neighbour, as a share; `on_edge`: the largest point is the first or the last one.
     """
 
     value_v: float
@@ -65,6 +67,7 @@ class LaboratoryMaximum:
     scatter: float
     bias: float
     bias_std: float
+    freedom: float = math.inf
     fall: float = 0.0
     on_edge: bool = False
 
@@ -75,10 +78,14 @@ class LaboratoryMaximum:
 
     @property
     def sigma(self) -> float:
-        """Relative error of the largest point as a maximum: noise, and a bias beyond it."""
+        """Relative error of the largest point as a maximum: noise, and a bias beyond it.
+
+        Its 1.96 standard deviations reach as far as Student's t does for the points of the top.
+        """
         if np.isnan(self.bias):
             return self.fall
-        return float(np.hypot(self.scatter, self.bias if self.is_biased else 0.0))
+        noise = self.scatter * reach(ROOT_95, self.freedom) / ROOT_95
+        return float(np.hypot(noise, self.bias if self.is_biased else 0.0))
 
 
 def refine_maximum(
@@ -276,7 +283,8 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     if lowest <= 0.0:
         return plain
     residuals = relative - curve**-0.5
-    scatter = float(np.sqrt(np.sum(residuals**2) / max(relative.size - 3, 1)))
+    freedom = max(relative.size - 3, 1)
+    scatter = float(np.sqrt(np.sum(residuals**2) / freedom))
     fitted = float(a[k] / np.sqrt(lowest))
     # a parabola through n points knows its top to about 1.5 scatter/sqrt(n)
     error = 1.5 * scatter / float(np.sqrt(relative.size))
@@ -287,6 +295,7 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
         scatter=scatter,
         bias=float(a[k]) / fitted - 1.0,
         bias_std=error,
+        freedom=float(freedom),
         fall=fall,
         on_edge=on_edge,
     )

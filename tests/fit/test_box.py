@@ -293,12 +293,35 @@ def test_rows_that_differ_by_more_than_rounding_are_no_twin() -> None:
     assert twins_of(bump, own) == []
 
 
-def test_more_candidates_than_are_tried_are_none() -> None:
-    """Five alike have 120 orders, six have 720."""
+def test_of_more_orders_than_are_tried_exchanges_in_pairs_come_first() -> None:
+    """Five alike have 120 orders, six have 720, of which 75 exchange one, two or three pairs."""
     rows = lambda p: np.array([np.sum(p), np.sum(p**2)])  # noqa: E731
     five = [parameter(f"x{i}", 1.0, 10.0) for i in range(5)]
+    six = [*five, parameter("x5", 1.0, 10.0)]
     assert len(twins_of(rows, *five)) == 119
-    assert twins_of(rows, *five, parameter("x5", 1.0, 10.0)) == []
+    found = [tuple(order) for order, _, _ in twins_of(rows, *six)]
+    pairs = {order for order in found if all(order[order[i]] == i for i in range(6))}
+    assert (len(found), len(set(found)), len(pairs)) == (127, 127, 75)
+
+
+def test_modes_relabelled_are_found_where_every_box_overlaps_every_other() -> None:
+    """An angle's eight turns with 24 orders of four values of one unit are more than are tried."""
+    own = [parameter(name, 1.0, 10.0) for name in ("d1", "d2", "f1", "f2")]
+    angle = parameter("theta", 0.0, np.pi, period=np.pi)
+
+    def rows(p: FloatArray) -> FloatArray:
+        c, s = np.cos(p[4]) ** 2, np.sin(p[4]) ** 2
+        lines = np.array([p[2] - 1j * (c * p[0] + s * p[1]), p[3] - 1j * (s * p[0] + c * p[1])])
+        poles = [np.sum(1.0 / (lines - u)) for u in (2.0, 3.0, 5.0, 8.0)]
+        return np.concatenate([np.real(poles), np.imag(poles)])
+
+    found = [order for order, _, _ in twins_of(rows, *own, angle)]
+    assert {tuple(order[:4]) for order in found} == {
+        (0, 1, 2, 3),  # the angle reversed
+        (1, 0, 2, 3),  # a quarter of a turn on, the damped ones exchanged
+        (0, 1, 3, 2),  # the lines exchanged
+        (1, 0, 3, 2),
+    }
 
 
 def test_turns_are_tried_up_to_a_hundred_and_twenty_eight_and_not_some_of_more() -> None:

@@ -87,6 +87,29 @@ def test_a_width_has_the_same_word_in_boxes_ten_times_as_wide(seed: int, tmp_pat
         assert width.interval(0.95)[0] <= laboratory.truth()["width_plus"]
 
 
+@pytest.mark.parametrize(
+    ("kind", "seed", "name", "verdict"),
+    [
+        # theta is pi/2: nothing is left of d1 there, which was called bounded far below its truth
+        ("readings", 2023, "d1", "not determined"),
+        # what lies below is reached from far above
+        ("readings", 2006, "d2", "not determined"),
+        ("readings", 2012, "width_plus", "bounded below"),
+        ("crossing", 2002, "lambda", "determined"),
+    ],
+)
+def test_a_verdict_is_the_same_in_boxes_ten_times_as_wide(
+    kind: str, seed: int, name: str, verdict: str, tmp_path: Path
+) -> None:
+    laboratory = KINDS[kind](seed)
+    for times in (1.0, 10.0):
+        solve = by_closed_form(ff.Fmu("CoupledOscillator"), (name,))
+        found = solve(laboratory.widened(times), tmp_path / f"{times}").values[name]
+        low, high = found.interval(0.95)
+        assert found.verdict == verdict
+        assert low <= laboratory.truth()[name] <= high
+
+
 def test_a_flat_valley_is_searched_for_the_least_j(tmp_path: Path) -> None:
     """Peaks see one width alone: chi square is flat along a valley, J has many minima there.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -227,6 +229,15 @@ def test_a_bias_counts_from_two_standard_errors_and_a_thousandth(
     found = of_bias(bias, std)
     assert found.is_biased is biased
     assert found.sigma == pytest.approx(np.hypot(0.003, bias) if biased else 0.003)
+
+
+@pytest.mark.parametrize(("freedom", "table"), [(1, 12.706), (2, 4.303), (5, 2.571), (10, 2.228)])
+def test_scatter_of_few_points_counts_as_students_t(freedom: int, table: float) -> None:
+    """Published two-sided 95 % points of t; a top of n points leaves n - 3."""
+    found = replace(of_bias(0.0, 1.0), freedom=freedom)
+    assert found.sigma == pytest.approx(0.003 * table / 1.96, rel=3e-4)
+    f = np.arange(-0.5 * freedom - 1.0, 0.5 * freedom + 1.1) * 0.1
+    assert laboratory_maximum(f, lorentzian(f)).freedom == freedom
 
 
 def test_a_scale_is_a_number_with_all_its_digits() -> None:

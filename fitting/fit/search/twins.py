@@ -4,7 +4,8 @@
 
 Tried are fractions of a period with either sign, angles reversed about the middle of a box without
 a period, reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one
-unit whose boxes overlap, and products of these. What leaves the rows unchanged to rounding at
+unit whose boxes overlap, and products of these; where there are too many, exchanges in pairs first.
+What leaves the rows unchanged to rounding at
 points drawn from the box is a symmetry of the model, found without knowing the model. The data tell
 no point from its twins, whatever they are.
 """
@@ -29,8 +30,8 @@ from fitting.text.errors import FmuFailure, NoAnswer
 DRAWN, POINTS = 32, 4
 #: Rows that differ by no more than this (of one and their own size) are the same but for rounding.
 ROUNDING = 1e-9
-#: Candidates at most: what would need more is not looked for.
-MOST = 128
+#: Candidates that are tried, at most, and how many of each kind these are taken from.
+MOST, LISTED = 128, 1024
 #: Share of the narrower of two boxes that the other one shares, for an exchange to be tried.
 LIKE = 0.1
 #: Fractions of a period.
@@ -123,10 +124,10 @@ def _is_identity(twin: Twin) -> bool:
 
 
 def _candidates(parameters: Sequence[Parameter]) -> list[Twin]:
-    """Products of exchanges, turns and reversed signs; none where there are too many."""
-    orders = list(itertools.islice(_orders(parameters), MOST + 1))
+    """Products of exchanges, turns and reversed signs, the simplest first."""
+    orders = sorted(itertools.islice(_orders(parameters), LISTED), key=_effort)[:MOST]
     turns = list(itertools.islice(itertools.product(*map(_turns, parameters)), MOST + 1))
-    if len(orders) * len(turns) > MOST:
+    if len(turns) > MOST:
         return []
     return [
         Twin(
@@ -136,7 +137,13 @@ def _candidates(parameters: Sequence[Parameter]) -> list[Twin]:
         )
         for order in orders
         for turn in turns
-    ]
+    ][:MOST]
+
+
+def _effort(order: Sequence[int]) -> tuple[bool, int]:
+    """Whether an order is more than exchanges in pairs, as relabelled modes are; how many move."""
+    pairs = all(order[taken] == place for place, taken in enumerate(order))
+    return not pairs, sum(taken != place for place, taken in enumerate(order))
 
 
 def _turns(parameter: Parameter) -> list[tuple[float, float]]:

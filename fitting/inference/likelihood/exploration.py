@@ -274,7 +274,9 @@ def walked_to_ends(
 ) -> list[list[ProfilePoint]]:
     """Points on the ways of every parameter to the ends of its room, those that fit.
 
-    Where a few places exclude all of a way it is not gone with the others.
+    Ends that none of them reached are tried once more, from the ends that were: what a parameter
+    does may come to its end only where another one is at a limit, as the damping of a mode does
+    that is not coupled there.
 
     Args:
         evaluator: of the likelihood of `wide`; counts what is evaluated.
@@ -284,16 +286,38 @@ def walked_to_ends(
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
-    tasks = _to_the_ends(explored, wide)
-    few = of_few_places(wide.likelihood) if _is_noise_alone(wide.likelihood) else None
+    at = wide.expansion
+    here = ProfilePoint(value=math.nan, delta=0.0, x=at.x, outputs=at.sample.outputs)
+    known = [here, *explored.fitting]
+    first = _gone(evaluator, wide, _from_nearest(explored.parameters, wide, known))
+    known += [p for walk in first for p in walk if p.delta <= ROOT_95**2]
+    return first + _gone(evaluator, wide, _from_limits(explored.parameters, wide, known))
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A parameter that is brought to an end of its room, in x, and where that begins, (n,)."""
+
+    quantity: Quantity
+    begin: FloatArray
+    end: float
+
+    def walk(self, wide: Optimum, loose: float = 0.0) -> Task[list[ProfilePoint]]:
+        return _walk(wide, self.quantity, self.begin, self.end, loose)
+
+
+def _gone(
+    evaluator: LikelihoodEvaluator, wide: Optimum, ways: Sequence[_Way]
+) -> list[list[ProfilePoint]]:
+    """Points on the ways, those that fit; where a few places exclude all of one it is not gone."""
+    few = of_few_places(wide.likelihood) if ways and _is_noise_alone(wide.likelihood) else None
     if few is not None:
-        loose = own_gain(wide.likelihood)
+        seen, loose = _seen_by(wide, few), own_gain(wide.likelihood)
         with evaluator.of(few.likelihood):
-            scouts = _to_the_ends(explored, _seen_by(wide, few), loose)
-            found = run_in_lockstep(scouts, evaluator)
+            found = run_in_lockstep([way.walk(seen, loose) for way in ways], evaluator)
         # None: more evaluations are not allowed, and nothing is known
-        tasks = [t for t, points in zip(tasks, found, strict=True) if points is None or points]
-    return [points or [] for points in run_in_lockstep(tasks, evaluator)]
+        ways = [w for w, points in zip(ways, found, strict=True) if points is None or points]
+    return [points or [] for points in run_in_lockstep([w.walk(wide) for w in ways], evaluator)]
 
 
 def _is_noise_alone(likelihood: Likelihood) -> bool:
@@ -309,26 +333,52 @@ def _seen_by(wide: Optimum, few: FewPlaces) -> Optimum:
     return replace(wide, likelihood=few.likelihood, expansion=seen)
 
 
-def _to_the_ends(
-    explored: Exploration, wide: Optimum, loose: float = 0.0
-) -> list[Task[list[ProfilePoint]]]:
-    """Every parameter brought to the ends of its room, from the nearest point in hand.
+def _open_ends(
+    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
+) -> list[tuple[Quantity, float]]:
+    """Parameters and ends of their room, in x, at which none of the points in hand is."""
+    sides = []
+    for quantity in parameters:
+        for limits in (wide.likelihood.lower, wide.likelihood.upper):
+            end = float(limits[quantity.index])
+            if not any(_is_at(wide, p, quantity, end) for p in known):
+                sides.append((quantity, end))
+    return sides
 
-    Where that is at an end already there is no way to go. `loose` as in `value_at`.
-    """
-    likelihood = wide.likelihood
-    here = ProfilePoint(
-        value=math.nan, delta=0.0, x=wide.expansion.x, outputs=wide.expansion.sample.outputs
-    )
-    known = [here, *explored.fitting]
-    tasks = []
-    for quantity in explored.parameters:
+
+def _is_at(wide: Optimum, point: ProfilePoint, quantity: Quantity, end: float) -> bool:
+    i = quantity.index
+    return abs(float(point.x[i]) - end) <= AT_LIMIT * float(wide.likelihood.widths[i])
+
+
+def _from_nearest(
+    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
+) -> list[_Way]:
+    """A way to every open end, from the nearest point in hand."""
+    ways = []
+    for quantity, end in _open_ends(parameters, wide, known):
         i = quantity.index
-        for end in (float(likelihood.lower[i]), float(likelihood.upper[i])):
-            nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
-            if abs(float(nearest.x[i]) - end) > AT_LIMIT * likelihood.widths[i]:
-                tasks.append(_walk(wide, quantity, nearest.x, end, loose))
-    return tasks
+        nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
+        ways.append(_Way(quantity, nearest.x, end))
+    return ways
+
+
+def _from_limits(
+    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
+) -> list[_Way]:
+    """Ways to every open end, from the best point in hand at each limit of any parameter."""
+    best = []
+    for other in parameters:
+        for limits in (wide.likelihood.lower, wide.likelihood.upper):
+            there = [p for p in known if _is_at(wide, p, other, float(limits[other.index]))]
+            if there:
+                best.append(min(there, key=lambda p: p.delta))
+    begins = {id(point): point.x for point in best}.values()
+    return [
+        _Way(quantity, begin, end)
+        for quantity, end in _open_ends(parameters, wide, known)
+        for begin in begins
+    ]
 
 
 def _walk(

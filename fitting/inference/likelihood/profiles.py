@@ -36,6 +36,8 @@ from fitting.text.arrays import FloatArray
 
 #: Steps across the range, at least, points of a branch, and refinements of a crossing, at most.
 STEPS, POINTS, REFINEMENTS = 10, 40, 20
+#: How much shorter a step is tried after one that led nowhere, and how often.
+SHORTER, MOST_MISSES = 0.25, 4
 #: Points between two others at which no minimum is reached, after which no more are tried.
 MISSES = 3
 #: A step of sqrt(Dchi^2) across the threshold that is no crossing, once the points are close.
@@ -220,9 +222,13 @@ class _BranchTracer:
             step = left if step > 0.8 * left else step
             if not (yield from self._stride(step)):
                 misses += 1
-                if misses > 4 or self._flat_over_box():
+                if self._flat_over_box() or misses > MOST_MISSES:
+                    first = step * SHORTER ** -(misses - 1)
+                    if misses > MOST_MISSES and (yield from self._passed(first)):
+                        misses, step = 0, first
+                        continue
                     return "bound" if self._at_limit() else "lost"
-                step *= 0.25
+                step *= SHORTER
                 continue
             misses = max(0, misses - 1)
             if self._root() > ROOT_95:
@@ -260,6 +266,19 @@ class _BranchTracer:
         before = self.quantity.at(self.here)
         found = yield from self._profiled(before + self.direction * step, step, self.here)
         if found is None or self.direction * (self.quantity.at(found) - before) < NOWHERE * step:
+            return False
+        self.here = found
+        self._keep(found)
+        return True
+
+    def _passed(self, step: float) -> Task[bool]:
+        """Whether a point beyond a place where the walk got stuck is come by from the optimum."""
+        if self.here is self.optimum.expansion:
+            return False
+        target = self.quantity.at(self.here) + self.direction * step
+        way = abs(target - self.quantity.at(self.optimum.expansion))
+        found = yield from self._profiled(target, way, self.optimum.expansion)
+        if found is None or self.direction * (self.quantity.at(found) - target) < -NOWHERE * step:
             return False
         self.here = found
         self._keep(found)
