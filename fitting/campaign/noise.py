@@ -147,8 +147,7 @@ def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise
     if noise.declared:
         return noise.with_floor(amplitude_v, np.zeros(amplitude_v.size))
     top = laboratory_maximum(frequency_hz, amplitude_v)
-    scatter = top.scatter if math.isfinite(top.scatter) else 0.0
-    return np.full(amplitude_v.size, scatter * top.value_v)
+    return np.full(amplitude_v.size, top.noise * top.value_v)
 
 
 def maximum_sigma(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> float:

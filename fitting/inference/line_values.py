@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 
+from fitting.campaign.parameters import to_search
+from fitting.fit.objective import evaluate_many
+from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.values import DerivedResult, ParameterResult
+from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
 from fitting.signal.peaks import fit_resonance
-from fitting.text.errors import BadInput
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, FmuFailure, NoScale
 from fitting.text.units import convert
 
 #: A value is the line's where both agree to this share: of the width, or of the quality.
 NEAR = 1e-3
+#: Where else both have to agree: positive parameters times these factors, by turns of the first and
+#: of one over it, and others by such a part of their scale on.
+ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5))
 
 
 def values_of_line(
@@ -24,9 +32,11 @@ def values_of_line(
 ) -> dict[str, str]:
     """Names of values that are the line's "frequency", "width" or "q".
 
-    The line is fitted to the sweep *as simulated* at the end of Algorithm 2: a value that is there
-    what that line shows is this line's, whatever its name. Empty where the sweep is fitted with the
-    rest (its information is in the values), or where there is none, or no line in it.
+    The line is fitted to the sweep *as simulated*, at the end of Algorithm 2 and at two places
+    elsewhere: a value that is what that line shows at all of them is this line's, whatever its
+    name. At one place alone it might be another's by chance, as the dampings of two modes are that
+    were not told apart. Empty where the sweep is fitted with the rest (its information is in the
+    values), or where there is none, or no line in it.
 
     Args:
         problem: with its sweep.
@@ -39,23 +49,70 @@ def values_of_line(
     [k] = [k for k, m in enumerate(problem.measurements) if isinstance(m, Sweep)]
     if problem.measurements[k].rows:
         return {}
+    shown = _shown(sweep.frequency_hz, solution.final.scaled[k])
+    here = {name: value.algorithm2 for name, value in values.items()}
+    units = {name: value.unit for name, value in values.items()}
+    found = _same(here, units, shown)
+    if not found:
+        return {}
+    kept = {name for name, what in found.items() if what == "frequency"}
+    xs = [_elsewhere(solution, kept, factor, turn) for factor, turn in ELSEWHERE]
+    parameters = solution.parameters
     try:
-        simulated = np.abs(solution.final.scaled[k])
-        own = fit_resonance(sweep.frequency_hz, simulated)
+        points = evaluate_many(solution.objective, xs, whole=True)
+        means = output_means(solution.objective.response, parameters, xs)
+    except (FmuFailure, NoScale):
+        return {}
+    for i, point in enumerate(points):
+        there = {p.name: float(v) for p, v in zip(parameters, point.parameters, strict=True)}
+        there |= {name: float(row[i]) for name, row in means.items()}
+        same = _same(
+            {n: there[n] for n in found}, units, _shown(sweep.frequency_hz, point.scaled[k])
+        )
+        found = {name: what for name, what in found.items() if same.get(name) == what}
+    return found
+
+
+def _elsewhere(solution: Solution, kept: Container[str], factor: float, turn: float) -> FloatArray:
+    """The end of Algorithm 2 moved, (n,): all but what is known besides, and where the line is."""
+    parameters = solution.parameters
+    p = solution.final.parameters.copy()
+    for i, parameter in enumerate(parameters):
+        if parameter.prior_sigma is not None or parameter.experiments or parameter.name in kept:
+            continue
+        if parameter.lower >= 0.0 and parameter.period is None and parameter.unit != "rad":
+            p[i] *= factor
+            factor = 1.0 / factor
+        else:
+            p[i] += turn * parameter.scale
+    return to_search(parameters, p)
+
+
+def _shown(frequency_hz: FloatArray, simulated: Values) -> dict[str, tuple[float, str, float]]:
+    """What the line of a simulated sweep shows: value, unit and size; empty without a line."""
+    try:
+        own = fit_resonance(frequency_hz, np.abs(simulated))
     except BadInput:
         return {}
-    shown = {
+    return {
         "frequency": (own.eta_hz, "Hz", own.width_hz),
         "width": (own.width_hz, "Hz", own.width_hz),
         "q": (own.q, "", own.q),
     }
-    found = {}
-    for name, value in values.items():
-        for what, (there, unit, size) in shown.items():
-            here = _in(value.algorithm2, value.unit, unit)
-            if abs(here - there) < NEAR * size:
-                found[name] = what
-    return found
+
+
+def _same(
+    values: Mapping[str, float],
+    units: Mapping[str, str],
+    shown: Mapping[str, tuple[float, str, float]],
+) -> dict[str, str]:
+    """Which values are something that a line shows, and what."""
+    return {
+        name: what
+        for name, value in values.items()
+        for what, (there, unit, size) in shown.items()
+        if abs(_in(value, units[name], unit) - there) < NEAR * size
+    }
 
 
 def _in(value: float, unit: str, wanted: str) -> float:

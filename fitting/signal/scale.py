@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.signal.student import ROOT_95, reach
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import NoScale
 
 SCALES = ("maximum", "fit", "robust", "free", "none")
@@ -25,8 +25,10 @@ COARSE_POINTS = 3
 CHANCE = 5.0
 #: Points above this share of the largest one count as the top of a measured resonance.
 TOP_SHARE = 0.7
-#: Points of that top, at least, an odd number.
+#: Points of that top, at least, an odd number; as many at a time beside it tell the noise, too.
 FEWEST = 5
+#: Share of the largest point below which a point is too faint to tell it.
+FAINT = 0.15
 #: Curvature of 1/A^2 over the fitted points that is rounding: such a parabola has its top anywhere.
 FLAT = 1e-12
 #: Smallest double with all its digits.
@@ -55,10 +57,12 @@ class LaboratoryMaximum:
 
     `value_v` is the largest point (Algorithm 1 as written); `fitted_v` the top of a parabola
     through 1/A^2 of the points above 70 % of it; `scatter` the relative standard deviation of
-    those points about the parabola, from `freedom` degrees of freedom; `bias` = value/fitted - 1,
-    what noise (positive) and grid (negative) did to the largest point; `bias_std` the statistical
-    error of `bias`. Where no top can be fitted `fitted_v` and `bias` are NaN. `fall` is the drop to
-    the lower neighbour, as a share; `on_edge`: the largest point is the first or the last one.
+    those points about the parabola; `noise` that of any point of the sweep, from `freedom` degrees
+    of freedom: `scatter`, or more where the points beside the top scatter more; `bias` =
+    value/fitted - 1, what noise (positive) and grid (negative) did to the largest point; `bias_std`
+    the statistical error of `bias`. Where no top can be fitted `fitted_v` and `bias` are NaN.
+    `fall` is the drop to the lower neighbour, as a share; `on_edge`: the largest point is the first
+    or the last one.
     """
 
     value_v: float
@@ -67,6 +71,7 @@ class LaboratoryMaximum:
     scatter: float
     bias: float
     bias_std: float
+    noise: float = 0.0
     freedom: float = math.inf
     fall: float = 0.0
     on_edge: bool = False
@@ -80,11 +85,11 @@ class LaboratoryMaximum:
     def sigma(self) -> float:
         """Relative error of the largest point as a maximum: noise, and a bias beyond it.
 
-        Its 1.96 standard deviations reach as far as Student's t does for the points of the top.
+        Its 1.96 standard deviations reach as far as Student's t does.
         """
         if np.isnan(self.bias):
             return self.fall
-        noise = self.scatter * reach(ROOT_95, self.freedom) / ROOT_95
+        noise = self.noise * reach(ROOT_95, self.freedom) / ROOT_95
         return float(np.hypot(noise, self.bias if self.is_biased else 0.0))
 
 
@@ -275,19 +280,17 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
         top = np.abs(np.arange(f.size) - min(max(k, half), f.size - 1 - half)) <= half
     if np.count_nonzero(top) < 3 or not np.all(a[top] > 0.0):
         return plain
-    t = (f[top] - f[k]) / max(float(np.ptp(f[top])), TINY)
-    relative = a[top] / a[k]
-    c2, c1, c0 = (float(c) for c in np.polyfit(t, relative**-2.0, 2, w=relative**3))
-    curve = c0 + t * (c1 + t * c2)
-    lowest = c0 - c1 * c1 / (4 * c2) if c2 > FLAT else 0.0
-    if lowest <= 0.0:
+    relative = a / a[k]
+    found = _parabola(f[top] - f[k], relative[top])
+    if found is None:
         return plain
-    residuals = relative - curve**-0.5
-    freedom = max(relative.size - 3, 1)
+    lowest, residuals = found
+    freedom = max(residuals.size - 3, 1)
     scatter = float(np.sqrt(np.sum(residuals**2) / freedom))
+    noise, freedom = _noise(f, relative, top, scatter)
     fitted = float(a[k] / np.sqrt(lowest))
-    # a parabola through n points knows its top to about 1.5 scatter/sqrt(n)
-    error = 1.5 * scatter / float(np.sqrt(relative.size))
+    # a parabola through n points knows its top to about 1.5 noise/sqrt(n)
+    error = 1.5 * noise / float(np.sqrt(residuals.size))
     return LaboratoryMaximum(
         value_v=float(a[k]),
         frequency_hz=float(f[k]),
@@ -295,10 +298,56 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
         scatter=scatter,
         bias=float(a[k]) / fitted - 1.0,
         bias_std=error,
+        noise=noise,
         freedom=float(freedom),
         fall=fall,
         on_edge=on_edge,
     )
+
+
+def _parabola(t: FloatArray, relative: FloatArray) -> tuple[float, FloatArray] | None:
+    """Least 1/A^2 of a parabola through it, equal errors of A, and what is left of A, (n,).
+
+    None where it has no minimum above zero, or leaves the positive numbers at one of the points.
+    """
+    t = t / max(float(np.ptp(t)), TINY)
+    c2, c1, c0 = (float(c) for c in np.polyfit(t, relative**-2.0, 2, w=relative**3))
+    lowest = c0 - c1 * c1 / (4 * c2) if c2 > FLAT else 0.0
+    curve = c0 + t * (c1 + t * c2)
+    if lowest <= 0.0 or not np.all(curve > 0.0):
+        return None
+    return lowest, np.asarray(relative - curve**-0.5)
+
+
+def _noise(
+    f: FloatArray, relative: FloatArray, top: BoolArray, scatter: float
+) -> tuple[float, int]:
+    """Noise of a point relative to the largest one, and its degrees of freedom.
+
+    Few points of a top scatter little now and then. So do the next ones beside it, five at a time:
+    of a resonance their 1/A^2 is a parabola, too. Their median is not moved by another line. The
+    top's own scatter stands where it is more: noise may grow with the amplitude.
+    """
+    inside = np.flatnonzero(top)
+    own = max(inside.size - 3, 1)
+    starts = [
+        *range(inside[0] - FEWEST, -1, -FEWEST),
+        *range(inside[-1] + 1, relative.size - FEWEST + 1, FEWEST),
+    ]
+    squares = []
+    for window in (slice(low, low + FEWEST) for low in starts):
+        found = None
+        if np.all(relative[window] >= FAINT):
+            found = _parabola(f[window] - f[window].mean(), relative[window])
+        if found is not None:
+            squares.append(float(np.sum(found[1] ** 2)) / (FEWEST - 3))
+    beside = len(squares)
+    if not squares:
+        return scatter, own
+    # squares of two degrees of freedom have a median of ln 2 of their mean, that of half as many
+    median = float(np.median(squares)) / math.log(2.0)
+    both = math.sqrt((own * scatter**2 + beside * median) / (own + beside))
+    return max(scatter, both), own + beside
 
 
 def chi_of_maxima(laboratory_v: float, simulated: float) -> float:

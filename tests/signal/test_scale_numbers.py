@@ -131,7 +131,7 @@ def test_the_fitted_top_is_that_of_a_weighted_parabola() -> None:
     assert found.fitted_v == pytest.approx(a[k] * (c[0] - c[1] ** 2 / (4 * c[2])) ** -0.5, rel=1e-9)
     assert found.scatter == pytest.approx(np.sqrt(left @ left / (left.size - 3)), rel=1e-7)
     assert found.bias == pytest.approx(a[k] / found.fitted_v - 1.0)
-    assert found.bias_std == pytest.approx(1.5 * found.scatter / left.size**0.5, rel=1e-9)
+    assert found.bias_std == pytest.approx(1.5 * found.noise / left.size**0.5, rel=1e-9)
     assert found.fall == pytest.approx(1.0 - min(a[k - 1], a[k + 1]) / a[k])
 
 
@@ -207,6 +207,7 @@ def of_bias(bias: float, std: float) -> LaboratoryMaximum:
         frequency_hz=1.0,
         fitted_v=1.0,
         scatter=0.003,
+        noise=0.003,
         bias=bias,
         bias_std=std,
         fall=0.2,
@@ -236,8 +237,32 @@ def test_scatter_of_few_points_counts_as_students_t(freedom: int, table: float) 
     """Published two-sided 95 % points of t; a top of n points leaves n - 3."""
     found = replace(of_bias(0.0, 1.0), freedom=freedom)
     assert found.sigma == pytest.approx(0.003 * table / 1.96, rel=3e-4)
-    f = np.arange(-0.5 * freedom - 1.0, 0.5 * freedom + 1.1) * 0.1
-    assert laboratory_maximum(f, lorentzian(f)).freedom == freedom
+
+
+@pytest.mark.parametrize(
+    ("step", "proportional", "rarest"),
+    [(0.36, False, 0.98), (0.36, True, 0.94), (0.1, False, 0.98)],
+)
+def test_a_largest_point_is_as_far_from_the_top_as_is_said(
+    step: float, proportional: bool, rarest: float
+) -> None:
+    """2,000 sweeps of a line, five to twenty points above 70 %, noise of 1 %: 1.96 sigma hold it.
+
+    By their scatter about the top alone, two degrees of freedom, 1 in 100 were 6 sigma away.
+    """
+    rng = np.random.default_rng(8)
+    held, far, told = 0, 0, []
+    for _ in range(2000):
+        f = (np.arange(-14.0, 15.0) + rng.uniform(-0.5, 0.5)) * step
+        line = lorentzian(f)
+        noise = 0.01 * (line if proportional else 1.0) * rng.standard_normal(f.size)
+        found = laboratory_maximum(f, line + noise)
+        held += abs(found.value_v - 1.0) < 1.96 * found.sigma
+        far += abs(found.value_v - 1.0) > 4.0 * found.sigma
+        told.append(found.noise)
+    assert held >= 2000 * rarest
+    assert far <= 8
+    assert np.median(told) == pytest.approx(0.01, rel=0.25)
 
 
 def test_a_scale_is_a_number_with_all_its_digits() -> None:

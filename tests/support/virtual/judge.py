@@ -21,6 +21,8 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 import fitting as ff
+from fitting.report.words.answer import by_line
+from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.laboratory import Laboratory, Series, amplitude_v
@@ -211,6 +213,7 @@ def _compared(
                 bound=bounds.get(name, math.nan),
             ).__dict__
         )
+    statements += [each.__dict__ for each in _of_lines(inference, truth)]
     names = fit.problem.names
     at_fit = judge.vector(dict(zip(names, map(float, fit.x), strict=True)), reflection)
     best = _best(inference)
@@ -233,6 +236,31 @@ def _compared(
         chi2_rows=judge.rows(judge.true).size,
         seconds=seconds,
     )
+
+
+def _of_lines(inference: ff.Inference, truth: Mapping[str, float]) -> list[Statement]:
+    """What the answer says is best known by the line of the sweep alone: determined, then."""
+    said = []
+    record = inference.record
+    for line in record.sweeps.lines.values():
+        for name, found in {**record.parameters, **record.derived}.items():
+            better = by_line(name, found, line)
+            if better is not None and name in truth:
+                value, std = better
+                half = std * ratio95(line.freedom)
+                said.append(
+                    Statement(
+                        name=f"{name} by the line",
+                        verdict=DETERMINED,
+                        value=value,
+                        std=std,
+                        low=value - half,
+                        high=value + half,
+                        truth=truth[name],
+                        bound=math.nan,
+                    )
+                )
+    return said
 
 
 def _sentences(inference: ff.Inference) -> list[str]:
