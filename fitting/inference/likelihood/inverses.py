@@ -1,7 +1,8 @@
 """Outputs that say the same of a sample, one inverse to the other: walked once, told twice.
 
 A quality factor is eta over the width: where eta is known their product does not move, and a
-profile of one is that of the other. Found by their values, without knowing the model.
+profile of one is that of the other. Where eta drifts with what is fitted the product moves, but by
+far less than either is known to. Found by their values, without knowing the model.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ RangeEnds = tuple[ProfilePoint | None, ProfilePoint | None]
 DRAWN, FEWEST = 8, 4
 #: How little a product moves, and how much its factors at least, as shares.
 SAME, MOVES = 1e-6, 1e-2
+#: A product may move by this part of a factor's standard deviation, up to such a share.
+UNSEEN, MOST = 0.01, 3e-3
 
 
 @dataclass(frozen=True)
@@ -94,10 +97,15 @@ def inverses(
             product = float(first.best * later.best)
             if len(factors) < FEWEST or not product > 0.0:
                 continue
-            still = np.max(np.abs(np.prod(factors, axis=1) / product - 1.0)) <= SAME
+            still = np.max(np.abs(np.prod(factors, axis=1) / product - 1.0)) <= _still(first)
             if still and np.min(np.ptp(np.log(factors), axis=0)) > MOVES:
                 found[later.name] = Inverse(later, first.name, product)
     return list(found.values())
+
+
+def _still(first: Quantity) -> float:
+    """By what share the product with a quantity may move."""
+    return min(max(SAME, UNSEEN * first.sigma / abs(first.best)), MOST)
 
 
 def told_twice(walked: Mapping[str, Branches], found: Sequence[Inverse]) -> dict[str, Branches]:

@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 import fitting as ff
+from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.report.words.answer import by_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
@@ -243,7 +244,9 @@ def _of_lines(inference: ff.Inference, truth: Mapping[str, float]) -> list[State
     said = []
     record = inference.record
     for line in record.sweeps.lines.values():
-        for name, found in {**record.parameters, **record.derived}.items():
+        every: dict[str, ParameterResult | DerivedResult]
+        every = {**record.parameters, **record.derived}
+        for name, found in every.items():
             better = by_line(name, found, line)
             if better is not None and name in truth:
                 value, std = better

@@ -1,0 +1,29 @@
+"""Which values are those of the sweep's own line: of its mode alone, wherever the fit ended."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import fitting as ff
+from fitting.inference.line_values import values_of_line
+from fitting.inference.values import DerivedResult, ParameterResult
+from tests.support.virtual.answers import ModesResponse
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.mark.parametrize(("series", "mode"), [("q1", "plus"), ("q2", "minus")])
+def test_the_line_is_that_of_the_mode_that_was_swept(series: str, mode: str) -> None:
+    """Both fits end at d1 = d2, where every width is the swept line's; d1 is 120 and d2 90 Hz."""
+    campaign = DATA / f"string_{series}" / "campaign.toml"
+    record = ff.Problem.of(campaign, ff.Fmu("CoupledOscillator")).record
+    problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
+    inferred = ff.profile(ff.fit(problem), [f"Q_{mode}"]).record
+    widths = {n: replace(v, unit="Hz") for n, v in inferred.derived.items() if "width" in n}
+    values: dict[str, ParameterResult | DerivedResult]
+    values = {**inferred.parameters, **inferred.derived, **widths}
+    found = values_of_line(inferred.fit.problem, inferred.fit.solution, values)
+    assert found == {f"width_{mode}": "width", f"Q_{mode}": "q"}
