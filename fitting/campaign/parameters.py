@@ -13,6 +13,8 @@ from fitting.text.errors import BadInput
 
 #: Width of a uniform distribution in its standard deviations: its variance is (u - l)^2/12.
 UNIFORM_WIDTH = math.sqrt(12.0)
+#: Share of a box by which a value beyond its end counts as outside of it.
+SLACK = 1e-6
 #: Ratio of a box to the scale of its parameter, or the inverse, beyond which sums lose all digits.
 WIDEST = 1e12
 
@@ -185,6 +187,19 @@ def in_box(parameters: Sequence[Parameter], search: FloatArray) -> bool:
     """
     lower, upper = search_bounds(parameters)
     return bool(np.all((search >= lower) & (search <= upper)))
+
+
+def outside_box(parameters: Sequence[Parameter], search: FloatArray) -> tuple[int, ...]:
+    """Which parameters of a search vector lie outside the box; one with a period never does.
+
+    Args:
+        parameters: the fitted parameters.
+        search: search vector (n,).
+    """
+    lower, upper = search_bounds(parameters)
+    slack = SLACK * (upper - lower)
+    out = (search < lower - slack) | (search > upper + slack)
+    return tuple(i for i, p in enumerate(parameters) if p.period is None and bool(out[i]))
 
 
 def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:

@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import gammaincc
 
-from fitting.campaign.parameters import Parameter, search_bounds, to_model
+from fitting.campaign.parameters import Parameter, outside_box, to_model
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import data_covariance
@@ -177,14 +177,8 @@ def outside_sentences(optimum: Optimum) -> tuple[str, ...]:
         optimum: the most likely point and its likelihood.
     """
     parameters, x = optimum.likelihood.parameters, optimum.expansion.x
-    lower, upper = search_bounds(parameters)
     at = to_model(parameters, x)
-    slack = 1e-6 * (upper - lower)
-    said = []
-    for i, parameter in enumerate(parameters):
-        if parameter.period is None and not lower[i] - slack[i] <= x[i] <= upper[i] + slack[i]:
-            said.append(_outside_words(parameter, float(at[i])))
-    return tuple(said)
+    return tuple(_outside_words(parameters[i], float(at[i])) for i in outside_box(parameters, x))
 
 
 def _outside_words(parameter: Parameter, value: float) -> str:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import canonical, to_model
+from fitting.campaign.parameters import canonical, outside_box, to_model
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.likelihood.lockstep import Exhausted, Request
@@ -40,7 +40,7 @@ from fitting.inference.likelihood.exploration import (
 )
 from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.outside import beyond, beyond_sentences
-from fitting.inference.likelihood.profiles import ProfilePoint
+from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
 from fitting.inference.verdicts import Basis
@@ -256,10 +256,13 @@ def _ranges(
 def _better(optimum: Optimum, points: Sequence[ProfilePoint]) -> ProfilePoint | None:
     """A point that is clearly more likely, or as likely with a value for every output.
 
-    Where an output exists at the optimum it has to exist at the better point.
+    Where an output exists at the optimum it has to exist at the better point. The box may be
+    knowledge, as which of two twins it is: while noise as it is stated lets the optimum be in the
+    box, what lies outside is another value that fits, and not the most likely one.
     """
     exists = np.isfinite(optimum.expansion.sample.outputs)
     possible = [s for s in points if s.outputs.size == 0 or np.all(np.isfinite(s.outputs[exists]))]
+    possible = [s for s in possible if _may_be_best(optimum, s)]
     lowest = min(possible, key=lambda point: point.delta, default=None)
     if lowest is not None and lowest.delta < -BETTER:
         return lowest
@@ -268,6 +271,16 @@ def _better(optimum: Optimum, points: Sequence[ProfilePoint]) -> ProfilePoint | 
     whole = [s for s in possible if s.delta < BETTER and s.outputs.size == exists.size]
     whole = [s for s in whole if np.all(np.isfinite(s.outputs))]
     return min(whole, key=lambda point: point.delta, default=None)
+
+
+def _may_be_best(optimum: Optimum, point: ProfilePoint) -> bool:
+    """Whether a point is in the box, or the optimum is not, or the point excludes it for good."""
+    likelihood = optimum.likelihood
+    if not outside_box(likelihood.parameters, likelihood.folded(point.x)):
+        return True
+    if outside_box(likelihood.parameters, likelihood.folded(optimum.expansion.x)):
+        return True
+    return -point.delta * likelihood.inflation**2 > EXCLUDED
 
 
 def _moved(

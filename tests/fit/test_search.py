@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
+from scipy.stats import chi2
 
 import fitting as ff
 from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
 from fitting.fit.alternative import Solved, run_alternative
 from fitting.fit.choice import chosen
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import make_objective
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import search_box
@@ -29,6 +31,7 @@ from tests.support.datasets import answer, dataset
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import Likelihood
 from tests.support.virtual.kinds import KINDS
+from tests.support.whitened import SIGMA, parameter, whitened
 
 
 def test_points_fill_the_box_by_decades_and_go_on_where_they_ended() -> None:
@@ -214,6 +217,35 @@ def test_an_angle_reversed_about_the_middle_of_its_box_is_a_twin_too() -> None:
     [twin] = twins(3.0)
     assert twin.of(box(3.0), np.array([1.5])) == pytest.approx([2.5])
     assert twins(3.2) == []
+
+
+def looked_at(probability: float, *, valleys: int = 1) -> int:
+    """Points of a search whose least chi square noise exceeds that often, of 40 rows beyond four.
+
+    Rows are straight in four unknowns but where the first has two valleys, of which one is 100 of
+    chi square higher.
+    """
+
+    def rows(p: FloatArray) -> FloatArray:
+        first = 10.0 * (p[0] ** 2 - 1.0) if valleys == 2 else 50.0 * (p[0] - 1.0)
+        tilt = 5.0 * (p[0] - 1.0)
+        left = np.full(39, np.sqrt(chi2.isf(probability, 40) / 39.0))
+        return np.concatenate([[first, tilt], 50.0 * (p[1:] - 0.3), left])
+
+    objective = whitened(rows, *(parameter(name, -2.0, 2.0) for name in "abcd"))
+    m = objective.data.sigma.size
+    noise = likelihood_of(objective, np.full(m, SIGMA), np.zeros((m, 0)))
+    search = search_box(LikelihoodEvaluator(noise), [np.full(4, 0.5)], 1, 1000)
+    assert search.minima[0].chi_square == pytest.approx(chi2.isf(probability, 40), abs=0.01)
+    assert (len(search.minima) > 1) is (valleys == 2)
+    return search.screened
+
+
+def test_one_minimum_is_not_searched_for_again_where_noise_may_be_what_it_leaves() -> None:
+    """An evolution looks at 4,000 points and more; of one minimum that noise rarely is, once."""
+    assert looked_at(0.02) == looked_at(2e-3) < 2000
+    assert 4000 < looked_at(5e-4) < 8000
+    assert looked_at(0.02, valleys=2) > 8000
 
 
 def test_two_lines_in_a_box_of_a_hundred_widths_are_found(tmp_path: Path) -> None:

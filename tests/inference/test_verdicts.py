@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import Parameter
-from fitting.inference.likelihood.knowledge import Profile
+from fitting.inference.likelihood.knowledge import Knowledge, Profile
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import Z95, learnt, parameter, whitened
@@ -337,6 +337,35 @@ def test_a_valley_counts_as_long_as_it_fits(tilt: float, verdict: Verdict) -> No
     found = valleys(barrier=10.0, tilt=tilt)
     assert found.verdict is verdict, found.reason
     assert (found.interval95[0] < 0.0) is (verdict is Verdict.SEVERAL)
+
+
+def lower_beyond_the_box(tilt: float, lower: float = -1.2) -> Knowledge:
+    """Valleys at k = 3/2 and, `tilt`^2 of chi square lower, at -3/2, beyond the box."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        k = float(p[0])
+        return np.array([10.0 * (k * k / 2.25 - 1.0), tilt * (k + 1.5) / 3.0, *np.zeros(20)])
+
+    return learnt(whitened(rows, parameter("k", lower, 3.0, start=1.4)))
+
+
+def test_a_twin_beyond_the_box_that_fits_better_is_named_and_not_taken() -> None:
+    """As of a pumped line with its modes exchanged, which the box excludes; chi square 4 lower."""
+    known = lower_beyond_the_box(2.0)
+    found = known.parameters["k"]
+    assert known.most_likely["k"] == pytest.approx(1.5, abs=0.1)
+    assert found.verdict is Verdict.SEVERAL
+    assert found.interval95[0] < -1.5
+    assert found.interval95[1] > 1.5
+    inside = lower_beyond_the_box(2.0, lower=-3.0)
+    assert inside.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
+
+
+def test_a_box_that_the_data_exclude_is_left_for_a_twin() -> None:
+    known = lower_beyond_the_box(4.0)
+    assert known.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
+    assert known.parameters["k"].verdict is Verdict.DETERMINED
+    assert [said for said in known.sentences if said.startswith("The data want k = −1.5")]
 
 
 # --- what is not noise widens nothing

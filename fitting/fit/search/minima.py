@@ -7,6 +7,8 @@ a valley that takes a thousandth of the box is seen by a thousand points, not by
 of many parameters are screened by more points from the first on. Where noise hardly explains the
 least chi square, every edge of the box is gone along through the lowest minima; where it does not
 explain it, differential evolution searches the box, and finer scans go through what is lowest then.
+Where all descents came to one minimum evolution is not repeated, and not begun where that is rarely
+noise, but may be: right minima are that by noise more often than such a box hides a lower one.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
 methods", Mathematical Programming 39 (1987) 57.
@@ -49,6 +51,8 @@ EVOLUTIONS, FINER_SCANS = 2, 3
 #: Probability of the least chi square below which scans look for a lower one: one wrong minimum in
 #: twenty is explained by noise at TOO_LARGE_P, nearly none is at the middle of what noise leaves.
 BARELY_P = 0.2
+#: The same below which evolution searches a box whose descents all came to one minimum.
+RARELY_P = 1e-3
 #: Parameters beyond which each doubles what is screened in any case, up to so many points.
 FEW, MOST_AT_FIRST = 3, 512
 #: Decrease of chi square that counts as something lower, and as a share of it.
@@ -216,9 +220,16 @@ def _further_rounds(
         through = [minimum.x for minimum in lowest]
         return scanned(evaluator, box, through, number=number, wanted=SCAN_DESCENTS)
 
+    def is_alone() -> bool:
+        return len(_apart(box, evaluator.likelihood, ended)) == 1
+
     yield BARELY_P, partial(scan, SCAN)
     for turn in range(EVOLUTIONS):
-        yield TOO_LARGE_P, partial(evolved, evaluator, box, seed + turn, DESCENTS)
+        alone = is_alone()
+        if turn and alone:
+            break
+        least_p = RARELY_P if alone else TOO_LARGE_P
+        yield least_p, partial(evolved, evaluator, box, seed + turn, DESCENTS)
     for _ in range(FINER_SCANS):
         before = least()
         yield TOO_LARGE_P, partial(scan, FINER_SCAN)
