@@ -226,15 +226,34 @@ def test_the_last_digits_are_those_of_a_hundred_millionth(misfit: str) -> None:
     assert to_the_last_digits(evaluator, rough, 0.8, other) is rough
 
 
+def test_the_last_digits_go_along_a_valley_as_far_as_it_goes() -> None:
+    """900 units of y, along which J falls by a hundredth: steps of 0.1 times 3, 9, ... 3^8.
+
+    Steps of at most a unit, which a solve before the last takes, would be more than 900.
+    """
+    evaluator = rows_evaluator(
+        lambda p: np.array([p[0] - 1e-3 * p[1], 1e-5 * (p[1] - 900.0), 1.0]),
+        [-9.0, -2000.0],
+        [9.0, 2000.0],
+    )
+    rough = Solve(
+        x=np.zeros(2), optimality=1.0, status="optimal", message="", iterations=0, steps=0
+    )
+    found = to_the_last_digits(evaluator, rough, 0.0, SolveSettings())
+    assert found.x == pytest.approx([0.9, 900.0])
+    assert found.steps == 9
+
+
 def test_last_digits_that_are_not_reached_leave_the_status() -> None:
-    """A row far away: twenty steps of at most a unit do not get there."""
-    evaluator = rows_evaluator(lambda p: p - 90.0, [-99.0], [99.0])
+    """A row 60,000 units away: sixty steps come to 984, the sum of nine, and 51 times 1000."""
+    evaluator = rows_evaluator(lambda p: p - 6e4, [-9e4], [9e4])
     rough = Solve(
         x=np.zeros(1), optimality=1.0, status="stalled", message="rough", iterations=0, steps=0
     )
     found = to_the_last_digits(evaluator, rough, 0.0, SolveSettings())
     assert found.status == "stalled"
-    assert found.steps == 20
+    assert found.steps == 60
+    assert found.x == pytest.approx([51984.1])
     assert found.optimality == pytest.approx(1.0)
 
 

@@ -34,10 +34,16 @@ from fitting.text.arrays import FloatArray
 INSIDE_SHARE = 1e-3
 #: Iterates over which an interior-point solve must lower J, else it is stopped.
 PATIENCE = 12
-#: Promised decrease, as a share of J, to which the last nu is solved, and steps for it at most.
-LAST_DIGITS, LAST_STEPS = 1e-8, 20
-#: What gets the last digits of each smooth misfit, by linearised steps.
+#: Promised decrease, as a share of J, to which the last nu is solved.
+LAST_DIGITS = 1e-8
+#: What finishes a solve of each smooth misfit, by linearised steps.
 FINISHES = {"slack": follow, "squares": finish_squares}
+#: What gets its last digits. Along a valley that the data leave open J falls by less than a step
+#: may be off elsewhere, over hundreds of units of x: steps are many there, and as long as they go.
+LAST_FINISHES = {
+    "slack": partial(follow, steps=60, farthest=1000.0),
+    "squares": partial(finish_squares, steps=20),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,11 +194,11 @@ def to_the_last_digits(
     Raises:
         FmuFailure: the model failed at a point inside the box.
     """
-    if settings.misfit not in FINISHES:
+    if settings.misfit not in LAST_FINISHES:
         return found
     value = _value(evaluator, found.x, nu, settings)
     tolerance = LAST_DIGITS * value
-    end = FINISHES[settings.misfit](evaluator, found.x, nu, tolerance, steps=LAST_STEPS)
+    end = LAST_FINISHES[settings.misfit](evaluator, found.x, nu, tolerance)
     if not end.steps:
         return found
     promise, reached = end.optimality, _value(evaluator, end.x, nu, settings)

@@ -129,7 +129,13 @@ def _promise(rows: FloatArray, matrix: FloatArray, slope: FloatArray, step: Floa
 
 
 def follow(
-    evaluator: Evaluator, start: FloatArray, nu: Nu, tolerance: float, *, steps: int = 40
+    evaluator: Evaluator,
+    start: FloatArray,
+    nu: Nu,
+    tolerance: float,
+    *,
+    steps: int = 40,
+    farthest: float = TEST_RADIUS,
 ) -> Finish:
     """Lower sum |r| + J_reg by linearised steps until no step promises more than the tolerance.
 
@@ -143,6 +149,7 @@ def follow(
         nu: weight of the Tikhonov term, one or (n,).
         tolerance: promised decrease of J that is no longer worth a step.
         steps: at most.
+        farthest: largest change of one variable in a step, in units of x.
 
     Source: R. Fletcher, "A model algorithm for composite nondifferentiable optimization problems"
     and "Second order corrections for non-differentiable optimization" (1982).
@@ -161,7 +168,7 @@ def follow(
                 )
             if taken == steps:
                 break
-            moved, radius = _one_step(evaluator, x, nu, radius)
+            moved, radius = _one_step(evaluator, x, nu, radius, farthest)
             if moved is None:
                 return Finish(
                     x=x,
@@ -178,7 +185,7 @@ def follow(
 
 
 def _one_step(
-    evaluator: Evaluator, x: FloatArray, nu: Nu, radius: float
+    evaluator: Evaluator, x: FloatArray, nu: Nu, radius: float, farthest: float
 ) -> tuple[FloatArray | None, float]:
     """The next accepted x with the radius for the step after it; None where none is found."""
     rows, matrix = evaluator.point(x).residuals, evaluator.jacobian(x)
@@ -199,6 +206,6 @@ def _one_step(
             step = linear_step(point.residuals - matrix @ step, matrix, slope, room, radius)
         if gain > 0.1 * promise:
             grow = 1.0 if gain <= 0.5 * promise else (3.0 if corrections <= 1 else 1.5)
-            return best, min(TEST_RADIUS, grow * radius)
+            return best, min(farthest, grow * radius)
         radius *= 0.25
     return None, radius
