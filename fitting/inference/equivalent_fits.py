@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fitting.text.notation import number
-
-#: How reasons begin, by which they are found again.
-EXCHANGE = "determined up to an exchange"
+#: What reasons say, by which they are found again.
+EXCHANGE = "up to an exchange"
 #: Beyond an interval by less than this share of its width a value is still the same: two fits of
 #: one minimum differ so, because the misfit that is minimised is not the likelihood.
 SLACK = 0.5
@@ -47,17 +45,17 @@ def turned_to(value: float, near: float, period: float | None) -> float:
     return value if period is None else value - period * round((value - near) / period)
 
 
-def exchange_words(here: float, there: float, where: str, unit: str) -> str:
-    """Why a value is determined no further than to two of them.
+def exchange_words(here: str, there: str, where: str, *, determined: bool) -> str:
+    """Why a value is known no further than to two of them, or to two intervals.
 
     Args:
-        here: the value that is reported, in its unit.
-        there: the other value, in the same unit.
+        here: what it is at the minimum that is reported: a number, or an interval.
+        there: the other value, with its unit.
         where: what leads there.
-        unit: of both.
+        determined: whether it is determined at either.
     """
-    size = f"{number(here, 5)} here, {number(there, 5)} {unit}".rstrip()
-    return f"{EXCHANGE}: {size} at {where}, which fits as well"
+    how = "determined" if determined else "bounded"
+    return f"{how} {EXCHANGE}: {here} here, {there} at {where}, which fits as well"
 
 
 def is_reason(sentence: str) -> bool:

@@ -23,7 +23,7 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interv
 from fitting.inference.verdict import Verdict
 from fitting.signal.student import ROOT_68, ROOT_95
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import number
+from fitting.text.notation import number, span
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
 #: (half the width is then half the value), and share of its period for one that goes round.
@@ -84,14 +84,15 @@ class _Subject:
 class _Found:
     """What was found of a quantity: its interval, how it ends, and what speaks against it.
 
-    `others` are values of separate minima outside the interval around the optimum, `exchange` says
-    what another alternative has; `held` names parameters at a limit of their room.
+    `others` are values of separate minima outside the interval around the optimum, `exchange` the
+    value of another alternative and what leads there; `held` names parameters at a limit of their
+    room.
     """
 
     interval: Interval
     ends: tuple[str, str]
     others: Sequence[float]
-    exchange: str
+    exchange: tuple[float, str] | None
     held: Sequence[str]
 
 
@@ -329,22 +330,21 @@ def _no_bound(subject: _Subject, interval: Interval, ends: tuple[str, str]) -> I
 
 def _exchange(
     subject: _Subject, bounds: Interval, equivalents: Sequence[Equivalent], slack: float | None
-) -> str:
-    """What another alternative that fits as well has against an interval, in words.
+) -> tuple[float, str] | None:
+    """A value against an interval at another alternative that fits as well, and what leads there.
 
     Where there is such an alternative, points without a value of some output count, too: they may
     have one in the alternative.
     """
     if not any(other.origin == "alternative" for other in equivalents):
-        return ""
+        return None
     name, best = subject.quantity.name, subject.shown(subject.quantity.best)
     for other in sorted(equivalents, key=lambda each: each.origin != "alternative"):
         values = other.parameters if subject.parameter is not None else other.derived
         there = values.get(name, math.nan)
         if contradicts(there, bounds, subject.period, slack):
-            there = turned_to(there, best, subject.period)
-            return exchange_words(best, there, other.where or "another minimum", subject.unit)
-    return ""
+            return turned_to(there, best, subject.period), other.where or "another minimum"
+    return None
 
 
 def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, str]:
@@ -363,9 +363,8 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
     share = _share_of_prior(subject, found)
     if share > PRIOR_ALONE:
         return Verdict.OPEN, "its interval is that of its prior"
-    elsewhere = found.exchange or _others_words(subject, found.others)
-    if elsewhere:  # it has no bound, either, that another minimum does not keep
-        return Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN, elsewhere
+    if found.exchange is not None or found.others:
+        return (Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN), _elsewhere_words(subject, found)
     if not all(cut):
         return (
             (Verdict.BELOW, f"above it {said[1]}")
@@ -408,13 +407,28 @@ def _both(said: Sequence[str]) -> str:
     return f"on both sides {low}" if low == high else f"below it {low}, above it {high}"
 
 
-def _others_words(subject: _Subject, others: Sequence[float]) -> str:
-    """What separate minima have; empty without any."""
-    if not others:
-        return ""
-    values = [subject.shown(subject.quantity.best), *others]
-    shown = " or ".join(number(value, 5) for value in values)
-    return f"{shown} {subject.unit}".rstrip() + ": another minimum fits as well"
+def _elsewhere_words(subject: _Subject, found: _Found) -> str:
+    """What other minima have that fit as well: a bound is none that one of them does not keep."""
+    there, where = [*found.others], "another minimum"
+    if found.exchange is not None:
+        there, where = [found.exchange[0]], found.exchange[1]
+    shown = " or ".join(dict.fromkeys(_number(value, subject.unit) for value in there))
+    if found.ends != ("crossed", "crossed"):
+        return f"no bound holds at every minimum: {shown} at {where} fits as well"
+    determined = _by_width(subject, found)[0] is Verdict.DETERMINED
+    best = number(subject.shown(subject.quantity.best), 5)
+    low, high = found.interval
+    if found.exchange is None and all(low <= value <= high for value in there):
+        within = span(low, high, subject.unit).replace("\u00a0", " ")
+        return f"{best} or {shown}, within {within}: another minimum fits as well"
+    if found.exchange is None and determined:
+        return f"{best} or {shown}: another minimum fits as well"
+    here = best if determined else span(low, high).replace("\u00a0", " ")
+    return exchange_words(here, shown, where, determined=determined)
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{number(value, 5)} {unit}".rstrip()
 
 
 def _share_of_prior(subject: _Subject, found: _Found) -> float:
