@@ -69,14 +69,15 @@ def synthesize_curves(
 ) -> SyntheticFiles:
     """A campaign of one complex sweep, of spectra over a voltage, or of a trace, with known truth.
 
-    S = a e (1 + s x + c H) behind a wiring, |q1| of two coupled modes, or q1 over time, by closed
+    S = a e (1 + s x + c H) behind a wiring, |q1| of coupled modes, or q1 over time, by closed
     forms that are not the FMU.
 
     Args:
         kind: "transmission", "notch" or "reflection": one mode as a network analyser sees it;
-            "crossing": two modes that a voltage tunes through each other; "ringdown": two beating
-            modes that are let go, over time; "chirp": the same under a chirp; "lock-in": X and Y
-            of such a decay at 1 MHz; "zero-span": levels of one mode's.
+            "crossing": two modes that a voltage tunes through each other, or with ``modes=3`` one
+            through two that are coupled; "ringdown": two beating modes that are let go, over time;
+            "chirp": the same under a chirp; "lock-in": X and Y of such a decay at 1 MHz;
+            "zero-span": levels of one mode's.
         seed: Seed of the noise, a whole number of at least 0.
         out: Folder for the files; None: nothing is written.
         command: What the head of every file says that it was made by.
