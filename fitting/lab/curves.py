@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -255,12 +255,19 @@ class AvoidedCrossing:
             columns |= {"X (V)": seen.real.ravel(), "Y (V)": seen.imag.ravel()}
         else:
             columns["amplitude (V)"] = np.abs(np.abs(exact) + noise).ravel()
-        truth = {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
         return {
             CAMPAIGN_NAME: toml_text(self._campaign(), head),
             "map.csv": csv_text(columns, head),
-            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+            TRUTH_NAME: toml_text(self.truth(seed), [*head, REMARK]),
         }
+
+    def truth(self, seed: int) -> dict[str, Any]:
+        """Tables of truth.toml.
+
+        Args:
+            seed: of the noise.
+        """
+        return {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
 
     def _campaign(self) -> dict[str, Any]:
         """Boxes as wide as the spectra, starts beside the truth."""
@@ -312,8 +319,9 @@ class AvoidedCrossing:
         return {"control_sweep": {**told, "amplitude": "V peak"}}
 
 
-#: Spectra and points of three modes, whose map is wider.
-THREE_MODES = {"volts": 13, "points": 81}
+Curve = WiredResonance | AvoidedCrossing | StringTrace | StringPhasors
+C = TypeVar("C", bound=Curve)
+
 #: Table of truth.toml that holds the record.
 CURVE = "curve"
 FEW_LEVELS = {
@@ -325,9 +333,7 @@ FEW_LEVELS = {
 }
 
 
-def curve_named(
-    kind: str, changes: Mapping[str, Any]
-) -> WiredResonance | AvoidedCrossing | StringTrace | StringPhasors:
+def curve_named(kind: str, changes: Mapping[str, Any]) -> Curve:
     """A built-in curve with numbers of its own.
 
     Args:
@@ -341,7 +347,21 @@ def curve_named(
         raise BadInput(f"curve {kind!r}: wanted one of {', '.join(CURVES)}")
     made = _built_in(kind)
     if changes.get("modes") == 3 and isinstance(made, AvoidedCrossing):
-        made = replace(made, **THREE_MODES)
+        made = replace(made, volts=13, points=81)  # the map is wider
+    return changed_curve(made, kind, changes)
+
+
+def changed_curve(made: C, kind: str, changes: Mapping[str, Any]) -> C:
+    """A curve with other numbers.
+
+    Args:
+        made: the curve.
+        kind: what it is called.
+        changes: numbers that are different, by the names of the record's fields.
+
+    Raises:
+        BadInput: a name that it does not have, impossible numbers.
+    """
     known = {field.name for field in fields(made)} - {"kind"}
     for name in changes:
         if name not in known:
@@ -351,7 +371,7 @@ def curve_named(
     return replace(made, **changes)
 
 
-def _built_in(kind: str) -> WiredResonance | AvoidedCrossing | StringTrace | StringPhasors:
+def _built_in(kind: str) -> Curve:
     if kind in TIME_SERIES:
         return StringTrace(kind=kind)
     if kind in DEMODULATED:

@@ -84,8 +84,9 @@ def maps_of(lines: list[tuple[float, ...]]) -> ControlMaps:
                 response=response,
             )
         )
-    axes = {"amplitude": Axis("a", ""), "rest": Axis("r", "")}
-    return ControlMaps(spectra=tuple(spectra), units={"V": "V"}, **axes)
+    return ControlMaps(
+        spectra=tuple(spectra), units={"V": "V"}, amplitude=Axis("a", ""), rest=Axis("r", "")
+    )
 
 
 def test_each_gap_between_neighbours_is_told_where_it_is_least() -> None:
