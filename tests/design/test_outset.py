@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.api.design import NextMeasurements
 from fitting.design.candidates import Limits
 from fitting.report.words.design import design_lines
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -56,7 +57,7 @@ def written(folder: Path, *, background: str, sigma: str, f2_start: float) -> Pa
     return folder / "campaign.toml"
 
 
-def designed(fmu: ff.Fmu, path: Path) -> ff.NextMeasurements:
+def designed(fmu: ff.Fmu, path: Path) -> NextMeasurements:
     return ff.design(ff.Problem.of(path, fmu), limits=path.parent / "design.toml")
 
 
