@@ -88,6 +88,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "of sweeps; with --series crossing: of every point",
     )
     parser.add_argument(
+        "--modes",
+        type=int,
+        choices=(2, 3),
+        help="with --series crossing: modes, each coupled to the next (default 2)",
+    )
+    parser.add_argument(
         "--restart",
         type=int,
         action="append",
@@ -125,6 +131,8 @@ def run(args: argparse.Namespace) -> int:
         raise ff.BadInput("synthesize: --plan and --truth are wanted together")
     if args.series in CURVES:
         return _curve(args)
+    if args.modes is not None:
+        raise ff.BadInput("--modes: has no meaning here, only with --series crossing")
     if args.noise is not None and not (args.cross_mode or args.phases):
         raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
     if args.restart and not args.phases:
@@ -157,9 +165,10 @@ def _measured(measured: Any) -> str:
 
 
 def _curve(args: argparse.Namespace) -> int:
-    """Write the campaign of a curve, which has a seed and a noise; a crossing may have phases."""
+    """Write the campaign of a curve: a seed and a noise, of a crossing also phases and modes."""
     others = {"cross-mode": args.cross_mode, "restart": args.restart}
     others |= {"phases": args.phases and args.series != CROSSING}
+    others |= {"modes": args.modes is not None and args.series != CROSSING}
     others |= {"plan": args.plan, "reflection": args.reflection is not None}
     others |= {option: _value(args, option) is not None for option in OPTIONS}
     for option, given in others.items():
@@ -167,6 +176,7 @@ def _curve(args: argparse.Namespace) -> int:
             raise ff.BadInput(f"--{option}: has no meaning with --series {args.series}")
     changes = {} if args.noise is None else {"noise": args.noise}
     changes |= {"phases": True} if args.phases else {}
+    changes |= {} if args.modes is None else {"modes": args.modes}
     made = ff.synthesize_curves(
         args.series, seed=args.seed, command=_command(args), out=None, **changes
     )
@@ -210,6 +220,7 @@ def _command(args: argparse.Namespace) -> str:
             words += [f"--{option}", repr(_value(args, option))]
     words += ["--cross-mode"] if args.cross_mode else []
     words += ["--phases"] if args.phases else []
+    words += ["--modes", str(args.modes)] if args.modes is not None else []
     for pair in args.restart:
         words += ["--restart", str(pair)]
     words += ["--noise", repr(args.noise)] if args.noise is not None else []

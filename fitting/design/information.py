@@ -162,6 +162,15 @@ class Series:
         mine = [v for m, v in pairs if self._is_line(m)]
         return np.concatenate([np.empty(0, dtype=complex), *mine])
 
+    def residuals(self, place: Place, steps: FloatArray) -> FloatArray:
+        """All residual rows at a place, (m,).
+
+        Args:
+            place: where they are wanted.
+            steps: difference steps in x, shape (n,).
+        """
+        return evaluate_many(self.objective(place.alternative, steps), [place.x])[0].residuals
+
     def steps(self) -> FloatArray:
         """Difference steps in x that suit this series, found once."""
         if self._steps is None:

@@ -89,10 +89,13 @@ class DesignTable:
     def beside(self, other: DesignTable) -> DesignTable:
         """The table, asking for sweeps where the other one does, to be compared with it.
 
+        The noise is the other's, too: it is no limit, and without it sweeps have no limits.
+
         Args:
             other: what holds in its place.
         """
-        return replace(self, keys=replace(self.keys, sweeps=other.keys.sweeps))
+        taken = {n: getattr(other.keys, n) for n in ("sweeps", "noise_floor", "relative_noise")}
+        return replace(self, keys=replace(self.keys, **taken))
 
 
 def read_design_table(path: Path) -> DesignTable:

@@ -86,6 +86,21 @@ class WhitenedData:
             )
         return found
 
+    def rows(self, places: Sequence[Place]) -> list[FloatArray]:
+        """Whitened rows (m,) at places of one alternative, in one batch for each series.
+
+        Args:
+            places: of one alternative, one at least.
+        """
+        found: list[list[FloatArray]] = [[] for _ in places]
+        for series in self.series:
+            objective = series.objective(places[0].alternative, self.steps)
+            for mine, point in zip(
+                found, evaluate_many(objective, [place.x for place in places]), strict=True
+            ):
+                mine.append(point.residuals)
+        return [whitened(np.concatenate(each), self.covariance) for each in found]
+
     def moved(self, fitted: LinearisedFit, dy: FloatArray) -> Place:
         """The place dy prior standard deviations away, within the box.
 

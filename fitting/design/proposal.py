@@ -155,6 +155,14 @@ def _places(
 def _doubts(weighed: Weighed, chosen: Sequence[int], goal: DesignGoal) -> list[str]:
     """Where the proposal does not help, or cannot be judged."""
     before, after = weighed.sigmas([]), weighed.sigmas(chosen)
+    if weighed.inflation > 1.0:
+        asked = goal.start is not None
+        where = "The nearest fit to the given point" if asked else _where_from(weighed)
+        return [
+            f"{where} leaves {number(weighed.inflation, 2)} times the noise (root mean square): it "
+            "does not describe the data, and errors that are expected there mean little"
+            + ("." if asked else "; wanted a fit that does, --at RESULT.json.")
+        ]
     if not np.isfinite(before[0]):
         return [f"{goal.target} has no value, or none that can be differentiated, here."]
     gain, usual = float(before[0] / after[0]), float(np.nanmedian(before / after))
@@ -165,6 +173,13 @@ def _doubts(weighed: Weighed, chosen: Sequence[int], goal: DesignGoal) -> list[s
         f"{gain:.2g} only, where {usual:.2g} is usual: if the truth lies there, these measurements "
         "determine it as little."
     ]
+
+
+def _where_from(weighed: Weighed) -> str:
+    return (
+        f"The fit set out from, the lowest from the references and from {weighed.searched} points "
+        "of the box,"
+    )
 
 
 def _sentences(

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
@@ -28,7 +27,8 @@ from fitting.design.information import (
     scale_sigma,
     unmeasured,
 )
-from fitting.design.points import WhitenedData, equal_fits, nearest_fit, spread_out
+from fitting.design.outset import MeasuredSoFar, Outset
+from fitting.design.points import equal_fits, nearest_fit, spread_out
 from fitting.design.sweeps import information_of_sweeps, simulated_sweeps, sweep_choices
 from fitting.fit.differences import central
 from fitting.fit.linearisation import SMALLEST_SIGMA, information
@@ -71,6 +71,7 @@ class Weighed:
 
     `problem` in variables of unit prior variance; `amplitudes_v` (places, setups, tones);
     `values` of the target at the `places`, `spread_values` at all points of equal fit.
+    `inflation` and `searched` are those of the `Outset`.
     """
 
     problem: DesignProblem
@@ -82,7 +83,8 @@ class Weighed:
     values: FloatArray
     spread_values: FloatArray
     linear: bool
-    runs: int = 0
+    inflation: float = 1.0
+    searched: int = 0
 
     @property
     def spread(self) -> float:
@@ -127,6 +129,7 @@ class _Known:
     gradients: FloatArray
     values: FloatArray
     spread_values: FloatArray
+    begun: Outset
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ def _known(
     data, parameters = series[0], series[0].bound.parameters
     prior = prior_sigmas_in_box(parameters)
     progress("points of equal fit")
-    given, others = _equal_fits(series, goal, prior, steps, limits)
+    begun, given, others = _equal_fits(series, goal, prior, steps, limits)
     spread_values = _values(data, goal.target, [given, *others])
     useful = [p for p, v in zip(others, spread_values[1:], strict=True) if np.isfinite(v)]
     eligible = useful if goal.criterion == "target" else others
@@ -210,6 +213,7 @@ def _known(
         gradients=np.column_stack([gradients * prior, np.zeros((len(places), nuisances))]),
         values=_values(data, goal.target, places),
         spread_values=spread_values,
+        begun=begun,
     )
 
 
@@ -272,8 +276,8 @@ def _equal_fits(
     prior: FloatArray,
     steps: FloatArray,
     limits: Limits,
-) -> tuple[Place, list[Place]]:
-    """The given point (the fit nearest to the references), and others that fit as well."""
+) -> tuple[Outset, Place, list[Place]]:
+    """Where it sets out, the given point (that, or the one asked for), and others of equal fit."""
     bound = known[0].bound
     lower, upper = search_bounds(bound.parameters)
     if goal.start is None:
@@ -281,13 +285,10 @@ def _equal_fits(
     else:
         alternative, p = goal.start
         start = Place(alternative, np.clip(to_search(bound.parameters, p), lower, upper))
-    blocks = []
-    for series in known:
-        first = series.rows([start], steps, limits.setting_sigmas)[0]
-        covariance = information_of_data(series, first, limits.setting_sigmas)[1]
-        blocks.append(covariance + scale_sigma(series.data) ** 2)
-    whitened = WhitenedData(series=known, covariance=block_diag(*blocks), prior=prior, steps=steps)
-    given = nearest_fit(whitened, start)
+    measured = MeasuredSoFar(series=known, prior=prior, steps=steps, limits=limits)
+    # one that was asked for is kept: nothing else is looked for
+    begun = measured.lowest(start, goal.seed) if goal.start is None else measured.near(start)
+    whitened, given = begun.data, begun.fitted
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):
         here = given
@@ -296,7 +297,7 @@ def _equal_fits(
             others.append(here.place)
         others += [f.place for f in equal_fits(whitened, here, goal.seed + k)]
     # a point that was asked for is kept, also where it fits badly
-    return (given.place if goal.start is None else start), others
+    return begun, (given.place if goal.start is None else start), others
 
 
 def _gradients(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
@@ -473,6 +474,8 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known) -> Weighed:
         values=known.values,
         spread_values=known.spread_values,
         linear=found.linear,
+        inflation=known.begun.inflation,
+        searched=known.begun.searched,
     )
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -152,10 +152,11 @@ class AvoidedCrossing:
     """Spectra |q1| over a voltage: f1 = ``f1_hz`` + ``tuning_hz_v`` V, f2, lambda, widths d, Hz.
 
     ``volts`` V from -``reach_v`` to ``reach_v``, ``points`` frequencies each over ``span_hz``;
-    ``gain`` in V per m; ``drift_hz`` is what both frequencies move by from the first to the last
-    spectrum, ``noise`` the standard deviation of each quadrature over its spectrum's largest. Their
-    magnitude is measured; with ``phases`` both are, behind a cable of ``delay_s``, the phase of the
-    gain anew in every spectrum.
+    of three ``modes`` f3 is coupled to f2 by ``lambda23_hz``, and V and the frequencies reach as
+    far beyond f3 as beyond f2; ``gain`` in V per m; ``drift_hz`` is what all frequencies move by
+    from the first to the last spectrum, ``noise`` the standard deviation of each quadrature over
+    its spectrum's largest. Their magnitude is measured; with ``phases`` both are, behind a cable of
+    ``delay_s``, the phase of the gain anew in every spectrum.
 
     Raises:
         BadInput: numbers that no laboratory has.
@@ -176,35 +177,64 @@ class AvoidedCrossing:
     noise: float = 0.01
     phases: bool = False
     delay_s: float = 0.03
+    modes: int = 2
+    f3_hz: float = 1010.0
+    lambda23_hz: float = 110.0
+    d3_hz: float = 3.0
 
     def __post_init__(self) -> None:
         names = ("f1_hz", "f2_hz", "lambda_hz", "d1_hz", "d2_hz", "reach_v", "span_hz", "gain")
-        _check(self, names)
+        _check(self, (*names, "f3_hz", "lambda23_hz", "d3_hz"))
+        if self.modes not in (2, 3):
+            raise BadInput(f"synthesize: modes: found {self.modes}, wanted 2 or 3")
         if self.volts < 2:
             raise BadInput(f"synthesize: volts: found {self.volts}, wanted 2 spectra at least")
 
     def frequencies_hz(self) -> FloatArray:
         """Of the points of every spectrum, (n,)."""
-        half = 0.5 * self.span_hz
-        return np.asarray(self.f2_hz + np.linspace(-half, half, self.points))
+        half, further = 0.5 * self.span_hz, self._apart_hz
+        low, high = min(0.0, further) - half, max(0.0, further) + half
+        return np.asarray(self.f2_hz + np.linspace(low, high, self.points))
 
     def voltages(self) -> FloatArray:
         """Of the spectra, (m,)."""
-        return np.linspace(-self.reach_v, self.reach_v, self.volts)
+        further = self._apart_hz / self.tuning_hz_v if self.tuning_hz_v else 0.0
+        low, high = min(0.0, further) - self.reach_v, max(0.0, further) + self.reach_v
+        return np.linspace(low, high, self.volts)
 
     def values(self) -> ComplexArray:
         """q1 in V of every spectrum, without noise and cable, (m, n)."""
-        found = []
-        for k, volt in enumerate(self.voltages()):
-            moved = self.drift_hz * (k / (self.volts - 1) - 0.5)
-            sample = CoupledModes(
-                f_hz=(self.f1_hz + self.tuning_hz_v * float(volt) + moved, self.f2_hz + moved),
-                d_hz=(self.d1_hz, self.d2_hz),
-                coupling_hz={(0, 1): self.lambda_hz},
-                gains=(1.0, 0.0),
-            )
-            found.append(self.gain * sample.response(self.frequencies_hz())[:, 0])
-        return np.array(found)
+        u, last = self.frequencies_hz(), self.volts - 1
+        return np.array(
+            [
+                self.spectrum(float(volt), self.drift_hz * (k / last - 0.5), u)
+                for k, volt in enumerate(self.voltages())
+            ]
+        )
+
+    def spectrum(self, volt: float, moved_hz: float, u_hz: FloatArray) -> ComplexArray:
+        """q1 in V at one voltage, without noise and cable, (n,).
+
+        Args:
+            volt: the voltage, V.
+            moved_hz: what all frequencies have drifted by, Hz.
+            u_hz: frequencies of the points, (n,), Hz.
+        """
+        tuned = self.f1_hz + self.tuning_hz_v * volt
+        f, d = [tuned, self.f2_hz, self.f3_hz], (self.d1_hz, self.d2_hz, self.d3_hz)
+        coupling = {(0, 1): self.lambda_hz, (1, 2): self.lambda23_hz}
+        sample = CoupledModes(
+            f_hz=tuple(hz + moved_hz for hz in f[: self.modes]),
+            d_hz=d[: self.modes],
+            coupling_hz={pair: hz for pair, hz in coupling.items() if pair[1] < self.modes},
+            gains=(1.0, 0.0, 0.0)[: self.modes],
+        )
+        return np.asarray(self.gain * sample.response(u_hz)[:, 0])
+
+    @property
+    def _apart_hz(self) -> float:
+        """From the second mode to the last, 0 where that is the same."""
+        return self.f3_hz - self.f2_hz if self.modes == 3 else 0.0
 
     def files(self, seed: int, head: tuple[str, ...]) -> dict[str, str]:
         """Texts by file name: campaign, map and truth.
@@ -225,24 +255,32 @@ class AvoidedCrossing:
             columns |= {"X (V)": seen.real.ravel(), "Y (V)": seen.imag.ravel()}
         else:
             columns["amplitude (V)"] = np.abs(np.abs(exact) + noise).ravel()
-        truth = {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
         return {
             CAMPAIGN_NAME: toml_text(self._campaign(), head),
             "map.csv": csv_text(columns, head),
-            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+            TRUTH_NAME: toml_text(self.truth(seed), [*head, REMARK]),
         }
 
+    def truth(self, seed: int) -> dict[str, Any]:
+        """Tables of truth.toml.
+
+        Args:
+            seed: of the noise.
+        """
+        return {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
+
     def _campaign(self) -> dict[str, Any]:
-        """Boxes about the middle of the spectra, starts beside the truth."""
-        middle, half = self.f2_hz, 0.5 * self.span_hz
-        box, tuning = (middle - half, middle + half), abs(self.tuning_hz_v) or 1.0
-        width, start = self.d1_hz, 1.3 * self.lambda_hz
+        """Boxes as wide as the spectra, starts beside the truth."""
+        half, u = 0.5 * self.span_hz, self.frequencies_hz()
+        box, tuning = (float(u[0]), float(u[-1])), abs(self.tuning_hz_v) or 1.0
+        modes, width = [str(k) for k in range(1, self.modes + 1)], self.d1_hz
+        undriven = {f"g{k}": 0.0 for k in modes[1:]}
         return {
             "title": "An avoided crossing (synthetic)",
             "synthetic": True,
             "fmu": {
-                "model": "CoupledModes2",
-                "start": {"periodic_start": True, "A2": 0.0, "g2": 0.0, "u2": 2.0 * middle},
+                "model": f"CoupledModes{self.modes}",
+                "start": {"periodic_start": True, "A2": 0.0, **undriven, "u2": 2.0 * self.f2_hz},
             },
             "observe": {"output": "q1", "steady_start": True},
             "drive": {
@@ -255,13 +293,24 @@ class AvoidedCrossing:
             "parameters": [
                 _parameter("a0", "Hz", box, self.f1_hz + 0.05 * half),
                 _parameter("a1", "Hz/V", (-5.0 * tuning, 5.0 * tuning), 0.8 * self.tuning_hz_v),
-                _parameter("f2", "Hz", box, middle - 0.05 * half),
-                _parameter("lambda12", "Hz", (0.1 * start, 3.0 * start), start),
-                _parameter("d1", "Hz", (0.1 * width, 10.0 * width), 1.5 * width),
-                _parameter("d2", "Hz", (0.1 * width, 10.0 * width), 1.5 * width),
+                _parameter("f2", "Hz", box, self.f2_hz - 0.05 * half),
+                *([_parameter("f3", "Hz", box, self.f3_hz + 0.05 * half)] * (self.modes == 3)),
+                *(
+                    _parameter(f"lambda{k}", "Hz", (0.1 * start, 3.0 * start), start)
+                    for k, start in self._couplings()
+                ),
+                *(
+                    _parameter(f"d{k}", "Hz", (0.1 * width, 10.0 * width), 1.5 * width)
+                    for k in modes
+                ),
             ],
             "continuation": FEW_LEVELS,
         }
+
+    def _couplings(self) -> list[tuple[str, float]]:
+        """Names of the coupled pairs, and where their couplings start, Hz."""
+        both = [("12", 1.3 * self.lambda_hz), ("23", 1.3 * self.lambda23_hz)]
+        return both[: self.modes - 1]
 
     def _table(self) -> dict[str, Any]:
         told: dict[str, Any] = {"file": "map.csv", "controls": ["V"]}
@@ -269,6 +318,9 @@ class AvoidedCrossing:
             return {"complex_control_sweep": {**told, "delay": "fit"}}
         return {"control_sweep": {**told, "amplitude": "V peak"}}
 
+
+Curve = WiredResonance | AvoidedCrossing | StringTrace | StringPhasors
+C = TypeVar("C", bound=Curve)
 
 #: Table of truth.toml that holds the record.
 CURVE = "curve"
@@ -281,9 +333,7 @@ FEW_LEVELS = {
 }
 
 
-def curve_named(
-    kind: str, changes: Mapping[str, Any]
-) -> WiredResonance | AvoidedCrossing | StringTrace | StringPhasors:
+def curve_named(kind: str, changes: Mapping[str, Any]) -> Curve:
     """A built-in curve with numbers of its own.
 
     Args:
@@ -296,6 +346,22 @@ def curve_named(
     if kind not in CURVES:
         raise BadInput(f"curve {kind!r}: wanted one of {', '.join(CURVES)}")
     made = _built_in(kind)
+    if changes.get("modes") == 3 and isinstance(made, AvoidedCrossing):
+        made = replace(made, volts=13, points=81)  # the map is wider
+    return changed_curve(made, kind, changes)
+
+
+def changed_curve(made: C, kind: str, changes: Mapping[str, Any]) -> C:
+    """A curve with other numbers.
+
+    Args:
+        made: the curve.
+        kind: what it is called.
+        changes: numbers that are different, by the names of the record's fields.
+
+    Raises:
+        BadInput: a name that it does not have, impossible numbers.
+    """
     known = {field.name for field in fields(made)} - {"kind"}
     for name in changes:
         if name not in known:
@@ -305,7 +371,7 @@ def curve_named(
     return replace(made, **changes)
 
 
-def _built_in(kind: str) -> WiredResonance | AvoidedCrossing | StringTrace | StringPhasors:
+def _built_in(kind: str) -> Curve:
     if kind in TIME_SERIES:
         return StringTrace(kind=kind)
     if kind in DEMODULATED:

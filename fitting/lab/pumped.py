@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.lab.modes import CoupledModes, Pump
 from fitting.lab.string import TwoModes
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 
 STRING = TwoModes(
     theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
@@ -86,6 +86,32 @@ class PumpedBench:
         """
         return self.pause_h * (k - 0.5 * (len(self.settings) - 1))
 
+    @property
+    def volts(self) -> float:
+        """Of the detector for each m, by its unpumped line, V/m."""
+        unpumped = replace(self, settings=((0.0, 0.0),) * 2)
+        return self.crest_v / float(np.max(unpumped.response(0)))
+
+    def swept(
+        self, depth: float, detuning_hz: float, time_h: float, u_hz: FloatArray
+    ) -> ComplexArray:
+        """Phasors of one more sweep, V, (n,), without noise.
+
+        Args:
+            depth: of the pump.
+            detuning_hz: of the pump from ``apart_hz``, Hz.
+            time_h: when it is taken, hours after the middle of the series.
+            u_hz: frequencies, (n,), Hz.
+
+        Raises:
+            ValueError: the pump makes the motion grow, which has no steady state.
+        """
+        duration_h = self.pause_h * (len(self.settings) - 1)
+        string = self.string.shifted(self.drift_hz * time_h / duration_h)
+        sample = pumped_modes(string, depth, self.apart_hz + detuning_hz)
+        _check_steady(sample, f"a pump of depth {depth:g} at {self.apart_hz + detuning_hz:g} Hz")
+        return np.asarray(self.volts * (sample.response(u_hz) @ self.string.transform()[0]))
+
     def at(self, k: int) -> TwoModes:
         """The string at the k-th sweep, drifted.
 
@@ -132,6 +158,17 @@ def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes
     )
 
 
+def _check_steady(sample: CoupledModes, pump: str) -> None:
+    """Complain of a pump, named in words, under which the motion grows."""
+    growth = sample.growth() if sample.pump else 0.0
+    if growth >= 1.0:
+        raise ValueError(
+            f"{pump} makes the motion grow, by {growth:.6g} in each of its periods: there is no "
+            "steady state; wanted less depth, or a pump farther from twice an eigenfrequency or a "
+            "sum of two"
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class PumpedSweeps:
     """What was read, ``amplitude_v`` (sweeps, points), and without noise, ``true_v``."""
@@ -153,18 +190,11 @@ def measure_pumped(bench: PumpedBench, seed: int) -> PumpedSweeps:
         ValueError: a pump makes the motion grow, which has no steady state.
     """
     for k, (depth, detuning) in enumerate(bench.settings):
-        growth = bench.pumped(k).growth() if depth else 0.0
-        if growth >= 1.0:
-            raise ValueError(
-                f"settings[{k}]: a pump of depth {depth:g} at {bench.apart_hz + detuning:g} Hz "
-                f"makes the motion grow, by {growth:.6g} in each of its periods: there is no "
-                "steady state; wanted less depth, or a pump farther from twice an eigenfrequency "
-                "or a sum of two"
-            )
+        pump = f"a pump of depth {depth:g} at {bench.apart_hz + detuning:g} Hz"
+        _check_steady(bench.pumped(k), f"settings[{k}]: {pump}")
     rng = np.random.default_rng(seed)
     waves = np.array([bench.response(k) for k in range(len(bench.settings))])
-    unpumped = replace(bench, settings=((0.0, 0.0),) * 2)
-    true_v = waves * (bench.crest_v / float(np.max(unpumped.response(0))))
+    true_v = waves * bench.volts
     noise = rng.standard_normal((2, *true_v.shape)) * bench.noise_v * bench.noise_scale
     return PumpedSweeps(
         bench=bench,

@@ -82,7 +82,7 @@ def pumped_files(
         f"made by: {command}",
     )
     text = (resources.files("fitting.lab") / "campaigns" / "pumped.toml").read_text("utf-8")
-    truth = _truth(measured)
+    truth = pumped_truth(bench, seed)
     files = {
         CAMPAIGN_NAME: rewritten(text, lambda tables: _edit(tables, bench), list(head)),
         SWEEPS_NAME: _sweeps(measured, head),
@@ -115,14 +115,19 @@ def _sweeps(measured: PumpedSweeps, head: Sequence[str]) -> str:
     return csv_text(columns, head)
 
 
-def _truth(measured: PumpedSweeps) -> dict[str, Any]:
-    bench = measured.bench
+def pumped_truth(bench: PumpedBench, seed: int) -> dict[str, Any]:
+    """Everything that was put in; [pumped] and [modes] make the bench again.
+
+    Args:
+        bench: the truth and how it is swept.
+        seed: of the noise.
+    """
     widths = bench.string.widths_hz()
     return {
         PUMPED: plain(bench, ELSEWHERE),
         "modes": plain(bench.string),
         "outcome": {
-            "seed": measured.seed,
+            "seed": seed,
             "width_plus_hz": widths[0],
             "width_minus_hz": widths[1],
             "lambda_hz": pumped_modes(bench.string, 0.0, bench.apart_hz).coupling_hz[0, 1],

@@ -10,7 +10,7 @@ from typing import Any
 
 from fitting.lab.bench import Bench, Instrument, measure
 from fitting.lab.benches import bench_named, changed
-from fitting.lab.curves import curve_named
+from fitting.lab.curves import CURVE, curve_named
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments.lock_in import LockIns
 from fitting.lab.instruments.phase_detector import PhaseDetectors
@@ -18,6 +18,7 @@ from fitting.lab.names import PUMPED, TRUTH_NAME
 from fitting.lab.plan import Plan
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
+from fitting.lab.sweep_plan import SweepPlan, SweptLaboratory, is_of_sweeps, swept_laboratory
 from fitting.lab.truth import read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines
 from fitting.text.errors import BadInput
@@ -53,7 +54,8 @@ class Synthetic(SyntheticFiles):
     """A synthetic series beside what was ``measured``.
 
     It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
-    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`.
+    series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`,
+    of planned sweeps a `PlannedSweep` each.
     """
 
     measured: Any
@@ -69,14 +71,15 @@ def synthesize_curves(
 ) -> SyntheticFiles:
     """A campaign of one complex sweep, of spectra over a voltage, or of a trace, with known truth.
 
-    S = a e (1 + s x + c H) behind a wiring, |q1| of two coupled modes, or q1 over time, by closed
+    S = a e (1 + s x + c H) behind a wiring, |q1| of coupled modes, or q1 over time, by closed
     forms that are not the FMU.
 
     Args:
         kind: "transmission", "notch" or "reflection": one mode as a network analyser sees it;
-            "crossing": two modes that a voltage tunes through each other; "ringdown": two beating
-            modes that are let go, over time; "chirp": the same under a chirp; "lock-in": X and Y
-            of such a decay at 1 MHz; "zero-span": levels of one mode's.
+            "crossing": two modes that a voltage tunes through each other, or with ``modes=3`` one
+            through two that are coupled; "ringdown": two beating modes that are let go, over time;
+            "chirp": the same under a chirp; "lock-in": X and Y of such a decay at 1 MHz;
+            "zero-span": levels of one mode's.
         seed: Seed of the noise, a whole number of at least 0.
         out: Folder for the files; None: nothing is written.
         command: What the head of every file says that it was made by.
@@ -118,11 +121,12 @@ def synthesize(
     Args:
         truth: What is measured: "q1" or "q2" (the paper's series), "duffing" (its string driven
             hard), "pumped" (its sweeps under a parametric pump), a bench, or the path of a
-            synthetic campaign or of its truth.toml.
+            synthetic campaign or of its truth.toml; of a plan of sweeps "pumped", "crossing", or
+            the path of such a campaign.
         seed: Seed of all noise, a whole number of at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: as the bench has it.
-        plan: A campaign that `fmu-fit design` proposed, whose rows are measured instead of a
-            series of the bench.
+        plan: A campaign that `fmu-fit design` proposed, whose rows or sweeps are measured instead
+            of a series of the bench.
         out: Folder for the files; None: nothing is written.
         command: What the head of every file says that it was made by.
         **changes: Numbers of the bench that are different, by the names of its records:
@@ -138,6 +142,10 @@ def synthesize(
     if seed < 0:
         raise BadInput(f"seed: found {seed}, wanted a whole number of at least 0")
     try:
+        if plan is not None and is_of_sweeps(plan):
+            _refuse_instrument_of(plan, instrument)
+            laboratory = swept_laboratory(truth).changed(changes)
+            return _written(_planned_sweeps(laboratory, plan, seed, command), out)
         found = bench_of(truth)
         if isinstance(found, PumpedBench):
             _refuse_of_pumped(instrument, plan)
@@ -157,9 +165,13 @@ def _written(made: Synthetic, out: Path | None) -> Synthetic:
     return made
 
 
-def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path | None) -> None:
+def _refuse_instrument_of(plan: Path | None, instrument: Instrument | None) -> None:
     if instrument is not None and plan is not None:
         raise BadInput("instrument: a plan says how it is read, in its [design]; wanted none")
+
+
+def _refuse_instrument(bench: Bench, instrument: Instrument | None, plan: Path | None) -> None:
+    _refuse_instrument_of(plan, instrument)
     lock_ins = isinstance(instrument, LockIns | PhaseDetectors)
     if lock_ins and isinstance(bench.sample, CubicModes):
         raise BadInput(
@@ -182,7 +194,7 @@ def _refuse_of_pumped(instrument: Instrument | None, plan: Path | None) -> None:
         )
     if plan is not None:
         raise BadInput(
-            f"plan: the bench {PUMPED!r} measures its own sweeps, not those of a plan; wanted none"
+            f"plan: the bench {PUMPED!r} measures sweeps, not the tones of a plan; wanted sweeps"
         )
 
 
@@ -204,6 +216,13 @@ def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
     return Synthetic(measured=measured, truth=truth_tables(measured), files=files)
 
 
+def _planned_sweeps(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
+    plan = SweepPlan(path, laboratory)
+    measured = plan.measure(seed)
+    truth, files = plan.files(measured, seed, command)
+    return Synthetic(measured=measured, truth=truth, files=files)
+
+
 def bench_of(truth: Bench | PumpedBench | Path | str) -> Bench | PumpedBench:
     """A bench as it is, by its name, or by its truth file or the campaign beside that.
 
@@ -220,4 +239,9 @@ def bench_of(truth: Bench | PumpedBench | Path | str) -> Bench | PumpedBench:
         return PumpedBench() if str(truth) == PUMPED else bench_named(str(truth))
     file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
     tables = read_toml(file)
+    if CURVE in tables:
+        raise BadInput(
+            f"{file}: is the truth of a curve, which is driven by no pairs of tones; wanted that "
+            "of a series"
+        )
     return pumped_bench_of(tables, file) if PUMPED in tables else read_bench(file)

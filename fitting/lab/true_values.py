@@ -114,8 +114,10 @@ def _of_curve(curve: Mapping[str, Any], outcome: Mapping[str, Any]) -> dict[str,
     if curve["kind"] != CROSSING:
         return {}
     named = {"lambda12": "lambda_hz", "d1": "d1_hz", "d2": "d2_hz", "a1": "tuning_hz_v"}
+    third = curve.get("modes") == 3
+    named |= {"lambda23": "lambda23_hz", "d3": "d3_hz"} if third else {}
     if not curve["drift_hz"]:  # else where they are depends on when
-        named |= {"a0": "f1_hz", "f2": "f2_hz"}
+        named |= {"a0": "f1_hz", "f2": "f2_hz"} | ({"f3": "f3_hz"} if third else {})
     if curve.get("phases"):
         named["delay"] = "delay_s"
     return {name: float(curve[key]) for name, key in named.items()}

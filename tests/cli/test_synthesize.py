@@ -154,6 +154,11 @@ def test_exact_data_hold_the_true_peaks(tmp_path: Path) -> None:
             "--phases: has no meaning with --series pumped, whose sweeps of one line are recorded",
         ),
         (["--series", "notch", "--phases"], "--phases: has no meaning with --series notch"),
+        (["--series", "notch", "--modes", "3"], "--modes: has no meaning with --series notch"),
+        (
+            ["--series", "q1", "--modes", "3"],
+            "--modes: has no meaning here, only with",
+        ),
         (
             ["--series", "q1", "--restart", "3"],
             "--restart: has no meaning here, only with --phases",

@@ -280,3 +280,6 @@ def test_noise_that_nobody_tells_is_asked_for(fmu: ff.Fmu, tmp_path: Path) -> No
     problem = ff.Problem.of([ff.read_campaign(path)], fmu)
     with pytest.raises(ff.BadInput, match=r"noise_floor: is not there and \[control_sweep\] tells"):
         ff.limits(problem, path.parent / "design.toml")
+    limits = TABLE.format(target="theta") + 'noise_floor = "3 mV"\n'
+    (path.parent / "design.toml").write_text(limits)
+    assert ff.limits(problem, path.parent / "design.toml").noise_floor_v == pytest.approx(3e-3)

@@ -13,6 +13,7 @@ import fitting as ff
 from fitting.campaign.complex_trace import read_complex
 from fitting.lab.curves import AvoidedCrossing, WiredResonance
 from fitting.lab.names import WIRED
+from fitting.lab.true_values import true_values
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra
@@ -72,6 +73,39 @@ def test_spectra_over_a_voltage_are_those_of_the_closed_form(tmp_path: Path) -> 
         assert spectrum.y == pytest.approx(1e6 * exact, rel=1e-9)
 
 
+def test_three_modes_over_a_voltage_are_those_of_the_equations_of_motion(tmp_path: Path) -> None:
+    """q1 = [(C - w^2 + i w D)^-1]_11, beyond the third mode as far as beyond the second."""
+    made = ff.synthesize_curves("crossing", modes=3, noise=0.0, out=tmp_path, f3_hz=1012.0)
+    told = made.truth["curve"]
+    table = np.genfromtxt(tmp_path / "map.csv", delimiter=",", skip_header=3)
+    volt, u, seen = table.T
+    assert np.unique(volt) == pytest.approx(np.linspace(-3.0, 6.0, 13))
+    assert (u.min(), u.max()) == pytest.approx((980.0, 1032.0))
+    square = np.zeros((u.size, 3, 3))
+    square[:, 0, 0] = (told["f1_hz"] + told["tuning_hz_v"] * volt) ** 2
+    square[:, 1, 1], square[:, 2, 2] = told["f2_hz"] ** 2, told["f3_hz"] ** 2
+    square[:, 0, 1] = square[:, 1, 0] = -(told["lambda_hz"] ** 2)
+    square[:, 1, 2] = square[:, 2, 1] = -(told["lambda23_hz"] ** 2)
+    w = 2 * np.pi * u[:, None, None]
+    widths = np.diag([told["d1_hz"], told["d2_hz"], told["d3_hz"]])
+    system = (2 * np.pi) ** 2 * square - w**2 * np.eye(3) + 2j * np.pi * w * widths
+    exact = np.abs(np.linalg.inv(system)[:, 0, 0])
+    assert seen == pytest.approx(told["gain"] * exact, rel=1e-9)
+
+
+def test_a_fit_of_three_modes_is_told_both_couplings(tmp_path: Path) -> None:
+    """At the truth the rows are the noise, 1 % of each spectrum's largest."""
+    made = ff.synthesize_curves("crossing", modes=3, seed=6, volts=4, out=tmp_path)
+    truth = true_values(made.truth)
+    assert {"lambda12", "lambda23", "f3", "d3"} <= set(truth)
+    with ff.Fmu("CoupledModes3", workers=1) as fmu:
+        problem = ff.Problem.of(tmp_path / "campaign.toml", fmu)
+        rows = problem.residuals([truth[name] for name in problem.names])
+    free = rows.size - 4  # a scale for each spectrum, solved inside
+    assert np.sum((rows / 0.01) ** 2) == pytest.approx(free, rel=0.25)
+    assert set(problem.names) == set(truth)
+
+
 def test_noise_comes_from_the_seed() -> None:
     one, same, other = (ff.synthesize_curves("notch", seed=s).files["sweep.csv"] for s in (1, 1, 2))
     assert one == same != other
@@ -119,6 +153,8 @@ def test_a_crossing_with_phases_is_turned_by_its_cable_and_by_each_restart() -> 
         ("notch", {"points": 3}, r"points: found 3, wanted 8 at least"),
         ("notch", {"noise": -1.0}, r"noise: found -1\.0, wanted zero or more"),
         ("notch", {"span_widths": 1e9}, r"the span reaches below zero frequency"),
+        ("crossing", {"modes": 4}, r"modes: found 4, wanted 2 or 3"),
+        ("notch", {"modes": 3}, r"modes: has no meaning for the curve 'notch', wanted"),
         ("crossing", {"volts": 1}, r"volts: found 1, wanted 2 spectra at least"),
         ("notch", {"seed": -1}, r"seed: found -1"),
     ],

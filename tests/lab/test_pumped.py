@@ -19,6 +19,7 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 
 BENCH = PumpedBench()
+TONES = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 
 
 def rotating_waves(bench: PumpedBench, depth: float, detuning: float) -> FloatArray:
@@ -85,7 +86,7 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
             {"apart_hz": 2.0 * 6.94026e6},
             r"settings\[3\]: a pump .* makes the motion grow, by 1\.00",
         ),
-        ({"plan": Path("x.toml")}, "plan: the bench 'pumped' measures its own sweeps"),
+        ({"plan": TONES}, "plan: the bench 'pumped' measures sweeps, not the tones of a plan"),
         ({"instrument": PhaseDetectors()}, "instrument: the bench 'pumped' .* its amplitudes"),
     ],
 )

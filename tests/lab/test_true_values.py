@@ -58,6 +58,7 @@ def test_a_reflection_that_answers_alike_has_other_parameters() -> None:
         ("notch", {"width_hz": 1e5}, {"eta_plus": 5e9, "d1": 1e5, "Q_plus": 5e4}),
         ("transmission", {"delay_s": 2e-8}, {"delay": 2e-8}),
         ("crossing", {"lambda_hz": 80.0}, {"lambda12": 80.0, "a0": 1001.0, "a1": 4.0, "f2": 1e3}),
+        ("crossing", {"modes": 3}, {"lambda12": 100.0, "lambda23": 110.0, "f3": 1010.0, "d3": 3.0}),
         ("ringdown", {"d1_hz": 5.0}, {"d1": 5.0, "eta_minus": 1012.0, "theta": 1.95}),
         ("lock-in", {}, {"d2": 0.8}),
     ],
@@ -72,6 +73,8 @@ def test_values_of_a_curve_are_those_it_was_made_of(
 def test_where_a_drifting_crossing_is_depends_on_when() -> None:
     truth = ff.synthesize_curves("crossing", seed=2, drift_hz=3.0).truth
     assert {"a0", "f2"}.isdisjoint(values_of(dict(truth)))
+    truth = ff.synthesize_curves("crossing", seed=2, modes=3, drift_hz=3.0).truth
+    assert {"a0", "f2", "f3"}.isdisjoint(values_of(dict(truth)))
 
 
 def test_cubic_terms_and_pumped_coupling_are_told() -> None:

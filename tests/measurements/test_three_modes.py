@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
+from fitting.measurements.figure import Axis
 from fitting.text.arrays import FloatArray
 
 #: f1 follows the voltage, f2 and f3 do not; couplings and width, all Hz.
@@ -63,3 +65,35 @@ def test_both_neighbouring_couplings_are_found() -> None:
         found = fit.result.parameters[name]
         assert abs(found.value - truth) < 4.0 * found.std
         assert found.std < 0.05 * truth
+
+
+def maps_of(lines: list[tuple[float, ...]]) -> ControlMaps:
+    """Narrow lines in spectra at 0 V, 1 V and so on."""
+    u = np.linspace(0.0, 60.0, 1201)
+    spectra = []
+    for volt, centres in enumerate(lines):
+        response = np.sum([np.exp(-4.0 * (u - f) ** 2) for f in centres], axis=0)
+        spectra.append(
+            MappedSpectrum(
+                label=f"{volt} V",
+                settings={"V": float(volt)},
+                frequency_hz=u,
+                measured=response,
+                fitted=response,
+                left=0.0 * u,
+                response=response,
+            )
+        )
+    return ControlMaps(
+        spectra=tuple(spectra), units={"V": "V"}, amplitude=Axis("a", ""), rest=Axis("r", "")
+    )
+
+
+def test_each_gap_between_neighbours_is_told_where_it_is_least() -> None:
+    """The lower two lines meet at 1 V, 3 Hz apart, the upper two at 4 V: 30 Hz - 19 Hz."""
+    lines = [(10.0, 13.0 + 2.0 * abs(v - 1.0), 30.0 + 3.0 * abs(v - 4.0)) for v in range(6)]
+    said = maps_of([*lines]).figure.caption.replace("\u00a0", " ")
+    assert "The model's maxima come closest at V = 1 V, 3 Hz apart." in said
+    gaps = "from the lowest up, to 3 Hz at V = 1 V and 11 Hz at V = 4 V."
+    assert f"Where there are 3, neighbours come closest, {gaps}" in said
+    assert "Where there are" not in maps_of([each[:2] for each in lines]).figure.caption

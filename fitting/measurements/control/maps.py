@@ -138,10 +138,25 @@ class ControlMaps:
         if not apart:
             return ""
         least, at = min(apart)
-        where = f"{self.over} = {f'{at:.4g} {self._unit}'.strip()}"
+        said = f" The model's maxima come closest at {self._place(at)}"
+        return f"{said}, {hertz(least, digits=4)} apart.{self._gaps}"
+
+    @property
+    def _gaps(self) -> str:
+        """Words for the gaps between neighbouring maxima, where there are three and more."""
+        most = max(f.size for _, f in self.branches)
+        if most < 3:
+            return ""
+        full = [(np.diff(f), at) for at, f in self.branches if f.size == most]
+        least = [min((float(gaps[k]), at) for gaps, at in full) for k in range(most - 1)]
+        each = listed(f"{hertz(gap, digits=4)} at {self._place(at)}" for gap, at in least)
+        return f" Where there are {most}, neighbours come closest, from the lowest up, to {each}."
+
+    def _place(self, at: float) -> str:
+        """A value of the control, or a numbered spectrum, in words."""
         if self.numbered:
-            where = f"spectrum {at:.0f} ({self.spectra[round(at) - 1].label})"
-        return f" The model's maxima come closest at {where}, {hertz(least, digits=4)} apart."
+            return f"spectrum {at:.0f} ({self.spectra[round(at) - 1].label})"
+        return f"{self.over} = {f'{at:.4g} {self._unit}'.strip()}"
 
     @property
     def _order(self) -> str:

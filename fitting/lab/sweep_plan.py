@@ -1,0 +1,405 @@
+"""Planned sweeps -> the same campaign measured by a virtual laboratory, as texts by name.
+
+At every place of the controls the laboratory answers with the closed form S(u), noise n of
+
+    sigma^2 = noise_floor^2 + (relative_noise |S|)^2
+
+on each quadrature: X + i Y = e^(i phase) e^(-i 2 pi (u - u0) tau) S + n, or its magnitude |S + n|.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from fitting.campaign.file import WrittenCampaign, WrittenDesign, read_campaign_file
+from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve
+from fitting.lab.names import CROSSING, PUMPED, TRUTH_NAME
+from fitting.lab.pumped import PumpedBench
+from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_truth
+from fitting.lab.truth import REMARK, values_of
+from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_lines
+from fitting.measurements.complex.control_table import ComplexControlSweepTable
+from fitting.measurements.control.table import ControlSweepTable
+from fitting.measurements.kinds import KINDS
+from fitting.signal.amplitudes import Amplitude, declared_amplitude
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import listed
+from fitting.text.tables import Column, Table, read_table, read_text
+from fitting.text.toml import Tables, read_toml, rewritten, toml_text
+from fitting.text.units import convert
+from fitting.text.written import Written, in_unit, positive_in
+
+#: Of the noise of planned sweeps, apart from that of the campaign which they continue.
+STREAM = 4
+SweptTable = ControlSweepTable | ComplexControlSweepTable
+
+
+class SweptLaboratory(Protocol):
+    """A laboratory that sweeps one line at places of its controls."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of its controls, by name."""
+        ...
+
+    @property
+    def output(self) -> str:
+        """What the FMU calls what it sees."""
+        ...
+
+    def changed(self, values: Mapping[str, Any]) -> SweptLaboratory:
+        """The same with other numbers of its bench.
+
+        Args:
+            values: by the names of its fields.
+        """
+        ...
+
+    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """S in V, (n,), without noise and cable.
+
+        Args:
+            at: values of the controls, in their units.
+            u_hz: frequencies, (n,), Hz.
+        """
+        ...
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """S behind the cable, with a phase of its own.
+
+        Args:
+            values: S in V, (n,).
+            u_hz: frequencies, (n,), Hz.
+            rng: of the phase.
+        """
+        ...
+
+    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
+        """Tables of truth.toml.
+
+        Args:
+            seed: of the noise.
+            phases: quadratures are recorded.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class CrossingLaboratory:
+    """The modes of a crossing as they are after its own spectra, drifted."""
+
+    bench: AvoidedCrossing
+    units: ClassVar[Mapping[str, str]] = {"V": "V"}
+    output: ClassVar[str] = "q1"
+
+    def changed(self, values: Mapping[str, Any]) -> CrossingLaboratory:
+        """As `SweptLaboratory` says."""
+        return CrossingLaboratory(changed_curve(self.bench, CROSSING, values))
+
+    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """As `SweptLaboratory` says."""
+        return self.bench.spectrum(at["V"], 0.5 * self.bench.drift_hz, u_hz)
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """As `SweptLaboratory` says."""
+        turns = rng.uniform() - (u_hz - self.bench.f2_hz) * self.bench.delay_s
+        return np.asarray(values * np.exp(2j * np.pi * turns))
+
+    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
+        """As `SweptLaboratory` says."""
+        return replace(self.bench, phases=phases).truth(seed)
+
+
+@dataclass(frozen=True)
+class PumpedLaboratory:
+    """The string under a pump, at any time of its drift, which is a straight line."""
+
+    bench: PumpedBench
+    units: ClassVar[Mapping[str, str]] = {"detuning": "Hz", "depth": "1", "time": "h"}
+    output: ClassVar[str] = "readout_at_u1"
+
+    def changed(self, values: Mapping[str, Any]) -> PumpedLaboratory:
+        """As `SweptLaboratory` says."""
+        return PumpedLaboratory(changed_pumped(self.bench, **values))
+
+    def response(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """As `SweptLaboratory` says.
+
+        Raises:
+            ValueError: the pump makes the motion grow.
+        """
+        return self.bench.swept(at["depth"], at["detuning"], at["time"], u_hz)
+
+    def turned(
+        self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
+    ) -> ComplexArray:
+        """It records no phases.
+
+        Raises:
+            BadInput: always.
+        """
+        raise BadInput(
+            f"plan: asks for both quadratures, but the bench {PUMPED!r} records amplitudes; "
+            "wanted [control_sweep]"
+        )
+
+    def truth(self, seed: int, *, phases: bool) -> dict[str, Any]:
+        """As `SweptLaboratory` says."""
+        return pumped_truth(self.bench, seed)
+
+
+def swept_laboratory(truth: object) -> SweptLaboratory:
+    """The laboratory of a truth: its bench, its name, or its truth file or a campaign beside that.
+
+    Args:
+        truth: of which sweeps are asked.
+
+    Raises:
+        BadInput: no such laboratory, or one that makes no sweeps over a control.
+    """
+    if isinstance(truth, AvoidedCrossing):
+        return CrossingLaboratory(truth)
+    if isinstance(truth, PumpedBench):
+        return PumpedLaboratory(truth)
+    if truth in (CROSSING, PUMPED):
+        return swept_laboratory(AvoidedCrossing() if truth == CROSSING else PumpedBench())
+    if isinstance(truth, str | Path) and Path(truth).suffix == ".toml":
+        path = Path(truth)
+        file = path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME
+        tables = read_toml(file)
+        if PUMPED in tables:
+            return PumpedLaboratory(pumped_bench_of(tables, file))
+        if tables.get(CURVE, {}).get("kind") == CROSSING:
+            return CrossingLaboratory(_crossing_of(tables, file))
+        truth = file
+    raise BadInput(
+        f"{truth}: is no laboratory of sweeps over a control; wanted one of "
+        f"{CROSSING!r} or {PUMPED!r}"
+    )
+
+
+def _crossing_of(tables: Mapping[str, Any], file: Path) -> AvoidedCrossing:
+    known = dataclasses.fields(AvoidedCrossing)
+    names = [f.name for f in known if f.name in tables[CURVE]]
+    try:
+        return AvoidedCrossing(**values_of(tables, CURVE, names, file))
+    except (TypeError, BadInput) as error:
+        raise BadInput(f"{file}: does not describe a virtual laboratory: {error}") from error
+
+
+def is_of_sweeps(path: Path) -> bool:
+    """Whether a planned campaign wants sweeps to be measured, not tones.
+
+    Args:
+        path: of the campaign.
+
+    Raises:
+        BadInput: no campaign.
+    """
+    return _table_of(read_campaign_file(path, KINDS)) is not None
+
+
+def _table_of(file: WrittenCampaign) -> SweptTable | None:
+    """The table of sweeps that are proposed; as a design continues them, amplitudes come first."""
+    if file.design.sweeps is None:
+        return None
+    for name in (ControlSweepTable.TABLE, ComplexControlSweepTable.TABLE):
+        for table in file.further.get(name, ()):
+            if isinstance(table, SweptTable):
+                return table
+    return None
+
+
+@dataclass(frozen=True)
+class SweptPlace:
+    """Rows (n,) of the plan's table at one place of its controls, `at`, and their frequencies."""
+
+    at: Mapping[str, float]
+    rows: Sequence[int]
+    u_hz: FloatArray
+
+
+@dataclass(frozen=True)
+class PlannedSweep:
+    """What was read at a place, columns (n,) in the plan's units, and `true_v` (n,) behind it."""
+
+    place: SweptPlace
+    columns: tuple[FloatArray, ...]
+    true_v: ComplexArray
+
+
+class SweepPlan:
+    """A campaign whose sweeps wait for their values, as the virtual laboratory understands it.
+
+    Places and frequencies are the rows of its file, the noise of a point is its table [design].
+
+    Raises:
+        BadInput: no plan of this kind, or one that asks of the laboratory what it cannot do.
+    """
+
+    def __init__(self, path: Path, laboratory: SweptLaboratory) -> None:
+        file = read_campaign_file(path, KINDS)
+        table = _table_of(file)
+        if table is None:
+            raise BadInput(f"{path}: [design] sweeps: is missing, wanted a plan of sweeps")
+        self.path, self._laboratory, self._swept = path, laboratory, table
+        self._table: Table = read_table(table.file)
+        self.phases = isinstance(table, ComplexControlSweepTable)
+        self._amplitude = Amplitude("peak", "V")
+        if isinstance(table, ControlSweepTable):
+            self._amplitude = declared_amplitude(table.amplitude, table.impedance, str(path))
+        self._refuse_unknown(table.output or file.observe.output)
+        heads = ("X", "Y") if self.phases else ("amplitude",)
+        self._filled: list[Column] = [self._table.column(name) for name in heads]
+        self._noise = _noise_v(file.design)
+        self.places = self._places(file.constants)
+
+    def _refuse_unknown(self, output: str) -> None:
+        """Complain of what the laboratory does not set, see or record."""
+        swept, laboratory = self._swept, self._laboratory
+        for name in swept.controls:
+            if name not in laboratory.units:
+                raise BadInput(
+                    f"{self.path}: controls: the virtual laboratory cannot set '{name}', wanted "
+                    f"{listed(laboratory.units)}"
+                )
+        if output != laboratory.output:
+            raise BadInput(
+                f"{self.path}: the virtual laboratory does not observe '{output}', wanted "
+                f"'{laboratory.output}'"
+            )
+        if isinstance(swept, ComplexControlSweepTable):
+            if swept.scale == "shared" and not swept.restarted:
+                raise BadInput(
+                    f'{self.path}: scale = "shared": the virtual laboratory begins every sweep '
+                    'with another phase, wanted scale = "own", or restarted = true beside it'
+                )
+            return
+        if swept.drive is not None or swept.lines is not None:
+            raise BadInput(
+                f"{self.path}: the virtual laboratory drives with one amplitude and one tone at a "
+                "time, wanted neither drive nor lines"
+            )
+        if self._amplitude.kind not in ("peak", "rms"):
+            raise BadInput(
+                f'{self.path}: amplitude = "{swept.amplitude}": the virtual laboratory reads '
+                'volts, wanted "V peak" or "V rms"'
+            )
+
+    def _places(self, constants: Mapping[str, Written]) -> tuple[SweptPlace, ...]:
+        """Places in the order of the file."""
+        table, count = self._table, len(self._table.cells)
+        values = []
+        for name, unit in self._laboratory.units.items():
+            column = table.find(name) if name in self._swept.controls else None
+            if column is not None:
+                values.append(self._numbers(column, unit))
+            elif name in constants:
+                values.append(np.full(count, in_unit(constants[name], unit)))
+            else:
+                raise BadInput(
+                    f"{self.path}: '{name}' is neither a control nor a constant of the plan; the "
+                    "virtual laboratory does not know where to set it"
+                )
+        frequency = self._numbers(table.column("frequency"), "Hz")
+        found: dict[tuple[float, ...], list[int]] = {}
+        for row, at in enumerate(zip(*values, strict=True)):
+            found.setdefault(tuple(map(float, at)), []).append(row)
+        names = tuple(self._laboratory.units)
+        return tuple(
+            SweptPlace(dict(zip(names, at, strict=True)), rows, frequency[rows])
+            for at, rows in found.items()
+        )
+
+    def _numbers(self, column: Column, unit: str) -> FloatArray:
+        where = f"{self._table.path}: column '{column.name}'"
+        factor = convert(1.0, column.unit, unit, where=where) if column.unit else 1.0
+        return np.asarray(self._table.numbers(column) * factor)
+
+    def measure(self, seed: int) -> tuple[PlannedSweep, ...]:
+        """Measure every sweep; the same seed gives the same numbers.
+
+        Args:
+            seed: of the noise and of the phases.
+
+        Raises:
+            ValueError: a place at which the sample has no steady state.
+        """
+        rng = np.random.default_rng([seed, STREAM])
+        return tuple(self._measured(place, rng) for place in self.places)
+
+    def _measured(self, place: SweptPlace, rng: np.random.Generator) -> PlannedSweep:
+        true_v = self._laboratory.response(place.at, place.u_hz)
+        floor_v, relative = self._noise
+        one, other = rng.standard_normal((2, true_v.size))
+        noise = np.hypot(floor_v, relative * np.abs(true_v)) * (one + 1j * other)
+        if self.phases:
+            seen = self._laboratory.turned(true_v, place.u_hz, rng) + noise
+            return PlannedSweep(place, (seen.real, seen.imag), true_v)
+        rms = math.sqrt(0.5) if self._amplitude.kind == "rms" else 1.0
+        return PlannedSweep(place, (rms * np.abs(true_v + noise),), true_v)
+
+    def files(
+        self, measured: Sequence[PlannedSweep], seed: int, command: str
+    ) -> tuple[dict[str, Any], dict[str, str | bytes]]:
+        """The truth, and contents by relative file name.
+
+        Args:
+            measured: what the laboratory measured.
+            seed: of the noise.
+            command: command line that made it, for the record.
+        """
+        head = head_lines(seed, command)
+        truth = self._laboratory.truth(seed, phases=self.phases)
+        return truth, {
+            CAMPAIGN_NAME: self._campaign(head),
+            self._table.path.name: self._sweeps(measured, head),
+            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+        }
+
+    def _sweeps(self, measured: Sequence[PlannedSweep], head: Sequence[str]) -> str:
+        columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
+        for k, column in enumerate(self._filled):
+            where = f"{self._table.path}: column '{column.name}'"
+            factor = convert(1.0, "V", column.unit or "V", where=where)
+            for sweep in measured:
+                for row, value in zip(sweep.place.rows, sweep.columns[k], strict=True):
+                    columns[_head(column)][row] = repr(float(value) * factor)
+        return csv_text(columns, head)
+
+    def _campaign(self, head: Sequence[str]) -> str:
+        """The plan's text, marked as synthetic, with the noise that it was measured with."""
+        floor_v, relative = self._noise
+
+        def edit(tables: Tables) -> None:
+            table = tables[type(self._swept).TABLE]
+            if "sigma" in table or "relative" in table:
+                table["sigma"] = f"{floor_v!r} V"
+                if not self.phases:
+                    table["relative"] = relative
+            tables["synthetic"] = True
+            if "synthetic" not in tables.get("title", "synthetic"):
+                tables["title"] = f"{tables['title']} (synthetic)"
+
+        return rewritten(read_text(self.path), edit, head)
+
+
+def _noise_v(design: WrittenDesign) -> tuple[float, float]:
+    floor = positive_in(design.noise_floor, "V") if design.noise_floor else 0.0
+    return floor, design.relative_noise or 0.0
+
+
+def _head(column: Column) -> str:
+    return column.name if column.unit is None else f"{column.name} ({column.unit})"
