@@ -36,33 +36,44 @@ from fitting.text.notation import number
 RATIO, IMPROBABLE = 4.0, 1e-4
 
 
-def adequacy_of(optimum: Optimum, closer: Adequacy | None = None) -> Adequacy:
+def adequacy_of(
+    optimum: Optimum, structure: Structure | None = None, closer: Adequacy | None = None
+) -> Adequacy:
     """Chi square of the rows of known noise at the most likely point, and whether it will do.
 
     Args:
         optimum: the most likely point and its likelihood.
+        structure: of the residuals of curves, by which their noise was taken wider: that excuses
+            no model, the noise is known.
         closer: what another form of a line says of a sweep whose residuals tell its noise, where it
             leaves far less.
     """
-    found = _of_known_noise(optimum)
+    widening = 1.0 if structure is None else structure.widening
+    found = _of_known_noise(optimum, widening)
     return closer if closer is not None and found.describes else found
 
 
-def _of_known_noise(optimum: Optimum) -> Adequacy:
+def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
     likelihood, m = optimum.likelihood, optimum.likelihood.data_rows
-    known = likelihood.objective.data.sigma > 0.0
+    data = likelihood.objective.data
+    known = data.sigma > 0.0
     here = optimum.expansion
     rows = likelihood.residuals(here.sample.rows[:m])[known]
     matrix = likelihood.residuals(here.matrix[:m])[known]
-    noise = likelihood.noise
     covariance = data_covariance(optimum, stated=True)
-    solved = likelihood.objective.data.solved_of(known=True)
-    found = judged(rows, matrix, noise.restricted(known), covariance, solved)
+    solved = data.solved_of(known=True)
+    noise = likelihood.noise
+
+    def by(wider: RowCovariance) -> Adequacy:
+        sigma = wider.sigma.copy()
+        sigma[data.curve_rows] /= widening
+        own = replace(wider, sigma=sigma).restricted(known)
+        return judged(rows, matrix, own, covariance, solved, wider.restricted(known))
+
+    found = by(noise)
     if found.describes or not likelihood.bounded.columns:
         return found
-    loosest = noise.loosened(likelihood.bounded).restricted(known)
-    excused = judged(rows, matrix, loosest, covariance, solved).describes
-    return replace(found, describes=excused)
+    return replace(found, describes=by(noise.loosened(likelihood.bounded)).describes)
 
 
 def judged(
@@ -71,6 +82,7 @@ def judged(
     noise: RowCovariance,
     covariance: FloatArray,
     solved: int = 0,
+    wider: RowCovariance | None = None,
 ) -> Adequacy:
     """Whether residuals are what their noise explains.
 
@@ -80,10 +92,11 @@ def judged(
         noise: their covariance.
         covariance: of x, shape (n, n), from all data.
         solved: number of unknowns that the rows are solved for inside.
+        wider: the noise that `covariance` is of, where it was taken wider.
     """
     if not rows.size:
         return Adequacy(chi_square=np.nan, freedom=0.0, p_value=np.nan, describes=True)
-    white, slopes = noise.whitened(rows), noise.whitened(matrix)
+    white, slopes = noise.whitened(rows), (wider or noise).whitened(matrix)
     square = float(white @ white)
     freedom = float(rows.size - solved - np.sum((slopes @ covariance) * slopes))
     if freedom < 0.5:  # as many unknowns as rows: nothing is left to judge by

@@ -35,10 +35,12 @@ from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
 from fitting.inference.likelihood.exploration import (
     OTHER_STARTS,
     Exploration,
+    cut_sides,
     explore,
     other_minima,
 )
 from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge
+from fitting.inference.likelihood.mirrored import Model, mirrored
 from fitting.inference.likelihood.outside import beyond, beyond_sentences
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
@@ -69,7 +71,8 @@ class InferenceOptions:
     profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
     whether fits beyond the box are looked for. `structure` is that of the residuals of curves, by
     which their noise was taken wider. `closer` is another form of a line that leaves
-    far less of a sweep than the model. `progress` is told the evaluations so far.
+    far less of a sweep than the model. `models` are the alternatives among which exact twins beyond
+    the box are looked for. `progress` is told the evaluations so far.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -88,6 +91,7 @@ class InferenceOptions:
     beyond: bool = True
     structure: Structure | None = None
     closer: Adequacy | None = None
+    models: tuple[Model, ...] = ()
     progress: Callable[[int], None] = lambda evaluations: None
 
 
@@ -128,11 +132,11 @@ def determine(
     )
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
     optimum = found.optimum
-    outside = beyond(evaluator, found) if options.beyond else ()
+    outside = _outside(evaluator, found, options) if options.beyond else []
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
-    adequacy = adequacy_of(optimum, options.closer)
+    adequacy = adequacy_of(optimum, options.structure, options.closer)
     basis = Basis(
         equivalents=equivalents,
         units=options.units,
@@ -176,6 +180,16 @@ def determine(
         effort=spent,
         bootstrap=resampled,
     )
+
+
+def _outside(
+    evaluator: LikelihoodEvaluator, found: Exploration, options: InferenceOptions
+) -> list[tuple[ProfilePoint, str]]:
+    """What fits beyond the box, and what leads to its model: exact twins, then what is come by."""
+    if not cut_sides(found):
+        return []
+    twins = mirrored(found.optimum, options.models, options.seed)
+    return [*((m.point, m.where) for m in twins), *((p, "") for p in beyond(evaluator, found))]
 
 
 def _most_likely_values(optimum: Optimum) -> dict[str, float]:

@@ -37,6 +37,7 @@ from fitting.inference.estimates import (
 )
 from fitting.inference.joint_result import JointResult
 from fitting.inference.likelihood.knowledge import Adequacy, Equivalent, Knowledge, Profile
+from fitting.inference.likelihood.mirrored import Model
 from fitting.inference.likelihood.nu_choice import choose_nu
 from fitting.inference.line_values import values_of_line
 from fitting.inference.mistakes import SweepFindings, sweep_findings
@@ -54,6 +55,7 @@ from fitting.inference.warnings import (
 )
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
+from fitting.text.notation import settings_words
 
 Valued = TypeVar("Valued", ParameterResult, DerivedResult)
 
@@ -259,6 +261,7 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
             closer=closer_form(solution),
+            models=_other_models(fit),
             progress=request.progress,
         )
         knowledge = determine(solution.objective, solution.final.x, noise, options)
@@ -303,7 +306,11 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     except (FmuFailure, KeyboardInterrupt):
         return solution.final.parameters, None, solution.errors.inflation
     p = to_model(solution.parameters, optimum.expansion.x)
-    return p, adequacy_of(optimum, closer_form(solution)), optimum.likelihood.inflation
+    return (
+        p,
+        adequacy_of(optimum, solution.structure, closer_form(solution)),
+        optimum.likelihood.inflation,
+    )
 
 
 def _status(fit: Fit, adequacy: Adequacy | None) -> Status:
@@ -343,6 +350,16 @@ def noise_at(solution: Solution) -> RowNoise:
     if solution.structure is None:
         return noise
     return noise.widened(solution.objective.data.curve_rows, solution.structure.widening)
+
+
+def _other_models(fit: Fit) -> tuple[Model, ...]:
+    """Alternatives of the model that are not reported."""
+    every = zip(fit.objectives, fit.problem.alternatives, strict=True)
+    return tuple(
+        Model(objective, settings_words(settings))
+        for k, (objective, settings) in enumerate(every)
+        if k != fit.reported
+    )
 
 
 def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:

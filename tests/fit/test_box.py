@@ -135,21 +135,31 @@ def test_boxes_of_more_parameters_are_screened_by_more_points() -> None:
         assert len(search.minima) == 1
 
 
-def test_scans_and_evolutions_are_rounds_more(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("minima", "evolutions"), [(1, 1), (2, 2)])
+def test_scans_and_evolutions_are_rounds_more(
+    minima: int, evolutions: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A row of ten that nothing lowers, four parameters, one generation after the first.
 
     A scan behind the screen finds no other minimum, so that nothing descends from there; a finer
-    one finds none, either, and is the last.
+    one finds none, either, and is the last. Where there is one minimum evolution is not repeated.
     """
     monkeypatch.setattr(evolution, "GENERATIONS", 1)
     own = [parameter(f"x{i}", -6.0, 6.0) for i in range(4)]
-    search = search_box(evaluator_of(lambda p: np.append(3.0 * p, [0.0, 10.0]), *own), [], 1, 1)
+
+    def rows(p: FloatArray) -> FloatArray:
+        first = p[0] if minima == 1 else (p[0] ** 2 - 4.0) / 4.0
+        return np.array([3.0 * first, *(3.0 * p[1:]), 0.0, 10.0])
+
+    search = search_box(evaluator_of(rows, *own), [], 1, 1)
     assert not search.explained
-    assert search.screens == 1 + 1 + 2 + 1
-    assert search.descents == 8 * (1 + 2)
-    one_scan = 4 * (64 + 1)
-    by_evolution = search.screened - (128 + one_scan + 4 * (256 + 1))
-    assert 2 * 60 <= by_evolution <= 2 * 2 * 64  # two generations of 15 members a parameter
+    assert search.screens == 1 + 1 + evolutions + 1
+    besides = 4 if minima > 1 else 0  # from where the scan found the other one
+    assert search.descents == 8 * (1 + evolutions) + besides
+    one_scan = minima * 4 * (64 + 1)
+    by_evolution = search.screened - (128 + one_scan + minima * 4 * (256 + 1))
+    # two generations of 15 members a parameter
+    assert evolutions * 60 <= by_evolution <= evolutions * 2 * 64
 
 
 def test_a_scan_finds_the_other_well_along_an_edge() -> None:
@@ -281,6 +291,24 @@ def test_a_sign_is_reversed_about_zero_and_an_angle_about_its_middle() -> None:
     about_two = lambda p: np.array([(p[0] - 2.0) ** 2, 1.0])  # noqa: E731
     assert twins_of(about_two, parameter("a", 1.0, 3.0, unit="rad")) == [([0], [-1.0], [4.0])]
     assert twins_of(about_two, parameter("a", 1.0, 3.0)) == []
+
+
+def test_an_angle_without_a_period_is_turned_by_quarters() -> None:
+    """cos^2 and sin^2 are exchanged a quarter turn on; its period of a half turn leads beyond."""
+    angle = parameter("a", 0.2, 3.0, unit="rad")
+    own = [parameter(name, 1.0, 10.0) for name in "bc"]
+
+    def rows(p: FloatArray) -> FloatArray:
+        c, s = np.cos(p[0]), np.sin(p[0])
+        return np.array([c * c * p[1] + s * s * p[2], s * c * (p[1] - p[2]), p[1] + p[2]])
+
+    half = 0.5 * np.pi
+    found = twins_of(rows, angle, *own)
+    assert [(order, signs) for order, signs, _ in found] == [([0, 2, 1], [1.0] * 3)] * 2
+    assert sorted(shifts[0] for _, _, shifts in found) == pytest.approx([-half, half])
+    wide = twins_of(rows, parameter("a", -4.0, 4.0, unit="rad"), *own)
+    turns = {round(shifts[0] / half) for order, _, shifts in wide if order == [0, 1, 2]}
+    assert turns == {-4, -2, 2, 4}
 
 
 def test_rows_that_differ_by_more_than_rounding_are_no_twin() -> None:

@@ -110,6 +110,29 @@ def test_a_verdict_is_the_same_in_boxes_ten_times_as_wide(
         assert low <= laboratory.truth()[name] <= high
 
 
+def test_a_line_that_is_missed_is_no_noise_of_unequal_size(tmp_path: Path) -> None:
+    """In the box ten times as wide chi square is 325 on 42 degrees of freedom, of stated noise."""
+    solve = by_closed_form(ff.Fmu("CoupledOscillator"), ("lambda",))
+    found = solve(KINDS["crossing"](6012).widened(10.0), tmp_path)
+    assert str(found.record.status) == "does not describe the data"
+    assert found.values["lambda"].verdict == "no verdict"
+
+
+def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
+    """The reflection has the same amplitudes with d1 and d2 exchanged, and f1 and f2."""
+    laboratory = KINDS["joint"](6004)
+    found = by_closed_form(ff.Fmu("CoupledOscillator"), ("d1", "lambda"))(laboratory, tmp_path)
+    assert found.values["d1"].verdict == found.values["lambda"].verdict == "determined"
+    assert found.knowledge is not None
+    [told] = [s for s in found.knowledge.sentences if s.startswith("Beyond the box")]
+    turned = laboratory.truth(reflection=True)
+    assert "at reflection = true fits as well" in told
+    assert told.endswith("what is said of d1 rests on the box.")
+    there = float(told.split("d1 = ")[1].split(" ")[0])
+    assert there == pytest.approx(turned["d1"], abs=0.2)
+    assert abs(there - laboratory.truth()["d1"]) > 5.0
+
+
 def test_a_flat_valley_is_searched_for_the_least_j(tmp_path: Path) -> None:
     """Peaks see one width alone: chi square is flat along a valley, J has many minima there.
 

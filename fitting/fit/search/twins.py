@@ -2,8 +2,8 @@
 
     p'_i = s_i p_order(i) + t_i
 
-Tried are fractions of a period with either sign, angles reversed about the middle of a box without
-a period, reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one
+Tried are fractions of a period with either sign, quarters of a turn for an angle without a period,
+reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one
 unit whose boxes overlap, and products of these; where there are too many, exchanges in pairs first.
 What leaves the rows unchanged to rounding at
 points drawn from the box is a symmetry of the model, found without knowing the model. The data tell
@@ -13,6 +13,7 @@ no point from its twins, whatever they are.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -34,6 +35,10 @@ ROUNDING = 1e-9
 MOST, LISTED = 128, 1024
 #: Share of the narrower of two boxes that the other one shares, for an exchange to be tried.
 LIKE = 0.1
+#: Turns of an angle that are tried, at most: in a box of many turns none is like another by chance.
+MOST_TURNS = 32
+#: Share of a box by which two shifts are one.
+SAME = 1e-9
 #: Fractions of a period.
 FRACTIONS = (0.0, 0.25, 0.5, 0.75)
 
@@ -45,6 +50,12 @@ class Twin:
     order: IntArray
     signs: FloatArray
     shifts: FloatArray
+
+    @property
+    def is_turn(self) -> bool:
+        """Whether it moves angles by half turns and nothing else."""
+        turns = self.shifts / math.pi
+        return _keeps(self) and bool(np.all(np.abs(turns - np.round(turns)) < SAME))
 
     def of(self, parameters: Sequence[Parameter], x: FloatArray) -> FloatArray | None:
         """The twin of a search vector in the box, the image nearest to it; None outside.
@@ -119,8 +130,13 @@ def _unchanged(
 
 
 def _is_identity(twin: Twin) -> bool:
+    return _keeps(twin) and bool(np.all(twin.shifts == 0.0))
+
+
+def _keeps(twin: Twin) -> bool:
+    """Whether every parameter stays where it is, but for shifts."""
     kept = np.array_equal(twin.order, np.arange(twin.order.size))
-    return kept and bool(np.all(twin.signs == 1.0) and np.all(twin.shifts == 0.0))
+    return kept and bool(np.all(twin.signs == 1.0))
 
 
 def _candidates(parameters: Sequence[Parameter]) -> list[Twin]:
@@ -152,9 +168,31 @@ def _turns(parameter: Parameter) -> list[tuple[float, float]]:
         return [(1.0, 0.0)]
     if parameter.period is not None:
         return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
-    if parameter.lower == -parameter.upper or parameter.unit == "rad":
-        return [(1.0, 0.0), (-1.0, parameter.lower + parameter.upper)]
+    if parameter.unit == "rad":
+        return _quarter_turns(parameter)
+    if parameter.lower == -parameter.upper:
+        return [(1.0, 0.0), (-1.0, 0.0)]
     return [(1.0, 0.0)]
+
+
+def _quarter_turns(parameter: Parameter) -> list[tuple[float, float]]:
+    """Signs and shifts of an angle without a period that keep some of its box in it.
+
+    Quarters of a turn from zero either way, and its reversal about the middle of the box.
+    """
+    low, high = parameter.lower, parameter.upper
+    wide, quarter = high - low, 0.5 * math.pi
+    ways = [(1.0, 0.0), (-1.0, low + high)]
+    ways += [(1.0, k * quarter) for k in _within(-wide / quarter, wide / quarter) if k]
+    turned = [k * quarter for k in _within(2.0 * low / quarter, 2.0 * high / quarter)]
+    near = [abs(shift - low - high) <= SAME * wide for shift in turned]
+    ways += [(-1.0, shift) for shift, same in zip(turned, near, strict=True) if not same]
+    return ways if len(ways) <= MOST_TURNS else ways[:2]
+
+
+def _within(low: float, high: float) -> range:
+    """Whole numbers between two, these left out."""
+    return range(math.floor(low) + 1, math.ceil(high))
 
 
 def _orders(parameters: Sequence[Parameter]) -> Iterator[tuple[int, ...]]:

@@ -117,18 +117,20 @@ def _with_room(likelihood: Likelihood) -> Likelihood:
 
 
 def beyond_sentences(
-    likelihood: Likelihood, points: Sequence[ProfilePoint], profiles: Mapping[str, Profile]
+    likelihood: Likelihood,
+    points: Sequence[tuple[ProfilePoint, str]],
+    profiles: Mapping[str, Profile],
 ) -> tuple[str, ...]:
     """Which verdicts rest on the box, each told with a fit beyond it that says otherwise.
 
     Args:
         likelihood: with the parameters and their boxes.
-        points: beyond the box that fit as well.
+        points: beyond the box that fit as well, each with what leads to its model, if another.
         profiles: of parameters and outputs, by name.
     """
     told: set[str] = set()
     said = []
-    for point in sorted(points, key=lambda p: p.delta):
+    for point, where in sorted(points, key=lambda each: each[0].delta):
         values = _values(likelihood, point)
         new = [
             name
@@ -141,9 +143,10 @@ def beyond_sentences(
             there = ", ".join(
                 f"{name} = {number(values[name], 5)} {profiles[name].unit}".rstrip() for name in new
             )
+            at = f"{' and '.join(places)} at {where}" if where else " and ".join(places)
             said.append(
-                f"Beyond the box {' and '.join(places)} fits as well, with {there}: what is said "
-                f"of {', '.join(new)} rests on the box."
+                f"Beyond the box {at} fits as well, with {there}: what is said of "
+                f"{', '.join(new)} rests on the box."
             )
     return tuple(said)
 
