@@ -55,7 +55,8 @@ def values_of_line(
     found = _same(here, units, shown)
     if not found:
         return {}
-    kept = {name for name, what in found.items() if what == "frequency"}
+    swept = float(np.min(sweep.frequency_hz)), float(np.max(sweep.frequency_hz))
+    kept = {n for n, value in here.items() if swept[0] <= _in(value, units[n], "Hz") <= swept[1]}
     xs = [_elsewhere(solution, kept, factor, turn) for factor, turn in ELSEWHERE]
     parameters = solution.parameters
     try:
@@ -74,7 +75,10 @@ def values_of_line(
 
 
 def _elsewhere(solution: Solution, kept: Container[str], factor: float, turn: float) -> FloatArray:
-    """The end of Algorithm 2 moved in its box, (n,): all but what is known, and the line itself."""
+    """The end of Algorithm 2 moved in its box, (n,): all but what is known, and some that are kept.
+
+    Those are in the swept range: it would not show its line any more.
+    """
     parameters = solution.parameters
     p = solution.final.parameters.copy()
     for i, parameter in enumerate(parameters):
