@@ -74,17 +74,20 @@ def values_of_line(
 
 
 def _elsewhere(solution: Solution, kept: Container[str], factor: float, turn: float) -> FloatArray:
-    """The end of Algorithm 2 moved, (n,): all but what is known besides, and where the line is."""
+    """The end of Algorithm 2 moved in its box, (n,): all but what is known, and the line itself."""
     parameters = solution.parameters
     p = solution.final.parameters.copy()
     for i, parameter in enumerate(parameters):
         if parameter.prior_sigma is not None or parameter.experiments or parameter.name in kept:
             continue
-        if parameter.lower >= 0.0 and parameter.period is None and parameter.unit != "rad":
-            p[i] *= factor
+        here, low, high = float(p[i]), parameter.lower, parameter.upper
+        if low >= 0.0 and parameter.period is None and parameter.unit != "rad":
+            ways = (here * factor, here / factor)
             factor = 1.0 / factor
         else:
-            p[i] += turn * parameter.scale
+            ways = (here + turn * parameter.scale, here - turn * parameter.scale)
+        inside = [way for way in ways if low <= way <= high]
+        p[i] = inside[0] if inside else min(max(ways[0], low), high)
     return to_search(parameters, p)
 
 

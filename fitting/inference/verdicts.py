@@ -33,6 +33,7 @@ NARROW, NARROW_ROUND = 3.0, 0.25
 PRIOR_ALONE, PRIOR_IDLE = math.sqrt(0.9), math.sqrt(0.1)
 ENDS_IN_WORDS = {
     "crossed": "the data end it",
+    "prior": "priors of the drift alone end it",
     "bound": "the end of its range fits",
     "round": "it goes round",
     "lost": "the search lost its way",
@@ -40,6 +41,8 @@ ENDS_IN_WORDS = {
 }
 #: Ends of branches that say nothing of what lies beyond.
 CUT = ("lost", "cost")
+#: Share of an increase of chi square by priors of what drifts from which they end an interval.
+BY_PRIORS = 0.5
 #: A walk has gone through the box where it comes this close to its end, as a share of it.
 NEAR_BOX = 1e-3
 
@@ -169,6 +172,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
     goes_round = quantity.round and all(branch.end == "bound" for branch in branches)
     fits, ends = _ends_of(branches, range_ends, goes_round)
     fits, ends = _beyond_the_simulation(quantity, branches, fits, ends)
+    ends = _of_the_data(explored.optimum, branches, ends)
     ends = _over_the_box(subject, branches, ends)
     if quantity.round and "bound" in ends:  # half a period up and down is one and the same system
         ends = (
@@ -243,6 +247,30 @@ def _beyond_the_simulation(
     moved = [far and end == "crossed" for far, end in zip(away, ends, strict=True)]
     words = ["bound" if gone else end for gone, end in zip(moved, ends, strict=True)]
     return (fits[0] or moved[0], fits[1] or moved[1]), (words[0], words[1])
+
+
+def _of_the_data(optimum: Optimum, branches: Branches, ends: tuple[str, str]) -> tuple[str, str]:
+    """The same; a crossing to which priors of what drifts lead, and no data, is theirs.
+
+    Priors that hold what differs between experiments are stated for lack of anything better, of
+    offsets that may hang together: what they alone exclude is not known of the sample.
+    """
+    likelihood = optimum.likelihood
+    drifts = np.array([bool(p.experiments) for p in likelihood.parameters])
+    if not np.any(drifts & (likelihood.inverse_prior_sigma > 0.0)):
+        return ends
+
+    def of_priors(x: FloatArray) -> float:
+        return float(np.sum((likelihood.inverse_prior_sigma * x)[drifts] ** 2))
+
+    words = list(ends)
+    for side, branch in enumerate(branches):
+        beyond = next((p for p in branch.points if p.root > ROOT_95), None)
+        if words[side] == "crossed" and beyond is not None:
+            more = of_priors(beyond.x) - of_priors(optimum.expansion.x)
+            if more > BY_PRIORS * beyond.delta:
+                words[side] = "prior"
+    return words[0], words[1]
 
 
 def _over_the_box(subject: _Subject, branches: Branches, ends: tuple[str, str]) -> tuple[str, str]:

@@ -15,7 +15,7 @@ Floats = tuple[float, ...]
 Interval = tuple[float, float]
 
 #: What ended a branch of a profile.
-ENDS = ("crossed", "held", "bound", "round", "lost", "cost")
+ENDS = ("crossed", "prior", "held", "bound", "round", "lost", "cost")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from fitting.text.notation import number, prefixed, span
 
 ENDS = {
     "crossed": "ended by the data",
+    "prior": "priors of the drift",
     "held": "another parameter at its limit",
     "bound": "fits to the end",
     "round": "goes round",
