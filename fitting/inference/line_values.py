@@ -24,7 +24,7 @@ from fitting.text.units import convert
 NEAR = 1e-3
 #: Where else both have to agree: positive parameters times these factors, by turns of the first and
 #: of one over it, and others by such a part of their scale on.
-ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5))
+ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5), (1.2, 1.0))
 
 
 def values_of_line(
@@ -32,7 +32,7 @@ def values_of_line(
 ) -> dict[str, str]:
     """Names of values that are the line's "frequency", "width" or "q".
 
-    The line is fitted to the sweep *as simulated*, at the end of Algorithm 2 and at two places
+    The line is fitted to the sweep *as simulated*, at the end of Algorithm 2 and at some places
     elsewhere: a value that is what that line shows at all of them is this line's, whatever its
     name. At one place alone it might be another's by chance, as the dampings of two modes are that
     were not told apart. Empty where the sweep is fitted with the rest (its information is in the
@@ -85,13 +85,14 @@ def _elsewhere(solution: Solution, kept: Container[str], factor: float, turn: fl
         if parameter.prior_sigma is not None or parameter.experiments or parameter.name in kept:
             continue
         here, low, high = float(p[i]), parameter.lower, parameter.upper
-        if low >= 0.0 and parameter.period is None and parameter.unit != "rad":
+        positive = low >= 0.0 and parameter.period is None and parameter.unit != "rad"
+        ways = (here + turn * parameter.scale, here - turn * parameter.scale)
+        if positive:
             ways = (here * factor, here / factor)
-            factor = 1.0 / factor
-        else:
-            ways = (here + turn * parameter.scale, here - turn * parameter.scale)
         inside = [way for way in ways if low <= way <= high]
         p[i] = inside[0] if inside else min(max(ways[0], low), high)
+        if positive:  # the next one goes the other way
+            factor = here / float(p[i]) if p[i] != here else 1.0 / factor
     return to_search(parameters, p)
 
 

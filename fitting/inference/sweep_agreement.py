@@ -141,6 +141,7 @@ class _Both:
         self.held = np.array(
             [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
         )
+        self.drifts = self.held * np.array([bool(p.experiments) for p in solution.parameters])
         self.scatter = LEAST_SCATTER
         self._known: dict[bytes, _Expansion] = {}
 
@@ -169,7 +170,7 @@ class _Both:
             if told is not None:
                 return told
         excess = max(1.0, peaks.chi_square / max(1, peaks.rows.size - self._rank(peaks)))
-        apart = both.chi_square - swept.chi_square - peaks.chi_square
+        apart = both.chi_square - swept.chi_square - peaks.chi_square - self._by_priors(both, peaks)
         return SweepAgreement(series=self.sweep.series, sigmas=_sigmas(apart / excess, shared))
 
     def _could_gain(self, begin: FloatArray) -> float:
@@ -193,7 +194,8 @@ class _Both:
     def _told_by_factor(self, both: _End, joined: _End) -> SweepAgreement | None:
         """A factor between their amplitudes that makes both fit; None where it gains nothing."""
         excess = max(1.0, joined.chi_square / max(1, joined.rows.size - self._rank(joined) - 2))
-        sigmas = _sigmas((both.chi_square - joined.chi_square) / excess, 1)
+        gained = both.chi_square - joined.chi_square - self._by_priors(both, joined)
+        sigmas = _sigmas(gained / excess, 1)
         if not (sigmas > CONTRADICT and excess < EXPLAINED):
             return None
         factor = math.exp(float(joined.y[-1]))
@@ -201,6 +203,11 @@ class _Both:
         return SweepAgreement(
             series=self.sweep.series, sigmas=sigmas, factor=factor, factor_std=std
         )
+
+    def _by_priors(self, one: _End, other: _End) -> float:
+        """Chi square that priors of what drifts have more at one end: no data contradict there."""
+        squares = [float(np.sum((self.drifts * end.y[:-2]) ** 2)) for end in (one, other)]
+        return max(0.0, squares[0] - squares[1])
 
     def _least(self, parts: str, *begun: FloatArray) -> _End:
         """The lowest end of descents from some points.

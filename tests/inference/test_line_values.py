@@ -11,6 +11,8 @@ import fitting as ff
 from fitting.inference.line_values import values_of_line
 from fitting.inference.values import DerivedResult, ParameterResult
 from tests.support.virtual.answers import ModesResponse
+from tests.support.virtual.judge import by_closed_form
+from tests.support.virtual.kinds import KINDS
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -27,3 +29,11 @@ def test_the_line_is_that_of_the_mode_that_was_swept(series: str, mode: str) -> 
     values = {**inferred.parameters, **inferred.derived, **widths}
     found = values_of_line(inferred.fit.problem, inferred.fit.solution, values)
     assert found == {f"width_{mode}": "width", f"Q_{mode}": "q"}
+
+
+def test_a_damping_that_the_fit_has_at_the_width_is_not_the_line_s(tmp_path: Path) -> None:
+    """The fit ends at d1 = d2 = width = 1.38 Hz, beside the end of d1's box; d1 is 2.8 Hz."""
+    laboratory = KINDS["pairs"](6009)
+    solve = by_closed_form(ff.Fmu("CoupledOscillator"), ("Q_plus",))
+    [line] = solve(laboratory, tmp_path).record.sweeps.lines.values()
+    assert dict(line.values) == {"Q_plus": "q"}

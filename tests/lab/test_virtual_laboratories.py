@@ -132,6 +132,18 @@ def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
     assert abs(there - laboratory.truth()["d1"]) > 5.0
 
 
+@pytest.mark.parametrize("seed", [6008, 6026])
+def test_what_only_a_prior_of_the_drift_excludes_is_not_excluded(seed: int, tmp_path: Path) -> None:
+    """Independent offsets where the drift is a walk: chi square of the truth is 22 and 13 higher."""
+    laboratory = KINDS["drift"](seed)
+    found = by_closed_form(ff.Fmu("CoupledOscillator"), ("lambda", "width_plus"))(
+        laboratory, tmp_path
+    )
+    assert not any("contradict" in sentence for sentence in found.warnings)
+    for name in ("lambda", "width_plus"):
+        assert found.values[name].verdict in ("not determined", "not known")
+
+
 def test_a_flat_valley_is_searched_for_the_least_j(tmp_path: Path) -> None:
     """Peaks see one width alone: chi square is flat along a valley, J has many minima there.
 
