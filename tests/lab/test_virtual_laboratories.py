@@ -134,7 +134,7 @@ def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", [6008, 6026])
 def test_what_only_a_prior_of_the_drift_excludes_is_not_excluded(seed: int, tmp_path: Path) -> None:
-    """Independent offsets where the drift is a walk: the truth has a chi square 22 and 13 higher."""
+    """Independent offsets where the drift is a walk: chi square is 22 and 13 more at the truth."""
     laboratory = KINDS["drift"](seed)
     found = by_closed_form(ff.Fmu("CoupledOscillator"), ("lambda", "width_plus"))(
         laboratory, tmp_path
