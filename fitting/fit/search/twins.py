@@ -24,7 +24,7 @@ from fitting.fit.objective import Objective
 from fitting.fit.search.box import Box
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.text.arrays import FloatArray, IntArray
-from fitting.text.errors import FmuFailure, NoAnswer
+from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
 #: Points of the box that are drawn, and at how many of them with an image in the box a symmetry has
 #: to hold; the first sifts the candidates.
@@ -97,7 +97,7 @@ def find_twins(evaluator: Evaluator, seed: int, other: Objective | None = None) 
         found = _unchanged(evaluator, target, left, points, slice(1, POINTS))
     except NoAnswer:
         raise
-    except FmuFailure:
+    except (FmuFailure, NoScale):
         found = []
     evaluator.counts += target.counts
     return found
