@@ -202,6 +202,31 @@ def outside_box(parameters: Sequence[Parameter], search: FloatArray) -> tuple[in
     return tuple(i for i, p in enumerate(parameters) if p.period is None and bool(out[i]))
 
 
+def inverse_priors(parameters: Sequence[Parameter], *, drift: bool = False) -> FloatArray:
+    """1/sigma in x of the Gaussian priors, (n,); zero where there is none.
+
+    Args:
+        parameters: the fitted parameters.
+        drift: whether only those count that belong to single experiments.
+    """
+    return np.array(
+        [
+            p.scale / p.prior_sigma if p.prior_sigma and (p.experiments or not drift) else 0.0
+            for p in parameters
+        ]
+    )
+
+
+def drift_square(parameters: Sequence[Parameter], x: FloatArray) -> float:
+    """Chi square by the priors of what differs between experiments.
+
+    Args:
+        parameters: the fitted parameters.
+        x: search vector (n,).
+    """
+    return float(np.sum((inverse_priors(parameters, drift=True) * x) ** 2))
+
+
 def prior_widths(parameters: Sequence[Parameter]) -> FloatArray:
     """Widths in x of uniform priors of the parameters' variances, (n,).
 

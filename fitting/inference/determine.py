@@ -41,7 +41,7 @@ from fitting.inference.likelihood.exploration import (
 )
 from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge
 from fitting.inference.likelihood.mirrored import Model, mirrored
-from fitting.inference.likelihood.outside import beyond, beyond_sentences
+from fitting.inference.likelihood.outside import Outside, beyond, beyond_sentences
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
@@ -184,12 +184,12 @@ def determine(
 
 def _outside(
     evaluator: LikelihoodEvaluator, found: Exploration, options: InferenceOptions
-) -> list[tuple[ProfilePoint, str]]:
-    """What fits beyond the box, and what leads to its model: exact twins, then what is come by."""
+) -> list[Outside]:
+    """What fits beyond the box: exact twins, then what is come by."""
     if not cut_sides(found):
         return []
     twins = mirrored(found.optimum, options.models, options.seed)
-    return [*((m.point, m.where) for m in twins), *((p, "") for p in beyond(evaluator, found))]
+    return [*twins, *beyond(evaluator, found)]
 
 
 def _most_likely_values(optimum: Optimum) -> dict[str, float]:

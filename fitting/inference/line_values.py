@@ -49,29 +49,37 @@ def values_of_line(
     [k] = [k for k, m in enumerate(problem.measurements) if isinstance(m, Sweep)]
     if problem.measurements[k].rows:
         return {}
-    shown = _shown(sweep.frequency_hz, solution.final.scaled[k])
     here = {name: value.algorithm2 for name, value in values.items()}
     units = {name: value.unit for name, value in values.items()}
-    found = _same(here, units, shown)
+    found = _same(here, units, _shown(sweep.frequency_hz, solution.final.scaled[k]))
     if not found:
         return {}
     swept = float(np.min(sweep.frequency_hz)), float(np.max(sweep.frequency_hz))
     kept = {n for n, value in here.items() if swept[0] <= _in(value, units[n], "Hz") <= swept[1]}
-    xs = [_elsewhere(solution, kept, factor, turn) for factor, turn in ELSEWHERE]
-    parameters = solution.parameters
     try:
-        points = evaluate_many(solution.objective, xs, whole=True)
-        means = output_means(solution.objective.response, parameters, xs)
+        places = _moved(solution, k, kept)
     except (FmuFailure, NoScale):
         return {}
+    for there, simulated in places:
+        same = _same({n: there[n] for n in found}, units, _shown(sweep.frequency_hz, simulated))
+        found = {name: what for name, what in found.items() if same.get(name) == what}
+    return found
+
+
+def _moved(
+    solution: Solution, k: int, kept: Container[str]
+) -> list[tuple[dict[str, float], Values]]:
+    """Values by name, and the k-th measurement as simulated, at the places elsewhere."""
+    parameters = solution.parameters
+    xs = [_elsewhere(solution, kept, factor, turn) for factor, turn in ELSEWHERE]
+    points = evaluate_many(solution.objective, xs, whole=True)
+    means = output_means(solution.objective.response, parameters, xs)
+    moved = []
     for i, point in enumerate(points):
         there = {p.name: float(v) for p, v in zip(parameters, point.parameters, strict=True)}
         there |= {name: float(row[i]) for name, row in means.items()}
-        same = _same(
-            {n: there[n] for n in found}, units, _shown(sweep.frequency_hz, point.scaled[k])
-        )
-        found = {name: what for name, what in found.items() if same.get(name) == what}
-    return found
+        moved.append((there, point.scaled[k]))
+    return moved
 
 
 def _elsewhere(solution: Solution, kept: Container[str], factor: float, turn: float) -> FloatArray:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, ndtri
 
-from fitting.campaign.parameters import prior_sigmas, search_bounds
+from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigmas, search_bounds
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.differences import forward
 from fitting.fit.noise import noise_of
@@ -138,10 +138,7 @@ class _Both:
         self.covariance = own.loosened(noise.bounded.restricted(self.peaks))
         self.bounds = search_bounds(solution.parameters)
         self.prior = prior_sigmas(solution.parameters)
-        self.held = np.array(
-            [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
-        )
-        self.drifts = self.held * np.array([bool(p.experiments) for p in solution.parameters])
+        self.held = inverse_priors(solution.parameters)
         self.scatter = LEAST_SCATTER
         self._known: dict[bytes, _Expansion] = {}
 
@@ -206,8 +203,9 @@ class _Both:
 
     def _by_priors(self, one: _End, other: _End) -> float:
         """Chi square that priors of what drifts have more at one end: no data contradict there."""
-        squares = [float(np.sum((self.drifts * end.y[:-2]) ** 2)) for end in (one, other)]
-        return max(0.0, squares[0] - squares[1])
+        parameters = self.solution.parameters
+        more = drift_square(parameters, one.y[:-2]) - drift_square(parameters, other.y[:-2])
+        return max(0.0, more)
 
     def _least(self, parts: str, *begun: FloatArray) -> _End:
         """The lowest end of descents from some points.

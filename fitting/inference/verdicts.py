@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, canonical, to_model
+from fitting.campaign.parameters import Parameter, canonical, drift_square, to_model
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.equivalent_fits import contradicts, exchange_words, turned_to
 from fitting.inference.likelihood.exploration import Exploration
@@ -255,19 +255,13 @@ def _of_the_data(optimum: Optimum, branches: Branches, ends: tuple[str, str]) ->
     Priors that hold what differs between experiments are stated for lack of anything better, of
     offsets that may hang together: what they alone exclude is not known of the sample.
     """
-    likelihood = optimum.likelihood
-    drifts = np.array([bool(p.experiments) for p in likelihood.parameters])
-    if not np.any(drifts & (likelihood.inverse_prior_sigma > 0.0)):
-        return ends
-
-    def of_priors(x: FloatArray) -> float:
-        return float(np.sum((likelihood.inverse_prior_sigma * x)[drifts] ** 2))
-
+    parameters = optimum.likelihood.parameters
+    least = drift_square(parameters, optimum.expansion.x)
     words = list(ends)
     for side, branch in enumerate(branches):
         beyond = next((p for p in branch.points if p.root > ROOT_95), None)
         if words[side] == "crossed" and beyond is not None:
-            more = of_priors(beyond.x) - of_priors(optimum.expansion.x)
+            more = drift_square(parameters, beyond.x) - least
             if more > BY_PRIORS * beyond.delta:
                 words[side] = "prior"
     return words[0], words[1]

@@ -17,7 +17,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import Parameter, in_box, search_bounds, to_model, to_search
+from fitting.campaign.parameters import (
+    Parameter,
+    in_box,
+    inverse_priors,
+    search_bounds,
+    to_model,
+    to_search,
+)
 from fitting.fit.covariance import BoundedErrors, RowCovariance
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
@@ -206,20 +213,16 @@ def likelihood_of(
     own = np.maximum(sigma, SMALLEST_SIGMA)
     lower, upper = search_bounds(objective.parameters)
     periods = np.full(lower.size, np.inf)
-    inverse_prior_sigma = np.zeros(lower.size)
     for i, parameter in enumerate(objective.parameters):
         if parameter.period is not None:
             period = parameter.period / parameter.scale
             if upper[i] - lower[i] >= period * (1.0 - ROUNDING):
                 periods[i] = period
-        prior = parameter.prior_sigma
-        if prior is not None:
-            inverse_prior_sigma[i] = parameter.scale / prior
     bound = np.isinf(periods)
     return Likelihood(
         objective=objective,
         noise=RowCovariance(own, common),
-        inverse_prior_sigma=inverse_prior_sigma,
+        inverse_prior_sigma=inverse_priors(objective.parameters),
         shift=np.zeros(sigma.size),
         lower=np.where(bound, lower, -np.inf),
         upper=np.where(bound, upper, np.inf),

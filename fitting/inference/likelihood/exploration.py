@@ -17,7 +17,6 @@ from fitting.fit.likelihood.descent import (
     descend,
     expansion_at,
 )
-from fitting.fit.likelihood.few_places import FewPlaces, of_few_places, own_gain
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
 from fitting.fit.linearisation import Linearisation
@@ -33,6 +32,7 @@ from fitting.inference.likelihood.profiles import (
     trace_branch,
 )
 from fitting.inference.likelihood.ranges import OutputRange
+from fitting.inference.likelihood.ways import walked_to_ends
 from fitting.signal.student import ROOT_95, reach
 from fitting.text.arrays import BoolArray, FloatArray
 
@@ -49,9 +49,6 @@ BEYOND, EXTENSIONS = 0.02, 2
 NEAREST = 2
 #: Strides towards an end of a range that is known to fit: they only show what is between.
 OPEN_STEPS = 4
-#: Strides of a parameter to the end of its room, each from where the last one ended: valleys are
-#: curved.
-STRIDES = 4
 #: A branch that nobody walked, to an end that is known to fit.
 BOTH_FIT = ProfileBranch(points=(), end="bound", at_68=math.nan, at_95=math.nan)
 
@@ -264,146 +261,10 @@ def _walked(
 
 def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Exploration:
     """The same with what fits on the ways of the parameters to the ends of their room."""
-    walks = walked_to_ends(evaluator, explored, explored.optimum)
-    points = possible(evaluator, explored.optimum, [p for walk in walks for p in walk or ()])
+    optimum = explored.optimum
+    walks = walked_to_ends(evaluator, optimum, explored.parameters, explored.fitting)
+    points = possible(evaluator, optimum, [p for walk in walks for p in walk])
     return replace(explored, known=(*explored.known, *(p for p in points if p is not None)))
-
-
-def walked_to_ends(
-    evaluator: LikelihoodEvaluator, explored: Exploration, wide: Optimum
-) -> list[list[ProfilePoint]]:
-    """Points on the ways of every parameter to the ends of its room, those that fit.
-
-    Ends that none of them reached are tried once more, from the ends that were: what a parameter
-    does may come to its end only where another one is at a limit, as the damping of a mode does
-    that is not coupled there.
-
-    Args:
-        evaluator: of the likelihood of `wide`; counts what is evaluated.
-        explored: with the points in hand.
-        wide: the optimum with the room.
-
-    Raises:
-        FmuFailure: the model failed at more points than can be left out.
-    """
-    at = wide.expansion
-    here = ProfilePoint(value=math.nan, delta=0.0, x=at.x, outputs=at.sample.outputs)
-    known = [here, *explored.fitting]
-    first = _gone(evaluator, wide, _from_nearest(explored.parameters, wide, known))
-    known += [p for walk in first for p in walk if p.delta <= ROOT_95**2]
-    return first + _gone(evaluator, wide, _from_limits(explored.parameters, wide, known))
-
-
-@dataclass(frozen=True)
-class _Way:
-    """A parameter that is brought to an end of its room, in x, and where that begins, (n,)."""
-
-    quantity: Quantity
-    begin: FloatArray
-    end: float
-
-    def walk(self, wide: Optimum, loose: float = 0.0) -> Task[list[ProfilePoint]]:
-        return _walk(wide, self.quantity, self.begin, self.end, loose)
-
-
-def _gone(
-    evaluator: LikelihoodEvaluator, wide: Optimum, ways: Sequence[_Way]
-) -> list[list[ProfilePoint]]:
-    """Points on the ways, those that fit; where a few places exclude all of one it is not gone."""
-    few = of_few_places(wide.likelihood) if ways and _is_noise_alone(wide.likelihood) else None
-    if few is not None:
-        seen, loose = _seen_by(wide, few), own_gain(wide.likelihood)
-        with evaluator.of(few.likelihood):
-            found = run_in_lockstep([way.walk(seen, loose) for way in ways], evaluator)
-        # None: more evaluations are not allowed, and nothing is known
-        ways = [w for w, points in zip(ways, found, strict=True) if points is None or points]
-    return [points or [] for points in run_in_lockstep([w.walk(wide) for w in ways], evaluator)]
-
-
-def _is_noise_alone(likelihood: Likelihood) -> bool:
-    """Whether nothing but noise that is known stands between data and model."""
-    return likelihood.inflation == 1.0 and not np.any(likelihood.scatter)
-
-
-def _seen_by(wide: Optimum, few: FewPlaces) -> Optimum:
-    """The optimum as a few places see it: their chi square, at the same point."""
-    at = wide.expansion
-    sample = replace(at.sample, rows=at.sample.rows[few.kept], outputs=np.empty(0))
-    seen = replace(at, sample=sample, matrix=at.matrix[few.kept], outward=at.outward[:0])
-    return replace(wide, likelihood=few.likelihood, expansion=seen)
-
-
-def _open_ends(
-    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
-) -> list[tuple[Quantity, float]]:
-    """Parameters and ends of their room, in x, at which none of the points in hand is."""
-    sides = []
-    for quantity in parameters:
-        for limits in (wide.likelihood.lower, wide.likelihood.upper):
-            end = float(limits[quantity.index])
-            if not any(_is_at(wide, p, quantity, end) for p in known):
-                sides.append((quantity, end))
-    return sides
-
-
-def _is_at(wide: Optimum, point: ProfilePoint, quantity: Quantity, end: float) -> bool:
-    i = quantity.index
-    return abs(float(point.x[i]) - end) <= AT_LIMIT * float(wide.likelihood.widths[i])
-
-
-def _from_nearest(
-    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
-) -> list[_Way]:
-    """A way to every open end, from the nearest point in hand."""
-    ways = []
-    for quantity, end in _open_ends(parameters, wide, known):
-        i = quantity.index
-        nearest = min(known, key=lambda p: abs(float(p.x[i]) - end))
-        ways.append(_Way(quantity, nearest.x, end))
-    return ways
-
-
-def _from_limits(
-    parameters: Sequence[Quantity], wide: Optimum, known: Sequence[ProfilePoint]
-) -> list[_Way]:
-    """Ways to every open end, from the best point in hand at each limit of any parameter."""
-    best = []
-    for other in parameters:
-        for limits in (wide.likelihood.lower, wide.likelihood.upper):
-            there = [p for p in known if _is_at(wide, p, other, float(limits[other.index]))]
-            if there:
-                best.append(min(there, key=lambda p: p.delta))
-    begins = {id(point): point.x for point in best}.values()
-    return [
-        _Way(quantity, begin, end)
-        for quantity, end in _open_ends(parameters, wide, known)
-        for begin in begins
-    ]
-
-
-def _walk(
-    wide: Optimum, quantity: Quantity, begin: FloatArray, end: float, loose: float
-) -> Task[list[ProfilePoint]]:
-    """Points on the way of a parameter to an end, the last of them there, as far as it comes.
-
-    Where a stride leads nowhere the end itself is tried from the last point that fits.
-    """
-    parameter = wide.likelihood.parameters[quantity.index]
-    first, last = (
-        parameter.reference + parameter.scale * x for x in (float(begin[quantity.index]), end)
-    )
-    spaced = np.geomspace if first > 0.0 and last > 0.0 else np.linspace
-    way = np.asarray(spaced(first, last, STRIDES + 1))
-    found: list[ProfilePoint] = []
-    *targets, last = map(float, (way[1:] - parameter.reference) / parameter.scale)
-    for target in targets:
-        point = yield from value_at(wide, quantity, target, begin, loose)
-        if point is None:
-            break
-        found.append(point)
-        begin = point.x
-    point = yield from value_at(wide, quantity, last, begin, loose)
-    return found if point is None else [*found, point]
 
 
 def cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
@@ -418,24 +279,6 @@ def cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:
             if branch.end == "crossed" and math.isfinite(branch.at_95):
                 sides.append((quantity, branch.at_95 + 0.5 * (branch.at_95 - quantity.best)))
     return sides
-
-
-def value_at(
-    optimum: Optimum, quantity: Quantity, target: float, begin: FloatArray, loose: float = 0.0
-) -> Task[ProfilePoint | None]:
-    """The least chi square with a quantity at a value, None if that is excluded for good.
-
-    Args:
-        optimum: what chi square is counted from.
-        quantity: what is held.
-        target: where, in x or in the output's unit.
-        begin: search vector where the search begins, shape (n,).
-        loose: chi square more by which it has to be excluded.
-    """
-    at = begin.copy()
-    if quantity.index >= 0:
-        at[quantity.index] = target
-    return fit_at_end(optimum, quantity, at, target, loose=loose)
 
 
 def _extended(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Exploration, bool]:

@@ -18,7 +18,7 @@ from fitting.fit.objective import Objective
 from fitting.fit.outputs import output_means_beyond
 from fitting.fit.search.twins import find_twins
 from fitting.fit.solver.evaluator import Evaluator
-from fitting.inference.likelihood.outside import widened
+from fitting.inference.likelihood.outside import Outside, widened
 from fitting.inference.likelihood.profiles import ProfilePoint
 from fitting.text.arrays import FloatArray
 
@@ -31,15 +31,7 @@ class Model:
     where: str
 
 
-@dataclass(frozen=True)
-class Mirrored:
-    """A point that fits exactly as well, and what leads to its model; empty: it is this one."""
-
-    point: ProfilePoint
-    where: str
-
-
-def mirrored(optimum: Optimum, others: Sequence[Model], seed: int) -> tuple[Mirrored, ...]:
+def mirrored(optimum: Optimum, others: Sequence[Model], seed: int) -> tuple[Outside, ...]:
     """The exact twins of the most likely point that lie beyond the box, in ten times as wide ones.
 
     Left out are those at which an output is missing that exists at the optimum. Of data at many
@@ -56,14 +48,15 @@ def mirrored(optimum: Optimum, others: Sequence[Model], seed: int) -> tuple[Mirr
     exists = np.isfinite(here.sample.outputs)
     found = []
     for model in (Model(own, ""), *(others if few is None else ())):
-        for x in _images(own, model.objective, here.x, seed):
-            means = output_means_beyond(
-                model.objective.response, likelihood.parameters, [x], likelihood.names
-            )
-            outputs = np.array([float(means[name][0]) for name in likelihood.names])
+        images = _images(own, model.objective, here.x, seed)
+        means = output_means_beyond(
+            model.objective.response, likelihood.parameters, images, likelihood.names
+        )
+        for k, x in enumerate(images):
+            outputs = np.array([float(means[name][k]) for name in likelihood.names])
             if np.all(np.isfinite(outputs[exists])):
                 point = ProfilePoint(value=float("nan"), delta=0.0, x=x, outputs=outputs)
-                found.append(Mirrored(point, model.where))
+                found.append(Outside(point, model.where))
     return tuple(found)
 
 

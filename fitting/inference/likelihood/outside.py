@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,11 +20,10 @@ from fitting.inference.likelihood.exploration import (
     Exploration,
     cut_sides,
     possible,
-    value_at,
-    walked_to_ends,
 )
 from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint
+from fitting.inference.likelihood.ways import value_at, walked_to_ends
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import number
 
@@ -34,6 +33,14 @@ TIMES = 10.0
 BEGINNINGS = 6
 #: Share of an interval by which a value lies beyond it.
 BEYOND = 0.02
+
+
+@dataclass(frozen=True)
+class Outside:
+    """A point beyond the box that fits as well, and what leads to its model; empty: it is this."""
+
+    point: ProfilePoint
+    where: str = ""
 
 
 def widened(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
@@ -66,7 +73,7 @@ def _widened(parameter: Parameter) -> Parameter:
     )
 
 
-def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[ProfilePoint, ...]:
+def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outside, ...]:
     """Points beyond the box that fit as well, where a value leaves the interval that data cut.
 
     From points in hand every parameter is brought to the ends of its wider box, the rest following;
@@ -87,13 +94,14 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Profi
         return ()
     evaluator.likelihood = wide.likelihood
     try:
-        walks = walked_to_ends(evaluator, explored, wide)
+        walks = walked_to_ends(evaluator, wide, explored.parameters, explored.fitting)
         fitting = [[p for p in walk if _fits(p)] for walk in walks]
         reached = [p for walk in fitting for p in walk]
         ends = sorted((walk[-1] for walk in fitting if walk), key=lambda p: p.delta)[:BEGINNINGS]
         tasks = [value_at(wide, q, target, p.x) for q, target in sides for p in ends]
         found = [*reached, *(p for p in run_in_lockstep(tasks, evaluator) if p is not None)]
-        return tuple(p for p in possible(evaluator, wide, found) if p is not None and _fits(p))
+        points = possible(evaluator, wide, found)
+        return tuple(Outside(p) for p in points if p is not None and _fits(p))
     except Exhausted:
         return ()
     finally:
@@ -118,20 +126,20 @@ def _with_room(likelihood: Likelihood) -> Likelihood:
 
 def beyond_sentences(
     likelihood: Likelihood,
-    points: Sequence[tuple[ProfilePoint, str]],
+    found: Sequence[Outside],
     profiles: Mapping[str, Profile],
 ) -> tuple[str, ...]:
     """Which verdicts rest on the box, each told with a fit beyond it that says otherwise.
 
     Args:
         likelihood: with the parameters and their boxes.
-        points: beyond the box that fit as well, each with what leads to its model, if another.
+        found: what fits as well beyond them.
         profiles: of parameters and outputs, by name.
     """
     told: set[str] = set()
     said = []
-    for point, where in sorted(points, key=lambda each: each[0].delta):
-        values = _values(likelihood, point)
+    for each in sorted(found, key=lambda other: other.point.delta):
+        values = _values(likelihood, each.point)
         new = [
             name
             for name, profile in profiles.items()
@@ -143,7 +151,7 @@ def beyond_sentences(
             there = ", ".join(
                 f"{name} = {number(values[name], 5)} {profiles[name].unit}".rstrip() for name in new
             )
-            at = f"{' and '.join(places)} at {where}" if where else " and ".join(places)
+            at = f"{' and '.join(places)} at {each.where}" if each.where else " and ".join(places)
             said.append(
                 f"Beyond the box {at} fits as well, with {there}: what is said of "
                 f"{', '.join(new)} rests on the box."
