@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
-from scipy.special import gammaincc
 
 from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
+from fitting.signal.chi_square import tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray
@@ -532,7 +532,8 @@ def _judged(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Opt
     data = best.sample.rows[: likelihood.data_rows]
     chi_square = float(data @ data)
     free = freedom_of(likelihood, best)
-    inflation = inflation_of(chi_square, free)
+    told = likelihood.objective.data.noise_freedom
+    inflation = inflation_of(chi_square, free, noise_freedom=told)
     if inflation > 1.0:
         noise_freedom = free
         evaluator.likelihood = replace(likelihood, inflation=inflation)
@@ -702,17 +703,23 @@ def _of_data(likelihood: Likelihood, end: Expansion) -> Linearisation:
     return Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
 
 
-def inflation_of(chi_square: float, free: float, least_p: float = TOO_LARGE_P) -> float:
+def inflation_of(
+    chi_square: float,
+    free: float,
+    least_p: float = TOO_LARGE_P,
+    noise_freedom: float = np.inf,
+) -> float:
     """Factor on standard deviations for residuals beyond the noise: sqrt(chi^2/freedom) or one.
 
     Args:
         chi_square: of the data.
         free: degrees of freedom that it is held against.
         least_p: probability of such a chi square below which it is too large for noise.
+        noise_freedom: degrees of freedom of the noise where it is estimated, else infinite.
 
     Source: the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2,
     used only where chi^2 is too large for noise.
     """
-    if free <= 0.0 or gammaincc(0.5 * free, 0.5 * chi_square) >= least_p:
+    if free <= 0.0 or tail(chi_square, free, noise_freedom) >= least_p:
         return 1.0
     return max(1.0, float(np.sqrt(chi_square / free)))
