@@ -5,8 +5,9 @@
 Tried are fractions of a period with either sign, quarters of a turn for an angle without a period,
 reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one unit whose
 boxes overlap, and products of these; where there are too many, exchanges in pairs first. What
-leaves the rows unchanged at points drawn from the box, to rounding at most of them, is a symmetry of
-the model, found without knowing the model. The data tell no point from its twins, whatever they are.
+leaves the rows unchanged at points drawn from the box, to rounding at most of them, is a symmetry
+of the model, found without knowing the model. The data tell no point from its twins, whatever they
+are.
 """
 
 from __future__ import annotations
