@@ -9,6 +9,8 @@ improbable for chance:
 
     chi^2/freedom > RATIO = 4        P(chi^2 or more) < IMPROBABLE = 1e-4
 
+(`fitting.signal.chi_square`: noise that was estimated beside the fit leaves larger ones).
+
 Noise that was stated two times too small, as happens, reaches the first and is met by wider errors
 (the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2); with few
 degrees of freedom noise alone reaches it, but the second only once in ten thousand fits. What the
@@ -21,13 +23,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import gammaincc
 
 from fitting.campaign.parameters import Parameter, outside_box, to_model
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.likelihood.descent import Optimum
 from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import TOLD, Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
@@ -68,7 +70,8 @@ def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
         sigma = wider.sigma.copy()
         sigma[data.curve_rows] /= widening
         own = replace(wider, sigma=sigma).restricted(known)
-        return judged(rows, matrix, own, covariance, solved, wider.restricted(known))
+        white, slopes = own.whitened(rows), wider.restricted(known).whitened(matrix)
+        return judged(white, slopes, covariance, solved, data.noise_freedom)
 
     found = by(noise)
     if found.describes or not likelihood.bounded.columns:
@@ -77,31 +80,28 @@ def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
 
 
 def judged(
-    rows: FloatArray,
-    matrix: FloatArray,
-    noise: RowCovariance,
+    white: FloatArray,
+    slopes: FloatArray,
     covariance: FloatArray,
     solved: int = 0,
-    wider: RowCovariance | None = None,
+    noise_freedom: float = np.inf,
 ) -> Adequacy:
     """Whether residuals are what their noise explains.
 
     Args:
-        rows: residuals of known noise, shape (m,).
-        matrix: their derivatives in x, shape (m, n).
-        noise: their covariance.
+        white: residuals of known noise, of unit variance by it, shape (m,).
+        slopes: their derivatives in x, by the noise that `covariance` is of, shape (m, n).
         covariance: of x, shape (n, n), from all data.
         solved: number of unknowns that the rows are solved for inside.
-        wider: the noise that `covariance` is of, where it was taken wider.
+        noise_freedom: degrees of freedom of the noise where it is estimated, else infinite.
     """
-    if not rows.size:
+    if not white.size:
         return Adequacy(chi_square=np.nan, freedom=0.0, p_value=np.nan, describes=True)
-    white, slopes = noise.whitened(rows), (wider or noise).whitened(matrix)
     square = float(white @ white)
-    freedom = float(rows.size - solved - np.sum((slopes @ covariance) * slopes))
+    freedom = float(white.size - solved - np.sum((slopes @ covariance) * slopes))
     if freedom < 0.5:  # as many unknowns as rows: nothing is left to judge by
         return Adequacy(chi_square=square, freedom=0.0, p_value=np.nan, describes=True)
-    p_value = float(gammaincc(0.5 * freedom, 0.5 * square))
+    p_value = tail(square, freedom, noise_freedom)
     bad = square > RATIO * freedom and p_value < IMPROBABLE
     return Adequacy(chi_square=square, freedom=freedom, p_value=p_value, describes=not bad)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from fitting.campaign.parameters import canonical, outside_box, to_model
 from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, likelihood_of
 from fitting.fit.likelihood.lockstep import Exhausted, Request
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
@@ -37,11 +37,18 @@ from fitting.inference.likelihood.exploration import (
     Exploration,
     cut_sides,
     explore,
+    extended,
     other_minima,
 )
-from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge
+from fitting.inference.likelihood.knowledge import Adequacy, Effort, Equivalent, Knowledge, Profile
 from fitting.inference.likelihood.mirrored import Model, mirrored
-from fitting.inference.likelihood.outside import Outside, beyond, beyond_sentences
+from fitting.inference.likelihood.outside import (
+    Outside,
+    beyond,
+    beyond_sentences,
+    held_sentences,
+    taken_in,
+)
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
@@ -118,11 +125,7 @@ def determine(
     if twins is None:
         twins = find_twins(Evaluator(objective), options.seed)
     boxes = output_ranges(objective.response, parameters, options.seed, [solution])
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes), noise.bounded)
-    likelihood = replace(likelihood, scatter=noise.scatter)
-    if not options.data:
-        [point] = evaluate_many(objective, [solution])
-        likelihood = replace(likelihood, shift=point.residuals, scatter=np.empty(0))
+    likelihood = _likelihood(objective, solution, noise, tuple(boxes), data=options.data)
     evaluator = LikelihoodEvaluator(likelihood, options.budget, options.progress)
     optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
     _log.info(
@@ -131,8 +134,9 @@ def determine(
         optimum.degrees_of_freedom,
     )
     found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
-    optimum = found.optimum
     outside = _outside(evaluator, found, options) if options.beyond else []
+    found = _come_in(evaluator, found, outside, boxes, options)
+    optimum = found.optimum
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
@@ -147,9 +151,7 @@ def determine(
     profiles = profiles_of(found, basis)
     if options.only:  # what nobody asked for was not walked: nothing is said of it
         profiles = {name: p for name, p in profiles.items() if name in options.only}
-    for name, p in profiles.items():
-        interval = span(*p.interval95, p.unit).replace("\u00a0", " ")
-        _log.info("profile of %s: %s, %s", name, interval, p.verdict)
+    _log_of(profiles)
     directions = identifiability.directions(evaluator, optimum) if options.directions else ()
     idle = identifiability.without_effect(evaluator, optimum, profiles)
     resampled = None
@@ -175,11 +177,34 @@ def determine(
             *adequacy_sentences(adequacy, optimum, options.structure),
             *outside_sentences(optimum),
             *beyond_sentences(optimum.likelihood, outside, profiles),
+            *held_sentences(profiles),
             *identifiability.sentences(profiles, directions, idle, equivalents),
         ),
         effort=spent,
         bootstrap=resampled,
     )
+
+
+def _likelihood(
+    objective: Objective,
+    solution: FloatArray,
+    noise: RowNoise,
+    outputs: tuple[str, ...],
+    *,
+    data: bool,
+) -> Likelihood:
+    """The likelihood of the data, or of what the model says at the solution."""
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, outputs, noise.bounded)
+    if data:
+        return replace(likelihood, scatter=noise.scatter)
+    [point] = evaluate_many(objective, [solution])
+    return replace(likelihood, shift=point.residuals)
+
+
+def _log_of(profiles: Mapping[str, Profile]) -> None:
+    for name, p in profiles.items():
+        interval = span(*p.interval95, p.unit).replace("\u00a0", " ")
+        _log.info("profile of %s: %s, %s", name, interval, p.verdict)
 
 
 def _outside(
@@ -213,12 +238,36 @@ def _explored(
         optimum, minima = _moved(evaluator, optimum, begin, minima)
     found = explore(evaluator, optimum, _ranges(optimum, boxes, options), minima, options.only)
     begin = _better(optimum, found.points)
-    if begin is None:
-        return found
-    optimum, minima = _moved(evaluator, optimum, begin, minima)
+    return found if begin is None else _anew(evaluator, found, begin, boxes, options)
+
+
+def _anew(
+    evaluator: LikelihoodEvaluator,
+    found: Exploration,
+    begin: ProfilePoint,
+    boxes: Mapping[str, OutputRange],
+    options: InferenceOptions,
+) -> Exploration:
+    """Profiles around a better point than those that were explored around."""
+    optimum, minima = _moved(evaluator, found.optimum, begin, found.minima)
     known = _counted(evaluator, optimum, found.near)
     ranges = _ranges(optimum, boxes, options)
     return explore(evaluator, optimum, ranges, minima, options.only, known)
+
+
+def _come_in(
+    evaluator: LikelihoodEvaluator,
+    found: Exploration,
+    outside: Sequence[Outside],
+    boxes: Mapping[str, OutputRange],
+    options: InferenceOptions,
+) -> Exploration:
+    """The profiles, gone on with from where fits beyond the box come into it."""
+    inside = taken_in(evaluator, found, outside)
+    begin = _better(found.optimum, inside)
+    if begin is not None and begin.delta < -BETTER:
+        return _anew(evaluator, found, begin, boxes, options)
+    return extended(evaluator, found, inside) if inside else found
 
 
 def _beginnings(

@@ -212,6 +212,7 @@ def _profile(explored: Exploration, subject: _Subject, basis: Basis, turn: Float
         precision=_precision(subject, found),
         reason=reason,
         simulation=subject.scale * quantity.reach * quantity.sigma,
+        held=tuple(dict.fromkeys(found.held)) if "held" in ends else (),
         values=tuple(subject.shown(point.value) for point in points),
         delta=tuple(max(0.0, point.delta) for point in points),
         path=_path(explored, points, turn),

@@ -124,6 +124,13 @@ class Dataset:
         return tuple(m for m in self.measurements if isinstance(m, Tones))
 
     @property
+    def noise_freedom(self) -> float:
+        """Degrees of freedom of the noise of the rows where it is known; infinite where stated."""
+        known = [(int(np.count_nonzero(m.sigma > 0.0)), m.noise_freedom) for m in self.measurements]
+        doubt = sum(rows**2 / freedom for rows, freedom in known)
+        return sum(rows for rows, _ in known) ** 2 / doubt if doubt > 0.0 else math.inf
+
+    @property
     def noise_words(self) -> str:
         """What the noise is that rows are held against: stated, or estimated from the data."""
         estimated = any(m.estimates_noise for m in self.measurements)

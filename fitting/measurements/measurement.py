@@ -143,6 +143,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def noise_freedom(self) -> float:
+        """Degrees of freedom of the noise of its rows; infinite where it is not estimated."""
+        ...
+
+    @property
     def has_free_scale(self) -> bool:
         """Whether the logarithm of a factor on the scale is a parameter of the fit."""
         ...
@@ -406,6 +411,11 @@ class MeasurementKind:
     def estimates_noise(self) -> bool:
         """Its noise is stated, or the residuals tell it."""
         return False
+
+    @property
+    def noise_freedom(self) -> float:
+        """Its noise is stated, or the residuals tell it."""
+        return math.inf
 
     @property
     def has_free_scale(self) -> bool:

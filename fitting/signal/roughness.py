@@ -10,6 +10,9 @@ from fitting.text.arrays import ComplexArray, FloatArray
 DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
 #: Curves with fewer points say nothing of their noise by themselves.
 LEAST_FOR_NOISE = 50
+#: Degrees of freedom that an estimate has of each point beyond the differences: neighbouring ones
+#: hang together, and their median tells less than their squares would.
+FREEDOM = 0.2
 #: Median of |x| of a normal distribution of unit variance.
 MEDIAN_OF_NORMAL = 0.6744897501960817
 
@@ -28,3 +31,14 @@ def roughness(values: FloatArray | ComplexArray) -> float:
     return float(np.median(np.abs([left.real, left.imag] if np.iscomplexobj(left) else left))) / (
         MEDIAN_OF_NORMAL
     )
+
+
+def roughness_freedom(points: int) -> float:
+    """Degrees of freedom of a `roughness`: its relative variance is 1/(2 nu), of a smooth curve.
+
+    nu = 0.2 (n - 4), found by simulation for 60 to 400 points of white noise (0.195 to 0.205).
+
+    Args:
+        points: of the curve, n.
+    """
+    return FREEDOM * max(points - DIFFERENCES, 1)

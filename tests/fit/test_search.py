@@ -122,6 +122,25 @@ def test_the_quarter_turn_with_dampings_exchanged_is_found_and_nothing_else() ->
     assert one == pytest.approx(other, rel=1e-12)
 
 
+def test_an_exchange_is_found_though_the_model_is_inexact_at_one_place() -> None:
+    """Rows a + b and a b, a little off where a is large, as a mode is that is damped to nothing.
+
+    At more places than a few it is another model.
+    """
+
+    def laboratory_off(above: float) -> list[Twin]:
+        def rows(p: FloatArray) -> FloatArray:
+            off = 1e-7 / SIGMA if p[0] > above else 0.0
+            return np.array([p[0] + p[1] + off, p[0] * p[1] / 1e4])
+
+        pair = (parameter("a", 1.0, 100.0), parameter("b", 1.0, 100.0))
+        return find_twins(Evaluator(whitened(rows, *pair)), seed=1)
+
+    [twin] = laboratory_off(above=70.0)
+    assert twin.order.tolist() == [1, 0]
+    assert laboratory_off(above=10.0) == []
+
+
 def test_an_exchange_needs_boxes_that_overlap_and_an_image_inside() -> None:
     lab = laboratory(3)
     theta, d1, d2, *rest = lab.parameters

@@ -50,7 +50,7 @@ def test_a_model_is_given_up_where_chi_square_is_both_large_and_improbable(
     root = np.linalg.cholesky(np.diag(noise.sigma**2) + noise.common @ noise.common.T)
     drawn = np.random.default_rng(1).normal(size=rows)
     white: FloatArray = drawn * (math.sqrt(ratio * rows) / float(np.linalg.norm(drawn)))
-    found = judged(np.asarray(root @ white), np.zeros((rows, 1)), noise, np.eye(1))
+    found = judged(noise.whitened(np.asarray(root @ white)), np.zeros((rows, 1)), np.eye(1))
     assert found.chi_square == pytest.approx(ratio * rows)
     assert found.freedom == pytest.approx(rows)
     assert found.p_value == pytest.approx(float(chi2.sf(ratio * rows, rows)), rel=1e-6)
@@ -62,10 +62,8 @@ def test_unknowns_take_their_degrees_of_freedom() -> None:
     matrix = np.random.default_rng(2).normal(size=(10, 2))
     covariance = np.asarray(np.linalg.inv(matrix.T @ matrix), dtype=float)
     rows = np.full(10, 10.0)
-    assert judged(rows, matrix, RowCovariance.of(np.ones(10)), covariance).freedom == pytest.approx(
-        8.0
-    )
-    nothing = judged(rows, np.eye(10), RowCovariance.of(np.ones(10)), np.eye(10))
+    assert judged(rows, matrix, covariance).freedom == pytest.approx(8.0)
+    nothing = judged(rows, np.eye(10), np.eye(10))
     assert (nothing.freedom, nothing.describes) == (0.0, True)
     assert math.isnan(nothing.p_value)
 

@@ -420,6 +420,19 @@ def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     assert a > known.parameters["a"].interval95[1]
 
 
+def test_an_end_that_another_box_makes_names_that_box() -> None:
+    """a + d is 5 ± 0.1 and d at most 1: the data alone would let a go to 2.8, the box to 4."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([(p[0] + p[1] - 5.0) / 0.1, (p[0] - 4.0) / 0.6, 0.0])
+
+    a, d = parameter("a", 0.5, 50.0), parameter("d", 0.1, 1.0, start=0.5)
+    known = learnt(whitened(rows, a, d))
+    assert known.parameters["a"].held == ("d",)
+    [said] = [s for s in known.sentences if "rests on the box" in s and s.startswith("What")]
+    assert said.startswith("What is said of a rests on the box of d: ")
+
+
 def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
     def rows(p: FloatArray) -> FloatArray:
         return np.append(_opening(p), (p[1] - 10.0) / 1.0)

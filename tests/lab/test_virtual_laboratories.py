@@ -117,6 +117,22 @@ def test_a_line_that_is_missed_is_no_noise_of_unequal_size(tmp_path: Path) -> No
     assert found.values["lambda"].verdict == "no verdict"
 
 
+def test_where_a_descent_is_stuck_is_no_noise_and_no_bound(tmp_path: Path) -> None:
+    """Chi square is 140 where J is least, 14 at the truth; a damping of 1000 Hz fits as 1 Hz does.
+
+    The bound was 14.8 Hz: between 20 and 60 Hz chi square is 7 higher.
+    """
+    laboratory = KINDS["readings"](6000)
+    found = by_closed_form(ff.Fmu("CoupledOscillator"))(laboratory, tmp_path)
+    knowledge = found.knowledge
+    assert knowledge is not None
+    assert knowledge.inflation == 1.0
+    assert knowledge.adequacy.p_value > 0.05
+    assert not [w for w in found.warnings if "times what the noise explains" in w]
+    low, high = found.values["d1"].interval(0.95)
+    assert low < laboratory.truth()["d1"] < 1000.0 < high
+
+
 def test_an_exchange_that_the_box_excludes_is_told(tmp_path: Path) -> None:
     """The reflection has the same amplitudes with d1 and d2 exchanged, and f1 and f2."""
     laboratory = KINDS["joint"](6004)

@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
-from scipy.special import gammaincc
 
 from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request, Sample, Task, run_in_lockstep
 from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
+from fitting.signal.chi_square import tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray
@@ -48,6 +48,9 @@ ASTRAY = 20.0
 CARRIED, KEPT_SHARE, KEPT_EXCESS = 3, 0.7, 1.0
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
+#: Chi square by which the data may be described better with wider noise, and times that a descent
+#: is gone on with where they are: then it had been stuck.
+MISSED, ONCE_MORE = 0.1, 3
 #: Gain in chi square for which the most likely point may leave the box of the campaign.
 WORTH_LEAVING = 0.1
 #: Gain in chi square, were a limit not there, from which the limit is said to hold a point.
@@ -449,6 +452,12 @@ class Optimum:
         """Chi square (inflated, priors included) at the optimum."""
         return self.expansion.chi_square
 
+    @property
+    def data_square(self) -> float:
+        """Chi square of the data at the optimum itself, by the noise as it is stated."""
+        rows = self.expansion.sample.rows[: self.likelihood.data_rows]
+        return self.likelihood.inflation**2 * float(rows @ rows)
+
     def delta(self, chi_square: float, freedom: float | None = None) -> float:
         """Dchi^2 of a point, as improbable as of noise that is known (`normal_square`).
 
@@ -493,7 +502,8 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
 
     The first start wins where another is no better by PROMISE: in a valley the point beside the
     reported solution is taken. k^2 = chi^2/freedom where noise alone reaches that chi^2 less often
-    than TOO_LARGE_P, else one (`inflation_of`).
+    than TOO_LARGE_P, else one (`inflation_of`). Wider noise leaves no less of the data than the
+    least chi square: where it does, the descent had been stuck, and is gone on with.
 
     Args:
         evaluator: evaluates the likelihood without inflation; is given the inflated one.
@@ -503,21 +513,31 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         BadInput: the evaluator's limit does not let it begin.
         FmuFailure: the model failed at the first start.
     """
+    stated = evaluator.likelihood
+    found = _judged(evaluator, starts)
+    for _ in range(ONCE_MORE):
+        if found.data_square > found.chi_square - MISSED:
+            break
+        evaluator.likelihood = stated
+        found = _judged(evaluator, [found.expansion.x])
+    [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, found.expansion.x)], evaluator)
+    return found if whole is None else replace(found, expansion=whole)
+
+
+def _judged(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:
+    """The lowest end of some descents, gone on from with wider noise where it wants that."""
     best, converged = _best_of(evaluator, starts)
     best, converged, noise_freedom = _with_own_scatter(evaluator, best, converged)
     likelihood = evaluator.likelihood
-    m = likelihood.data_rows
-    data = best.sample.rows[:m]
+    data = best.sample.rows[: likelihood.data_rows]
     chi_square = float(data @ data)
     free = freedom_of(likelihood, best)
-    inflation = inflation_of(chi_square, free)
+    told = likelihood.objective.data.noise_freedom
+    inflation = inflation_of(chi_square, free, noise_freedom=told)
     if inflation > 1.0:
         noise_freedom = free
-        wider = replace(likelihood, inflation=inflation)
-        evaluator.likelihood = wider
+        evaluator.likelihood = replace(likelihood, inflation=inflation)
         best, converged = _best_of(evaluator, [best.x])
-    [whole] = run_in_lockstep([expansion_at(evaluator.likelihood, best.x)], evaluator)
-    best = whole if whole is not None else best
     return Optimum(
         likelihood=evaluator.likelihood,
         expansion=best,
@@ -683,17 +703,23 @@ def _of_data(likelihood: Likelihood, end: Expansion) -> Linearisation:
     return Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)
 
 
-def inflation_of(chi_square: float, free: float, least_p: float = TOO_LARGE_P) -> float:
+def inflation_of(
+    chi_square: float,
+    free: float,
+    least_p: float = TOO_LARGE_P,
+    noise_freedom: float = np.inf,
+) -> float:
     """Factor on standard deviations for residuals beyond the noise: sqrt(chi^2/freedom) or one.
 
     Args:
         chi_square: of the data.
         free: degrees of freedom that it is held against.
         least_p: probability of such a chi square below which it is too large for noise.
+        noise_freedom: degrees of freedom of the noise where it is estimated, else infinite.
 
     Source: the scale factor of the Particle Data Group, Review of Particle Physics, section 5.2.2,
     used only where chi^2 is too large for noise.
     """
-    if free <= 0.0 or gammaincc(0.5 * free, 0.5 * chi_square) >= least_p:
+    if free <= 0.0 or tail(chi_square, free, noise_freedom) >= least_p:
         return 1.0
     return max(1.0, float(np.sqrt(chi_square / free)))

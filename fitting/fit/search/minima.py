@@ -303,7 +303,8 @@ def _is_explained(
     m = likelihood.data_rows
     rows = end.sample.rows[:m]
     free = freedom_of(likelihood, end)
-    return inflation_of(float(rows @ rows), free, least_p) == 1.0
+    told = likelihood.objective.data.noise_freedom
+    return inflation_of(float(rows @ rows), free, least_p, told) == 1.0
 
 
 def _apart(

@@ -5,8 +5,9 @@
 Tried are fractions of a period with either sign, quarters of a turn for an angle without a period,
 reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one unit whose
 boxes overlap, and products of these; where there are too many, exchanges in pairs first. What
-leaves the rows unchanged to rounding at points drawn from the box is a symmetry of the model, found
-without knowing the model. The data tell no point from its twins, whatever they are.
+leaves the rows unchanged at points drawn from the box, to rounding at most of them, is a symmetry
+of the model, found without knowing the model. The data tell no point from its twins, whatever they
+are.
 """
 
 from __future__ import annotations
@@ -28,8 +29,10 @@ from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 #: Points of the box that are drawn, and at how many of them with an image in the box a symmetry has
 #: to hold; the first sifts the candidates.
 DRAWN, POINTS = 32, 4
-#: Rows that differ by no more than this (of one and their own size) are the same but for rounding.
-ROUNDING = 1e-9
+#: Rows that differ by no more than this (of one and their own size) are the same but for rounding,
+#: at most places; at all of them by no more than the second, where a model computes less exactly (a
+#: mode that is damped beyond its frequency).
+ROUNDING, INEXACT = 1e-9, 1e-6
 #: Candidates that are tried, at most, and how many of each kind these are taken from.
 MOST, LISTED = 128, 1024
 #: Share of the narrower of two boxes that the other one shares, for an exchange to be tried.
@@ -119,13 +122,19 @@ def _unchanged(
     places = sorted({k for _, k, _ in asked})
     here = dict(zip(places, evaluator.points([points[k] for k in places]), strict=True))
     there = target.points([image for _, _, image in asked])
-    same = {id(candidate): False for candidate in candidates}
-    same |= {id(candidate): True for candidate, _, _ in asked}
+    moved: dict[int, list[float]] = {id(candidate): [] for candidate in candidates}
     for (candidate, k, _), point in zip(asked, there, strict=True):
         rows = here[k].residuals
-        unmoved = np.abs(rows - point.residuals) <= ROUNDING * (1.0 + np.abs(rows))
-        same[id(candidate)] &= bool(np.all(unmoved))
-    return [candidate for candidate in candidates if same[id(candidate)]]
+        change = np.abs(rows - point.residuals) / (1.0 + np.abs(rows))
+        moved[id(candidate)].append(float(np.max(change, initial=0.0)))
+    return [candidate for candidate in candidates if _is_still(moved[id(candidate)], which)]
+
+
+def _is_still(moved: Sequence[float], which: slice) -> bool:
+    """Whether rows do not move, by what they did at each place; of one place alone not much."""
+    if not moved or not max(moved) <= INEXACT:
+        return False
+    return which.stop == 1 or bool(np.median(moved) <= ROUNDING)
 
 
 def _is_identity(twin: Twin) -> bool:

@@ -161,10 +161,7 @@ def explore(
     explored = _with_outputs(evaluator, replace(explored, branches=branches))
     explored = replace(explored, around=explored.branches)
     explored = _with_ways(evaluator, explored)
-    for _ in range(EXTENSIONS):
-        explored, more = _extended(evaluator, explored)
-        if not more:
-            break
+    explored = extended(evaluator, explored)
     explored = _with_ends(evaluator, explored, _lost_ends(explored), _nearest_to_end)
     explored = replace(explored, branches=released(evaluator, optimum, chosen, explored.branches))
     ends = explored.range_ends
@@ -265,6 +262,27 @@ def _with_ways(evaluator: LikelihoodEvaluator, explored: Exploration) -> Explora
     walks = walked_to_ends(evaluator, optimum, explored.parameters, explored.fitting)
     points = possible(evaluator, optimum, [p for walk in walks for p in walk])
     return replace(explored, known=(*explored.known, *(p for p in points if p is not None)))
+
+
+def extended(
+    evaluator: LikelihoodEvaluator, explored: Exploration, more: Sequence[ProfilePoint] = ()
+) -> Exploration:
+    """Profiles gone on with from every point in hand that fits and lies beyond them.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        explored: profiles around the most likely point.
+        more: points that were come by besides, with their outputs.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    explored = replace(explored, known=(*explored.known, *more))
+    for _ in range(EXTENSIONS):
+        explored, gone_on = _extended(evaluator, explored)
+        if not gone_on:
+            break
+    return explored
 
 
 def cut_sides(explored: Exploration) -> list[tuple[Quantity, float]]:

@@ -26,7 +26,7 @@ DRAWN, FEWEST = 8, 4
 #: How little a product moves, and how much its factors at least, as shares.
 SAME, MOVES = 1e-6, 1e-2
 #: A product may move by this part of a factor's standard deviation, up to such a share.
-UNSEEN, MOST = 0.01, 3e-3
+UNSEEN, MOST = 0.01, 1e-2
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,7 @@ class Profile:
     (width of interval95/width of the box)^2. `values` and `delta` (Dchi^2) are the points of the
     profile in rising order, `path` the parameters and outputs along it. `simulation` is how far
     what the simulation may be off by moves the value, at most, linearised: the intervals hold it.
+    `held` names the parameters at whose limits a branch was held.
     """
 
     kind: str
@@ -71,6 +72,7 @@ class Profile:
     delta: Floats
     path: Mapping[str, Floats]
     simulation: float = 0.0
+    held: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,13 +13,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtri
 
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
 from fitting.fit.likelihood.lockstep import Request
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import ContinuationStep
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
+from fitting.signal.chi_square import largest
 
 #: Probability with which noise alone stays below the allowed chi square.
 ALLOWED_P = 0.95
@@ -72,7 +72,7 @@ def choose_nu(
         )
         for step, distance, square, bend in zip(steps, distances, squares, bends, strict=True)
     )
-    allowed = float(chdtri(m, 1.0 - ALLOWED_P))
+    allowed = largest(ALLOWED_P, m, likelihood.objective.data.noise_freedom)
     corner = corner_of(rows)
     discrepancy = max((row.nu for row in rows if row.chi_square <= allowed), default=math.nan)
     prior = {p.name: p.reference for p in likelihood.parameters}

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, to_model, to_search
+from fitting.fit.likelihood.descent import AT_LIMIT, Optimum
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.lockstep import Exhausted, run_in_lockstep
+from fitting.fit.likelihood.lockstep import Exhausted, Task, run_in_lockstep
 from fitting.fit.search.box import DECADE
 from fitting.inference.likelihood.exploration import (
     Exploration,
@@ -22,7 +23,7 @@ from fitting.inference.likelihood.exploration import (
     possible,
 )
 from fitting.inference.likelihood.knowledge import Profile
-from fitting.inference.likelihood.profiles import ProfilePoint
+from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import value_at, walked_to_ends
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import number
@@ -108,6 +109,46 @@ def beyond(evaluator: LikelihoodEvaluator, explored: Exploration) -> tuple[Outsi
         evaluator.likelihood = likelihood
 
 
+def taken_in(
+    evaluator: LikelihoodEvaluator, explored: Exploration, found: Sequence[Outside]
+) -> tuple[ProfilePoint, ...]:
+    """What fits inside the box where fits beyond it come in: a valley that no profile went through.
+
+    The parameter that is farthest out is held at the end of its room, the rest follows.
+
+    Args:
+        evaluator: of the likelihood; counts what is evaluated.
+        explored: profiles around the most likely point.
+        found: fits beyond the box of the same model.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    optimum = explored.optimum
+    tasks: list[Task[ProfilePoint | None]] = []
+    for each in sorted(found, key=lambda other: other.point.delta):
+        if not each.where and len(tasks) < BEGINNINGS:
+            tasks += _way_in(optimum, explored.parameters, each.point)
+    try:
+        reached = [p for p in run_in_lockstep(tasks, evaluator) if p is not None and _fits(p)]
+        points = possible(evaluator, optimum, reached)
+    except Exhausted:
+        return ()
+    return tuple(p for p in points if p is not None)
+
+
+def _way_in(
+    optimum: Optimum, parameters: Sequence[Quantity], point: ProfilePoint
+) -> list[Task[ProfilePoint | None]]:
+    likelihood = optimum.likelihood
+    inside = np.clip(point.x, likelihood.lower, likelihood.upper)
+    out = np.abs(point.x - inside) / likelihood.widths
+    far = max(parameters, key=lambda q: float(out[q.index]), default=None)
+    if far is None or out[far.index] <= AT_LIMIT:
+        return []
+    return [value_at(optimum, far, float(inside[far.index]), inside)]
+
+
 def _fits(point: ProfilePoint) -> bool:
     return point.delta <= ROOT_95**2
 
@@ -157,6 +198,23 @@ def beyond_sentences(
                 f"{', '.join(new)} rests on the box."
             )
     return tuple(said)
+
+
+def held_sentences(profiles: Mapping[str, Profile]) -> tuple[str, ...]:
+    """Which values would be told otherwise in a wider box, as a parameter is held at its end.
+
+    Args:
+        profiles: of parameters and outputs, by name.
+    """
+    by_limits: dict[tuple[str, ...], list[str]] = {}
+    for name, profile in profiles.items():
+        if profile.held and name not in profile.held:
+            by_limits.setdefault(profile.held, []).append(name)
+    return tuple(
+        f"What is said of {', '.join(names)} rests on the box of {' and '.join(held)}: it was "
+        "followed up to the end of that box, and a wider one may say more."
+        for held, names in by_limits.items()
+    )
 
 
 def _values(likelihood: Likelihood, point: ProfilePoint) -> dict[str, float]:

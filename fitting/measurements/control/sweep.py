@@ -44,6 +44,7 @@ from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
 from fitting.signal.magnitude import mean_magnitude
+from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
@@ -123,6 +124,14 @@ class ControlSweep(MeasurementKind):
     def estimates_noise(self) -> bool:
         """Where it is estimated from each spectrum."""
         return self.estimated
+
+    @property
+    def noise_freedom(self) -> float:
+        """Degrees of freedom of the noise of all rows, where each spectrum tells its own."""
+        if not self.estimated:
+            return math.inf
+        counts = [s.y.size for s in self.spectra]
+        return sum(counts) ** 2 / sum(n**2 / roughness_freedom(n) for n in counts)
 
     @property
     def is_curve(self) -> bool:

@@ -24,7 +24,13 @@ from tests.support.virtual.judge import (
 )
 
 #: That a verdict holds inside the box only.
-RESTS = re.compile(r"^Beyond the box .* rests? on the box", re.DOTALL)
+RESTS = re.compile(
+    r"^Beyond the box .* with (?P<beyond>.*) rests? on the box\.$|"
+    r"^What is said of (?P<held>.*) rests on the box of",
+    re.DOTALL,
+)
+#: Verdicts that say nothing of a value: the search was lost, the model does not describe the data.
+SILENT = {"not known", "no verdict"}
 #: What one pair of peaks cannot determine.
 UNSEEN = ("theta", "d1", "d2", "g1")
 
@@ -115,7 +121,8 @@ def _of_value(judged: Judged, s: Statement, *, warned: bool) -> Iterator[tuple[s
         yield "determined by two peaks", shown
     wide = judged.wide.get(s.name)
     if _changed(judged, s) and not _rests(judged, s.name):
-        yield "changed by the box", f"{s.name}: {s.verdict}, with boxes 10 times as wide {wide}"
+        about = "nothing said in one box" if _says_nothing(judged, s) else "changed by the box"
+        yield about, f"{s.name}: {s.verdict}, with boxes 10 times as wide {wide}"
 
 
 def _changed(judged: Judged, s: Statement) -> bool:
@@ -124,10 +131,15 @@ def _changed(judged: Judged, s: Statement) -> bool:
     return wide is not None and wide != s.verdict and s.name != "theta"
 
 
+def _says_nothing(judged: Judged, s: Statement) -> bool:
+    """Whether one of both fits says of itself that it knows nothing of a value."""
+    return bool({s.verdict, judged.wide.get(s.name)} & SILENT)
+
+
 def _rests(judged: Judged, name: str) -> bool:
-    """Whether it was said that the verdict on a value rests on the box, with a fit beyond it."""
-    told = [w for w in judged.warnings if RESTS.search(w)]
-    return any(re.search(rf"\b{re.escape(name)}\b", w.split("with ")[-1]) for w in told)
+    """Whether it was said that the verdict on a value rests on the box."""
+    told = [found["beyond"] or found["held"] for w in judged.warnings if (found := RESTS.search(w))]
+    return any(re.search(rf"\b{re.escape(name)}\b", values) for values in told)
 
 
 def _held(s: Statement) -> bool:
@@ -152,7 +164,7 @@ COLUMNS = (
     "95 % interval holds the truth",
     "value outside its interval",
     "value ± std holds the truth",
-    "verdict changed by wider boxes: untold, told before",
+    "verdict changed by wider boxes: untold, told before, nothing said in one",
     "Q and width differ",
     "wrong minimum: fit, profiles",
     "not at their minimum: fit, profiles",
@@ -197,7 +209,7 @@ def _row(kind: str, mine: Sequence[Judged]) -> str:
         _share(inside, len(values)),
         count("outside its interval"),
         _share(near, plain),
-        f"{count('changed by the box')}, {told} in {widened}",
+        f"{count('changed by the box')}, {told}, {count('nothing said in one box')} in {widened}",
         count("twins"),
         f"{count('wrong minimum')}, {count('wrong optimum')}",
         f"{count('short of minimum')}, {count('short of optimum')}",
