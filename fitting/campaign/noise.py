@@ -137,7 +137,8 @@ def repeat_scatter(
 def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> FloatArray:
     """Standard deviation of every sweep point (n,), in its unit: as declared, else as it scatters.
 
-    The scatter is taken for absolute: equal at all points, as the noise of a detector is.
+    The scatter is taken for absolute: equal at all points, as the noise of a detector is; and for
+    as large as the few points allow that tell it (Student's t).
 
     Args:
         frequency_hz: frequencies (n,), Hz.
@@ -147,7 +148,7 @@ def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise
     if noise.declared:
         return noise.with_floor(amplitude_v, np.zeros(amplitude_v.size))
     top = laboratory_maximum(frequency_hz, amplitude_v)
-    return np.full(amplitude_v.size, top.noise * top.value_v)
+    return np.full(amplitude_v.size, top.spread * top.value_v)
 
 
 def maximum_sigma(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> float:

@@ -17,7 +17,7 @@ from fitting.campaign import Experiment
 from fitting.fit.noise import noise_of
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.sweep_agreement import SweepAgreement, sweep_agreement
+from fitting.inference.sweep_agreement import SweepAgreement, explained_by_model, sweep_agreement
 from fitting.inference.sweep_line import SweepLine, line_of_sweep
 from fitting.measurements.sweep import Sweep
 from fitting.signal.combinations import mixed_hz
@@ -59,7 +59,7 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         solution: end of the fit.
     """
     explained = _explained(problem, solution)
-    faults = tuple(fault_sentences(problem, tuple(explained)))
+    faults = tuple(fault_sentences(problem, tuple(explained), solution))
     sweeps = {name: bound.sweep for name, bound in problem.campaigns.items()}
     return SweepFindings(
         lines={
@@ -88,18 +88,24 @@ def _explained(problem: Problem, solution: Solution) -> dict[str, float]:
     }
 
 
-def fault_sentences(problem: Problem, explained: Collection[str] = ()) -> list[str]:
+def fault_sentences(
+    problem: Problem, explained: Collection[str] = (), solution: Solution | None = None
+) -> list[str]:
     """What makes the sweeps of a problem no damped lines: each by its campaign's name.
 
     Args:
         problem: whose sweeps are looked at.
         explained: series whose sweep the fitted model explains.
+        solution: end of the fit, if there is one: its model may have what one line lacks.
     """
     said = []
     for name, bound in problem.campaigns.items():
         if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
         faults = sweep_faults(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
+        on_background = [f for f in faults if f.fault is Fault.BACKGROUND]
+        if on_background and solution is not None and explained_by_model(solution, name):
+            faults = tuple(f for f in faults if f not in on_background)
         said += [f"{name}: {fault_sentence(f)}" if name else fault_sentence(f) for f in faults]
     return said
 

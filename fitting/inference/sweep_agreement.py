@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc, ndtri
+from scipy.special import ndtri
 
 from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigmas, search_bounds
 from fitting.fit.covariance import RowCovariance
@@ -30,8 +30,11 @@ from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.solution import Solution
 from fitting.inference.consistency import BETTER_THAN_BOX
 from fitting.measurements.sweep import Sweep
+from fitting.signal.chi_square import tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.residual_tests import residual_structure
+from fitting.signal.scale import laboratory_maximum
+from fitting.signal.student import ROOT_95, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
@@ -92,6 +95,27 @@ def sweep_agreement(solution: Solution) -> tuple[SweepAgreement, ...]:
     return tuple(found)
 
 
+def explained_by_model(solution: Solution, series: str) -> bool:
+    """Whether the model leaves noise of a sweep where it is fitted to the peaks beside it.
+
+    A single line has to take a second mode for a background.
+
+    Args:
+        solution: the end of a fit.
+        series: of the sweep and of the peaks.
+    """
+    data = solution.objective.data
+    if len(solution.parameters) > MOST_PARAMETERS:
+        return False
+    for place, sweep in enumerate(data.measurements):
+        if isinstance(sweep, Sweep) and sweep.series == series:
+            try:
+                return _Both(solution, sweep, place).leaves_noise()
+            except (FmuFailure, np.linalg.LinAlgError):  # the model fails nearby
+                return False
+    return False
+
+
 @dataclass(frozen=True)
 class _Expansion:
     """Peaks and sweep about x: relative rows of the peaks, c A/max L of the sweep, their slopes."""
@@ -140,6 +164,9 @@ class _Both:
         self.prior = prior_sigmas(solution.parameters)
         self.held = inverse_priors(solution.parameters)
         self.scatter = LEAST_SCATTER
+        # the scale rests on what the top shows of the noise, where nobody states it
+        top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
+        self.freedom = math.inf if sweep.known else top.freedom
         self._known: dict[bytes, _Expansion] = {}
 
     def agreement(self) -> SweepAgreement | None:
@@ -168,7 +195,17 @@ class _Both:
                 return told
         excess = max(1.0, peaks.chi_square / max(1, peaks.rows.size - self._rank(peaks)))
         apart = both.chi_square - swept.chi_square - peaks.chi_square - self._by_priors(both, peaks)
-        return SweepAgreement(series=self.sweep.series, sigmas=_sigmas(apart / excess, shared))
+        sigmas = _sigmas(apart / excess, shared, self.freedom)
+        return SweepAgreement(series=self.sweep.series, sigmas=sigmas)
+
+    def leaves_noise(self) -> bool:
+        """Whether the sweep's residuals are white where peaks and sweep are fitted together."""
+        begin = np.append(self.solution.final.x, [0.0, 0.0])
+        swept = self._least("T", begin)
+        self.scatter = self._scatter(swept, max(1, swept.rows.size - self._rank(swept) - 1))
+        both = self._least("ST", begin, swept.y)
+        own = slice(-self.sweep.amplitude_v.size, None)
+        return residual_structure(both.rows[own], both.matrix[own]).order == 0
 
     def _could_gain(self, begin: FloatArray) -> float:
         """Chi square by which sweep, and peaks with a factor, would each fit better elsewhere.
@@ -192,7 +229,7 @@ class _Both:
         """A factor between their amplitudes that makes both fit; None where it gains nothing."""
         excess = max(1.0, joined.chi_square / max(1, joined.rows.size - self._rank(joined) - 2))
         gained = both.chi_square - joined.chi_square - self._by_priors(both, joined)
-        sigmas = _sigmas(gained / excess, 1)
+        sigmas = _sigmas(gained / excess, 1, self.freedom)
         if not (sigmas > CONTRADICT and excess < EXPLAINED):
             return None
         factor = math.exp(float(joined.y[-1]))
@@ -293,8 +330,11 @@ class _Both:
         return np.asarray((units[:, np.newaxis] * (inverse @ inverse.T)) * units)
 
 
-def _sigmas(chi_square: float, freedom: int) -> float:
-    """A chi square as standard deviations of a normal distribution."""
-    value = max(0.0, chi_square)
-    p = float(chdtrc(freedom, value))
+def _sigmas(chi_square: float, freedom: int, noise_freedom: float) -> float:
+    """A chi square as standard deviations of a normal distribution, of noise told by few points.
+
+    The error of the scale counts for as wide as Student's t is at 95 %: taken back for all of it.
+    """
+    value = max(0.0, chi_square) * (reach(ROOT_95, noise_freedom) / ROOT_95) ** 2
+    p = tail(value, freedom, noise_freedom)
     return float(-ndtri(0.5 * p)) if p > 0.0 else math.sqrt(value)

@@ -89,8 +89,12 @@ class LaboratoryMaximum:
         """
         if np.isnan(self.bias):
             return self.fall
-        noise = self.noise * reach(ROOT_95, self.freedom) / ROOT_95
-        return float(np.hypot(noise, self.bias if self.is_biased else 0.0))
+        return float(np.hypot(self.spread, self.bias if self.is_biased else 0.0))
+
+    @property
+    def spread(self) -> float:
+        """Relative noise of any point; its 1.96 standard deviations reach as far as Student's t."""
+        return self.noise * reach(ROOT_95, self.freedom) / ROOT_95
 
 
 def refine_maximum(
