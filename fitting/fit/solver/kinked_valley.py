@@ -33,7 +33,7 @@ from fitting.text.arrays import FloatArray, IntArray
 #: of units of x: steps are as long as they go.
 STEPS, FARTHEST, CREEPING = 60, 1000.0, 3
 #: Turns of linearised steps and curved ones, iterations of the latter.
-TURNS, ITERATIONS = 3, 40
+TURNS, ITERATIONS = 3, 60
 #: Rows below this share of the mean |r| vanish; columns and rows below it in each other's span.
 VANISHING, DEPENDENT = 1e-6, 1e-9
 #: Share of J that is one in the quasi-Newton method, and the change that ends it.

@@ -27,6 +27,8 @@ TEST_RADIUS = 1.0
 #: Second-order corrections tried before the radius is cut.
 CORRECTIONS = 3
 SMALLEST_RADIUS = 1e-9
+#: Share of the promise of a unit below which a step creeps.
+CREEP = 0.01
 #: From so many rows on the bands of the slacks are sparse.
 MANY_ROWS = 100
 
@@ -134,7 +136,8 @@ class Pace:
     """How long linearised steps are followed.
 
     `steps` at most; `farthest` the largest change of one variable in a step, in units of x;
-    `creeping` steps in a row that lower J by no more than the tolerance are enough, None: never.
+    `creeping` steps in a row are enough that lower J by a hundredth of what a unit promises, or by
+    no more than the tolerance; None: never.
     """
 
     steps: int = 40
@@ -195,7 +198,11 @@ def follow(
                     message="the steps became too short to lower J",
                 )
             gain = _value(evaluator, x, nu) - _value(evaluator, moved, nu)
-            x, taken, crept = moved, taken + 1, 0 if gain > tolerance else crept + 1
+            x, taken, crept = (
+                moved,
+                taken + 1,
+                0 if gain > max(tolerance, CREEP * promise) else crept + 1,
+            )
     except ArithmeticError as error:
         return Finish(x=x, optimality=promise, steps=taken, message=str(error))
     return Finish(
