@@ -26,6 +26,7 @@ from scipy.sparse import diags_array
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.fit.solver.gauss_newton import finish_squares, squares_model
+from fitting.fit.solver.kinked_valley import follow_to_the_end
 from fitting.fit.solver.linear_program import follow, promised_decrease, with_slacks
 from fitting.fit.solver.symmetry import off_symmetry
 from fitting.text.arrays import FloatArray
@@ -38,10 +39,9 @@ PATIENCE = 12
 LAST_DIGITS = 1e-8
 #: What finishes a solve of each smooth misfit, by linearised steps.
 FINISHES = {"slack": follow, "squares": finish_squares}
-#: What gets its last digits. Along a valley that the data leave open J falls by less than a step
-#: may be off elsewhere, over hundreds of units of x: steps are many there, and as long as they go.
+#: What gets its last digits.
 LAST_FINISHES = {
-    "slack": partial(follow, steps=60, farthest=1000.0),
+    "slack": follow_to_the_end,
     "squares": partial(finish_squares, steps=20),
 }
 
