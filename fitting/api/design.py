@@ -204,7 +204,7 @@ def _kept(
     """The limits, and the table that says what else is asked."""
     own = read_design_table(bound.path)
     if isinstance(given, Limits):
-        check_names(given, problem.fmu.variables)
+        check_names(given, problem.fmu.variables, bound.setup.laws.controls)
         if own.said or given.sweeps is None:
             known = _limits(problem, bound, own)
             refuse_wider(given, known, own, lambda key: f"limits: {key}", bound.amplitude_unit)
