@@ -120,13 +120,14 @@ class _Known:
 
     `unit` (n + 1 + l,) are the standard deviations of the prior in x, of the scale's logarithm, and
     of what the new measurements of each way have in common, `own` the places (l_k,) of those; in
-    their units `base` (k, n + 1, n + 1) is the
-    information of prior and data and `gradients` (k, n + 1) the target's. `values` (k,) of the
-    target there, `spread_values` at all points of equal fit, in its unit.
+    their units `base` (k, n + 1 + l, n + 1 + l) is the information of prior and data and
+    `gradients` (k, n + 1 + l) the target's. `values` (k,) of the target there, `spread_values` at
+    all points of equal fit, in its unit.
     """
 
     places: tuple[Place, ...]
     unit: FloatArray
+    own: tuple[IntArray, ...]
     base: FloatArray
     gradients: FloatArray
     values: FloatArray
