@@ -25,7 +25,7 @@ from fitting.design.limits import (
     read_design_table,
     refuse_wider,
 )
-from fitting.design.proposal import expected_of, propose, proposed
+from fitting.design.proposal import Choice, expected_of, propose, proposed
 from fitting.design.result import Design, Proposal, design_csv, write_design
 from fitting.design.ways import (
     TOGETHER,
@@ -287,7 +287,9 @@ def ways(
         for (name, one), w in zip(kept.items(), weighed, strict=True)
     ]
     progress("choosing")
-    chosen = {kind.name: ([kind], (alone(kind, wanted.criterion),)) for kind in kinds}
+    chosen: dict[str, tuple[list[Kind], tuple[Choice, ...]]] = {
+        kind.name: ([kind], (alone(kind, wanted.criterion),)) for kind in kinds
+    }
     mixed = together(kinds, wanted.criterion)
     if mixed is not None:
         chosen[TOGETHER] = (kinds, mixed)

@@ -233,7 +233,7 @@ def choose_within(problem: DesignProblem, time_s: float, number: int, criterion:
 
     Begun greedily by what each adds, and by what it adds per second, of the criterion and of D,
     which also gathers what is of use only together. Each end is bettered: one of the chosen for
-    another that the time allows, and what is left of the time is filled. The best end counts.
+    another or for several that the time allows. The best end counts.
 
     Args:
         problem: candidates, their costs in s, and what is known.
@@ -268,7 +268,8 @@ def _filled(
         left = time_s * (1.0 + NO_TIME) - float(problem.costs[filled].sum())
         found = _each_added(problem, filled, criterion, range(problem.candidates))
         found = np.where(problem.costs <= left, found, np.inf)
-        merits = (found - value) / (problem.costs if per_second else 1.0)
+        seconds = np.where(np.isfinite(problem.costs), problem.costs, 1.0)
+        merits = (found - value) / (seconds if per_second else 1.0)
         best = int(np.argmin(merits))
         if not found[best] < value - LEAST_GAIN:
             break
@@ -279,7 +280,7 @@ def _filled(
 def _exchanged_within(
     problem: DesignProblem, chosen: Sequence[int], time_s: float, number: int, criterion: str
 ) -> list[int]:
-    """Every chosen one in turn for the best that the time allows, and the rest of it filled."""
+    """Every chosen one in turn for the best that the time allows, then for several."""
     current = list(chosen)
     value = float(losses(problem, problem.information(current), criterion))
     for _ in range(ROUNDS):
@@ -291,11 +292,28 @@ def _exchanged_within(
             found = np.where(problem.costs <= left, found, np.inf)
             if float(found.min()) < value - LEAST_GAIN:
                 current[place], value = int(np.argmin(found)), float(found.min())
-        current = _filled(problem, current, time_s, number, criterion, per_second=False)
+        current = _one_for_several(problem, current, time_s, number, criterion)
         value = float(losses(problem, problem.information(current), criterion))
         if value > before - LEAST_GAIN:
             break
     return current
+
+
+def _one_for_several(
+    problem: DesignProblem, chosen: Sequence[int], time_s: float, number: int, criterion: str
+) -> list[int]:
+    """The rest of the time filled, once as it is and once with each of the chosen left out."""
+    best, value = list(chosen), np.inf
+    for left_out in [None, *dict.fromkeys(chosen)]:
+        rest = list(chosen)
+        if left_out is not None:
+            rest.remove(left_out)
+        for per_second in (False, True):
+            filled = _filled(problem, rest, time_s, number, criterion, per_second=per_second)
+            found = float(losses(problem, problem.information(filled), criterion))
+            if found < value - LEAST_GAIN:
+                best, value = filled, found
+    return best
 
 
 def ordered(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:

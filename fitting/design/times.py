@@ -18,13 +18,13 @@ def timed(limits: Limits, said: WrittenDesign) -> Limits:
     Raises:
         BadInput: a time that nothing takes.
     """
-    given = {
-        "time_s": said.time,
-        "spectrum_s": said.spectrum_time,
-        "point_s": said.point_time,
-        "change_s": said.change_time,
-    }
-    return replace(limits, **{name: value for name, value in given.items() if value is not None})
+    return replace(
+        limits,
+        time_s=limits.time_s if said.time is None else said.time,
+        spectrum_s=limits.spectrum_s if said.spectrum_time is None else said.spectrum_time,
+        point_s=limits.point_s if said.point_time is None else said.point_time,
+        change_s=limits.change_s if said.change_time is None else said.change_time,
+    )
 
 
 def most_of(said: WrittenDesign) -> int:

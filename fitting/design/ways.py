@@ -105,27 +105,43 @@ def together(kinds: Sequence[Kind], criterion: str) -> tuple[Choice, ...] | None
         kinds: of the same campaign, weighed together, with one time.
         criterion: "target", "D" or "A".
     """
-    problem = kinds[0].weighed.problem
-    for kind in kinds[1:]:
-        problem = problem.beside(kind.weighed.problem)
-    number = max(kind.limits.number for kind in kinds)
-    time_s = max(kind.limits.time_s or 0.0 for kind in kinds)
-    chosen = choose_within(problem, time_s, number, criterion)
-    begins = np.cumsum([0, *(kind.weighed.problem.candidates for kind in kinds)])
-    parts = [
-        [int(c - first) for c in chosen if first <= c < last] for first, last in pairwise(begins)
-    ]
-    for kind, part in zip(kinds, parts, strict=True):
-        if len(part) > kind.limits.number:
-            return None
-        if kind.limits.sweeps is not None and 0 < len(part) < FEWEST_SWEEPS:
-            return None
+    parts = _mixed(kinds, criterion, [[] for _ in kinds])
+    if any(_is_too_few(kind, part) for kind, part in zip(kinds, parts, strict=True)):
+        pairs = [
+            alone(kind, criterion).chosen[:FEWEST_SWEEPS] if _is_too_few(kind, part) else []
+            for kind, part in zip(kinds, parts, strict=True)
+        ]
+        parts = _mixed(kinds, criterion, pairs)
     if sum(bool(part) for part in parts) < 2:
         return None
     return tuple(
         Choice(replace(kind.weighed, problem=_beside_the_others(kinds, parts, k)), part)
         for k, (kind, part) in enumerate(zip(kinds, parts, strict=True))
     )
+
+
+def _is_too_few(kind: Kind, part: Sequence[int]) -> bool:
+    """Sweeps, but fewer than a campaign must have."""
+    return kind.limits.sweeps is not None and 0 < len(part) < FEWEST_SWEEPS
+
+
+def _mixed(kinds: Sequence[Kind], criterion: str, kept: Sequence[Sequence[int]]) -> list[list[int]]:
+    """The best choice of all kinds beside what is `kept` of each in any case, a list of each."""
+    problem = kinds[0].weighed.problem
+    for kind in kinds[1:]:
+        problem = problem.beside(kind.weighed.problem)
+    sizes = [kind.weighed.problem.candidates for kind in kinds]
+    begins = np.cumsum([0, *sizes])
+    fixed = [int(first) + i for first, part in zip(begins, kept, strict=False) for i in part]
+    time_s = min(kind.limits.time_s or 0.0 for kind in kinds) - float(problem.costs[fixed].sum())
+    costs = problem.costs.copy()
+    costs[[i for i in fixed if problem.singles[i]]] = np.inf  # measured already
+    left = replace(problem.with_known(fixed, problem), costs=costs)
+    number = min(kind.limits.number for kind in kinds) - len(fixed)
+    chosen = [*fixed, *choose_within(left, max(time_s, 0.0), number, criterion)]
+    return [
+        [int(c - first) for c in chosen if first <= c < last] for first, last in pairwise(begins)
+    ]
 
 
 def _beside_the_others(
@@ -188,7 +204,7 @@ def sentences_of(kinds: Sequence[Kind], *, mixed: bool) -> tuple[str, ...]:
     if not mixed:
         said.append(
             "There is no mixture among them: none that the time allows is better than one kind "
-            "alone, or it would have a single sweep, which no campaign can hold."
+            "alone, or its sweeps, two at least, would take all of it."
         )
     return tuple(said)
 

@@ -152,8 +152,8 @@ def best_way_sentence(ways: Ways) -> str:
     best, *others = ways.ways
     ratio = others[0].expected.mean / best.expected.mean
     if not ratio > 1.0 + 1e-3:
-        return f"{best.name} and {others[0].name} are expected to tell {ways.target} alike."
+        return f'"{best.name}" and "{others[0].name}" are expected to tell {ways.target} alike.'
     return (
-        f"{best.name} is expected to tell {ways.target} best: its error is {number(ratio, 3)} "
-        f"times smaller than with {others[0].name}, on average."
+        f'"{best.name}" is expected to tell {ways.target} best: its error is {number(ratio, 3)} '
+        f'times smaller than with "{others[0].name}", on average.'
     )

@@ -1,0 +1,190 @@
+"""Kinds of next measurements compared by one time: choice, information and files against numpy."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.design.choice import DesignProblem, choose_within, losses
+from fitting.design.ways import TOGETHER
+from fitting.text.arrays import FloatArray
+from tests.design.test_sweeps import (
+    BOX,
+    LARGEST,
+    NEW_HZ,
+    OLD,
+    OLD_HZ,
+    SIGMA,
+    STEPS,
+    TRUTH,
+    amplitude,
+    columns,
+    written,
+)
+
+NAMES = ["theta", "d1", "d2", "plus", "slope"]
+SWEEP = """[sweep]
+file = "sweep.csv"
+amplitude = "V peak"
+scale = "fit"
+set = { V = "-1 V", T = "1 K" }
+[laws]"""
+TONES = """[design]
+target = "{target}"
+tones = 1
+outputs = ["q1_hybrid"]
+centres = ["1000200 Hz"]
+frequency_step = "200 Hz"
+farthest = "600 Hz"
+levels = [1]
+repeats = [1, 4]
+noise_floor = "2 mV"
+relative_noise = 0.0
+largest = "5 V"
+settings = {{ V = [0, "0.4 V"], T = ["3 K"] }}
+spectrum_time = "{spectrum} s"
+change_time = "1 s"
+"""
+SWEEPS = """[design]
+target = "{target}"
+sweeps = {{ span = "1600 Hz", points = 41, controls = {{ V = [0, "400 mV", 1.0], T = [3] }} }}
+point_time = "{point} s"
+change_time = "2 s"
+"""
+
+
+def campaign(folder: Path, target: str, spectrum: float, point: float) -> Path:
+    """That of whole sweeps, with a sweep without noise for the scale of tones."""
+    path = written(folder, "each", target=target)
+    clean = amplitude(TRUTH, *OLD[0], OLD_HZ) / LARGEST
+    rows = [f"{float(u)!r},{float(a)!r}" for u, a in zip(OLD_HZ, clean, strict=True)]
+    (folder / "sweep.csv").write_text("\n".join(["frequency (Hz),amplitude (V)", *rows]) + "\n")
+    path.write_text(path.read_text().replace("[laws]", SWEEP))
+    (folder / "tones.toml").write_text(TONES.format(target=target, spectrum=spectrum))
+    (folder / "sweeps.toml").write_text(SWEEPS.format(target=target, point=point))
+    return path
+
+
+def scaled(p: FloatArray, volts: float, u: float) -> float:
+    """Amplitude of a tone, V, by the scale that the sweep gives at these parameters."""
+    swept = amplitude(p, *OLD[0], OLD_HZ)
+    chi = swept @ (amplitude(TRUTH, *OLD[0], OLD_HZ) / LARGEST) / (swept @ swept)
+    return float(chi * amplitude(p, volts, 3.0, np.array([u]))[0])
+
+
+def of_tone(p: FloatArray, volts: float, u: float, averaged: int) -> FloatArray:
+    """Fisher information of one tone; the scale is that of the sweep, which has no noise."""
+    slopes = [
+        (scaled(p + h, volts, u) - scaled(p - h, volts, u)) / (2 * np.max(h))
+        for h in np.diag(STEPS)
+    ]
+    return averaged * np.outer(slopes, slopes) / SIGMA**2
+
+
+def of_sweep(p: FloatArray, place: tuple[float, float], u: FloatArray) -> FloatArray:
+    """Fisher information of one sweep, its scale taken out."""
+    j = columns(p, place, u)
+    f = j.T @ j
+    return f[:5, :5] - np.outer(f[:5, 5], f[:5, 5]) / f[5, 5]
+
+
+def sigma(p: FloatArray, found: list[FloatArray], target: str) -> float:
+    """Standard deviation of the target with the data so far and the new information."""
+    total = np.diag(12.0 / BOX**2) + sum(of_sweep(p, place, OLD_HZ) for place in OLD)
+    scales = np.sqrt(np.diag(total))
+    inverse = np.linalg.inv((total + sum(found)) / np.outer(scales, scales))
+    k = NAMES.index(target)
+    return float(np.sqrt(inverse[k, k]) / scales[k])
+
+
+@pytest.fixture(scope="module")
+def fmu(swift_fmu: Path) -> Iterator[ff.Fmu]:
+    with ff.Fmu(swift_fmu, workers=1) as made:
+        yield made
+
+
+def problem(seed: int) -> DesignProblem:
+    """Random candidates of a few seconds each, the last three of which are measured once."""
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((2, 7, 2, 4)) * rng.choice([0.3, 1.0, 3.0], size=(1, 7, 1, 1))
+    return DesignProblem(
+        base=np.stack([np.eye(4)] * 2),
+        gains=np.einsum("kcri,kcrj->kcij", rows, rows),
+        gradients=rng.standard_normal((2, 4)),
+        shown=3,
+        costs=rng.integers(1, 6, size=7).astype(float),
+        once=np.arange(7) >= 4,
+    )
+
+
+@pytest.mark.parametrize("criterion", ["target", "D", "A"])
+def test_what_a_time_allows_is_nearly_the_best_of_all(criterion: str) -> None:
+    worse = []
+    for seed in range(20):
+        made = problem(seed)
+        chosen = choose_within(made, 9.0, 50, criterion)
+        assert made.costs[chosen].sum() <= 9.0
+        assert all(chosen.count(i) == 1 for i in chosen if i >= 4)
+        every = [
+            s
+            for n in range(1, 10)
+            for s in itertools.combinations_with_replacement(range(7), n)
+            if made.costs[list(s)].sum() <= 9.0 and all(s.count(i) < 2 for i in s if i >= 4)
+        ]
+        sums = made.base + np.stack([made.gains[:, list(s)].sum(axis=1) for s in every])
+        best = float(np.min(losses(made, sums, criterion)))
+        worse.append(float(losses(made, made.information(chosen), criterion)) - best)
+    assert min(worse) >= -1e-9
+    assert np.max(worse) < 0.1
+    assert np.mean(worse) < 0.01
+
+
+def compared(fmu: ff.Fmu, path: Path, time_s: float) -> ff.WaysToMeasure:
+    made = ff.Problem.of([ff.read_campaign(path)], fmu)
+    files = {name: path.parent / f"{name}.toml" for name in ("tones", "sweeps")}
+    return ff.ways(made, ff.Goal(time_s=time_s), limits=files)
+
+
+@pytest.mark.parametrize(
+    ("target", "spectrum", "point", "time_s"),
+    [
+        ("theta", 2.0, 1.0, 90.0),
+        ("slope", 20.0, 0.2, 60.0),
+        ("d2", 1.0, 0.1, 20.0),
+        ("theta", 0.5, 0.5, 80.0),
+        ("d2", 0.3, 0.3, 60.0),
+        ("slope", 0.3, 0.2, 50.0),
+        ("d1", 0.2, 0.2, 50.0),
+    ],
+)
+def test_tones_sweeps_and_both_are_judged_as_numpy_does(
+    fmu: ff.Fmu, tmp_path: Path, target: str, spectrum: float, point: float, time_s: float
+) -> None:
+    found = compared(fmu, campaign(tmp_path / "x", target, spectrum, point), time_s)
+    design = found.by_name["tones"]["tones"].design
+    here = np.array(list(design.places[0].parameters.values()))
+    assert found.ways.before.at == pytest.approx(sigma(here, [], target), rel=0.02)
+    for way in found.ways.ways:
+        said, seconds = [], 0.0
+        for kind, made in found.by_name[way.name].items():
+            assert len(made.proposals) == way.counts[kind]
+            for p in made.proposals:
+                volts = float(p.settings["V"])
+                if p.points:
+                    said.append(of_sweep(here, (volts, 3.0), NEW_HZ))
+                    seconds += 2.0 + 41 * point
+                else:
+                    said.append(of_tone(here, volts, p.tones_hz[0], p.repeats))
+                    seconds += 1.0 + p.repeats * spectrum
+            assert made.proposals[-1].expected.at == pytest.approx(way.expected.at, rel=1e-9)
+        assert way.takes_s == pytest.approx(seconds)
+        assert way.takes_s <= time_s
+        print(target, way.name, dict(way.counts), way.expected.at, sigma(here, said, target))
+        assert way.expected.at == pytest.approx(sigma(here, said, target), rel=0.02)
+    means = [way.expected.mean for way in found.ways.ways if way.name != TOGETHER]
+    assert means == sorted(means)
