@@ -88,7 +88,8 @@ def alone(kind: Kind, criterion: str) -> Choice:
     chosen = chosen_by(kind.weighed, kind.limits, criterion)
     least = FEWEST_SWEEPS if kind.limits.sweeps is not None else 1
     if len(chosen) < least:
-        wanted = float(np.sort(kind.weighed.problem.costs)[:1].sum()) * least
+        shortest = [int(np.argmin(kind.weighed.problem.costs))] * least
+        wanted = Choice(kind.weighed, shortest).takes_s(kind.limits)
         raise BadInput(
             f"{kind.name}: {kind.limits.time_s:.6g} s are too short for it; wanted {wanted:.6g} s "
             f"at least, {'two sweeps' if least > 1 else 'one measurement'}"

@@ -11,7 +11,8 @@ import pytest
 
 import fitting as ff
 from fitting.design.choice import DesignProblem, choose_within, losses
-from fitting.design.ways import TOGETHER
+from fitting.design.ways import TOGETHER, read_ways
+from fitting.report.words.design import ways_lines
 from fitting.text.arrays import FloatArray
 from tests.design.test_sweeps import (
     BOX,
@@ -152,15 +153,7 @@ def compared(fmu: ff.Fmu, path: Path, time_s: float) -> ff.WaysToMeasure:
 
 @pytest.mark.parametrize(
     ("target", "spectrum", "point", "time_s"),
-    [
-        ("theta", 2.0, 1.0, 90.0),
-        ("slope", 20.0, 0.2, 60.0),
-        ("d2", 1.0, 0.1, 20.0),
-        ("theta", 0.5, 0.5, 80.0),
-        ("d2", 0.3, 0.3, 60.0),
-        ("slope", 0.3, 0.2, 50.0),
-        ("d1", 0.2, 0.2, 50.0),
-    ],
+    [("theta", 2.0, 1.0, 90.0), ("slope", 0.3, 0.2, 50.0), ("d1", 0.2, 0.2, 50.0)],
 )
 def test_tones_sweeps_and_both_are_judged_as_numpy_does(
     fmu: ff.Fmu, tmp_path: Path, target: str, spectrum: float, point: float, time_s: float
@@ -184,7 +177,63 @@ def test_tones_sweeps_and_both_are_judged_as_numpy_does(
             assert made.proposals[-1].expected.at == pytest.approx(way.expected.at, rel=1e-9)
         assert way.takes_s == pytest.approx(seconds)
         assert way.takes_s <= time_s
-        print(target, way.name, dict(way.counts), way.expected.at, sigma(here, said, target))
         assert way.expected.at == pytest.approx(sigma(here, said, target), rel=0.02)
-    means = [way.expected.mean for way in found.ways.ways if way.name != TOGETHER]
+    assert [way.name for way in found.ways.ways] == [TOGETHER, "sweeps", "tones"]
+    means = [way.expected.mean for way in found.ways.ways]
     assert means == sorted(means)
+    assert set(found.ways.best.counts) == {"tones", "sweeps"}
+
+
+def test_of_few_tones_the_pair_that_numpy_finds_best_is_chosen(fmu: ff.Fmu, tmp_path: Path) -> None:
+    """Two tones are all that the time allows: 5 s each, the change to them with it."""
+    path = campaign(tmp_path / "x", "d1", 1.0, 0.05)
+    found = compared(fmu, path, 10.5)
+    [design] = [made.design for made in found.by_name["tones"].values()]
+    here = np.array(list(design.places[0].parameters.values()))
+    places = itertools.product((0.0, 0.4), 1_000_200.0 + 200.0 * np.arange(-3, 4))
+    pairs = itertools.combinations_with_replacement(list(places), 2)
+    best = min(sigma(here, [of_tone(here, v, u, 4) for v, u in pair], "d1") for pair in pairs)
+    [way] = [way for way in found.ways.ways if way.name == "tones"]
+    assert way.takes_s == 10.0
+    assert way.expected.at == pytest.approx(best, rel=0.02)
+
+
+def test_each_way_is_a_plan_and_the_table_tells_them_apart(fmu: ff.Fmu, tmp_path: Path) -> None:
+    found = compared(fmu, campaign(tmp_path / "x", "slope", 0.3, 0.2), 50.0)
+    table, *campaigns = found.write(tmp_path / "out", report=False)
+    assert read_ways(table) == found.ways
+    names = ["tones/campaign/campaign.toml", "sweeps/campaign/campaign.toml"]
+    assert campaigns == [tmp_path / "out" / TOGETHER / name for name in names]
+    tones, sweeps = (path.parent for path in campaigns)
+    rows = (tones / "experiments.csv").read_text().splitlines()
+    assert rows[2].startswith("experiment,u1 (MHz),output,V (V),T (K),A1,peak_1")
+    assert len(rows) == 3 + 2 * found.ways.best.counts["tones"]
+    assert len((sweeps / "sweeps.csv").read_text().splitlines()) == 3 + 42 * 2
+    for name in ("tones", "sweeps"):
+        assert (tmp_path / "out" / name / "campaign/campaign.toml").is_file()
+    said = "\n".join(ways_lines(found.ways))
+    assert "with 50 s of the laboratory" in said
+    assert "tones: a spectrum counts 0.3 s, the change to another measurement 1 s." in said
+    assert '"together" is expected to tell slope best' in said
+
+
+@pytest.mark.parametrize(
+    ("edit", "time_s", "complaint"),
+    [
+        ("", None, "wanted the time that all kinds have"),
+        ("", 80.0, "sweeps: 80 s are too short for it; wanted 86 s at least, two sweeps"),
+        ('criterion = "D"', 90.0, "sweeps is for theta by D, another for theta by target"),
+    ],
+)
+def test_what_cannot_be_compared_is_said(
+    fmu: ff.Fmu, tmp_path: Path, edit: str, time_s: float | None, complaint: str
+) -> None:
+    path = campaign(tmp_path / "x", "theta", 2.0, 1.0)
+    sweeps = path.parent / "sweeps.toml"
+    sweeps.write_text(sweeps.read_text() + edit)
+    made = ff.Problem.of([ff.read_campaign(path)], fmu)
+    files = {name: path.parent / f"{name}.toml" for name in ("tones", "sweeps")}
+    with pytest.raises(ff.BadInput, match=complaint):
+        ff.ways(made, ff.Goal(time_s=time_s), limits=files)
+    with pytest.raises(ff.BadInput, match="found tones, wanted two kinds"):
+        ff.ways(made, limits={"tones": files["tones"]})
