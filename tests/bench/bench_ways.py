@@ -34,7 +34,7 @@ def main() -> None:
     args = parser.parse_args()
     seeds = range(args.first, args.first + args.laboratories)
     found = read_ways(args.out / "ways.json")
-    rows = [("so far", found.before.at, [])]
+    rows: list[tuple[str, float, list[Path]]] = [("so far", found.before.at, [])]
     rows += [(way.name, way.expected.at, plans_of(args.out / way.name)) for way in found.ways]
     print("| way | promised, mHz | found, mHz | mean error, mHz |\n|---|---|---|---|")
     for name, promised, plans in rows:

@@ -166,8 +166,18 @@ def test_kinds_are_compared_by_one_time(tmp_path: Path) -> None:
     table = LIMITS.replace("number = 3\n", 'spectrum_time = "2 s"\n')
     for name, phases in (("amplitudes", "false"), ("phases", "true")):
         (tmp_path / f"{name}.toml").write_text(f"{table}phases = {phases}\n")
-    words = ["design", Q1 / "campaign.toml", "--time", "10min", "--target", "theta", "--no-report"]
-    kinds = [w for k in ("amplitudes", "phases") for w in ("--candidates", tmp_path / f"{k}.toml")]
+    words: list[str | Path] = [
+        "design",
+        Q1 / "campaign.toml",
+        "--time",
+        "10min",
+        "--target",
+        "theta",
+        "--no-report",
+    ]
+    kinds: list[str | Path] = [
+        w for k in ("amplitudes", "phases") for w in ("--candidates", tmp_path / f"{k}.toml")
+    ]
     ended = told(*words, *kinds, "--json", "--out", tmp_path / "out")
     assert ended.code == 0
     assert ended.out == (tmp_path / "out/ways.json").read_text("utf-8")

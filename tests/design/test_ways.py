@@ -84,14 +84,14 @@ def of_tone(p: FloatArray, volts: float, u: float, averaged: int) -> FloatArray:
         (scaled(p + h, volts, u) - scaled(p - h, volts, u)) / (2 * np.max(h))
         for h in np.diag(STEPS)
     ]
-    return averaged * np.outer(slopes, slopes) / SIGMA**2
+    return np.asarray(averaged * np.outer(slopes, slopes) / SIGMA**2)
 
 
 def of_sweep(p: FloatArray, place: tuple[float, float], u: FloatArray) -> FloatArray:
     """Fisher information of one sweep, its scale taken out."""
     j = columns(p, place, u)
     f = j.T @ j
-    return f[:5, :5] - np.outer(f[:5, 5], f[:5, 5]) / f[5, 5]
+    return np.asarray(f[:5, :5] - np.outer(f[:5, 5], f[:5, 5]) / f[5, 5])
 
 
 def sigma(p: FloatArray, found: list[FloatArray], target: str) -> float:
