@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.campaign import bind
 from fitting.design.choice import DesignProblem, choose_within, losses
 from fitting.design.ways import TOGETHER, read_ways
+from fitting.design.weighing import DesignGoal, weigh_ways
 from fitting.report.words.design import ways_lines
 from fitting.text.arrays import FloatArray
 from tests.design.test_sweeps import (
@@ -182,6 +184,46 @@ def test_tones_sweeps_and_both_are_judged_as_numpy_does(
     means = [way.expected.mean for way in found.ways.ways]
     assert means == sorted(means)
     assert set(found.ways.best.counts) == {"tones", "sweeps"}
+
+
+def test_what_sweeps_of_one_kind_share_is_theirs_alone(fmu: ff.Fmu, tmp_path: Path) -> None:
+    """Sweeps of a kind have one scale, those of the other kind and those so far another each."""
+    path = written(tmp_path / "x", "shared", target="d1")
+    narrow = SWEEPS.format(target="d1", point=1.0)
+    files = {"wide": path.parent / "wide.toml", "narrow": path.parent / "narrow.toml"}
+    files["wide"].write_text(narrow)
+    files["narrow"].write_text(narrow.replace('"1600 Hz", points = 41', '"800 Hz", points = 21'))
+    made = ff.Problem.of([ff.read_campaign(path)], fmu)
+    found = ff.ways(made, ff.Goal(time_s=140.0), limits=files)
+    design = found.by_name["wide"]["wide"].design
+    here = np.array(list(design.places[0].parameters.values()))
+    grids = {"wide": NEW_HZ, "narrow": np.linspace(999_850.0, 1_000_650.0, 21)}
+    limits = [ff.limits(made, file) for file in files.values()]
+    bound = bind(made.campaigns[0], fmu.variables)
+    weighed = weigh_ways(bound, fmu.workers, limits, DesignGoal("d1"))
+    # behind five parameters and the scale so far stand that of one kind and that of the other
+    for k, each in enumerate(weighed):
+        diagonals = np.diagonal(each.problem.gains, axis1=2, axis2=3)
+        assert np.all(diagonals[..., 6 + k] > 0.0)
+        assert np.all(diagonals[..., 7 - k] == 0.0)
+    so_far = of_one_scale(here, [(place, OLD_HZ) for place in OLD])
+    assert TOGETHER in found.by_name
+    for way in found.ways.ways:
+        total = np.diag(12.0 / BOX**2) + so_far
+        for kind, chosen in found.by_name[way.name].items():
+            volts = [float(p.settings["V"]) for p in chosen.proposals]
+            total += of_one_scale(here, [((v, 3.0), grids[kind]) for v in volts])
+        scales = np.sqrt(np.diag(total))
+        inverse = np.linalg.inv(total / np.outer(scales, scales))
+        wanted = float(np.sqrt(inverse[1, 1]) / scales[1])
+        assert way.expected.at == pytest.approx(wanted, rel=0.004)
+
+
+def of_one_scale(p: FloatArray, sweeps: list[tuple[tuple[float, float], FloatArray]]) -> FloatArray:
+    """Fisher information of sweeps that share a scale, which is taken out."""
+    slopes = [columns(p, place, u) for place, u in sweeps]
+    f = np.asarray(sum(j.T @ j for j in slopes))
+    return np.asarray(f[:5, :5] - np.outer(f[:5, 5], f[:5, 5]) / f[5, 5])
 
 
 def test_of_few_tones_the_pair_that_numpy_finds_best_is_chosen(fmu: ff.Fmu, tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ def scaled_rows(p: FloatArray, volts: float, u: FloatArray, y: FloatArray) -> Fl
 
 def planned_rows(plan: Path, seed: int) -> list[tuple[float, FloatArray, FloatArray, FloatArray]]:
     """(V, frequencies, amplitudes, noise) of whole sweeps, or of one pair of tones each."""
-    made = ff.synthesize(BENCH, plan=plan, seed=seed)
+    made = ff.synthesize("crossing", plan=plan, seed=seed)
     if isinstance(made.measured[0], PlannedSweep):
         lines = [line for line in plan.read_text().splitlines() if "noise_floor" in line]
         sigma = float(lines[0].split('"')[1].split()[0])
