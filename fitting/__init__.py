@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from fitting.api.calibration import calibrate
     from fitting.api.check import check
     from fitting.api.cost import Cost, cost
-    from fitting.api.design import Goal, Limits, design, limits
+    from fitting.api.design import Goal, Limits, WaysToMeasure, design, limits, ways
     from fitting.api.ensemble import (
         Ensemble,
         EnsembleOptions,
@@ -57,7 +57,7 @@ _HOMES = {
     "api.calibration": ("calibrate",),
     "api.check": ("check",),
     "api.cost": ("Cost", "cost"),
-    "api.design": ("Goal", "Limits", "design", "limits"),
+    "api.design": ("Goal", "Limits", "WaysToMeasure", "design", "limits", "ways"),
     "api.ensemble": (
         "Ensemble",
         "EnsembleOptions",
@@ -128,6 +128,7 @@ __all__ = [
     "Tones",
     "Trace",
     "Value",
+    "WaysToMeasure",
     "Wiring",
     "__version__",
     "calibrate",
@@ -150,6 +151,7 @@ __all__ = [
     "synthesize",
     "synthesize_curves",
     "tradeoff",
+    "ways",
     "write_ensemble",
     "write_line",
     "write_tradeoff",

@@ -28,6 +28,7 @@ DESIGN_FILES = (
     *(f"campaign/{name}" for name in ("campaign.toml", "experiments.csv", "sweep.*", "sweeps.csv")),
     "figures/[0-9]*_*.*",
 )
+WAYS_FILES = ("ways.json",)
 CHECK_FILES = ("report.html", "figures/[0-9]*_*.*")
 CALIBRATED_FILES = ("*_calibrated.fmu", "*_calibrated.ssv", "*_calibrated.ssp", "parameters.csv")
 STUDY_FILES = (

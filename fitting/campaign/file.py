@@ -638,7 +638,16 @@ class WrittenDesign(Keys):
     largest: Value | None = None
     """What the detector bears; without it twice the largest amplitude seen."""
     number: Annotated[Repeats | None, Usually(6)] = None
-    """Measurements, at most."""
+    """Measurements, at most; beside a time 50 where nothing is said."""
+    time: Annotated[float | None, Quantity("s")] = None
+    """Of the laboratory, for all next measurements together: what they take, see below, is no more
+    than that."""
+    spectrum_time: Annotated[float | None, Quantity("s"), Usually(1.0)] = None
+    """A spectrum takes; averaged ones so many times as much."""
+    point_time: Annotated[float | None, Quantity("s"), Usually(1.0)] = None
+    """A point of a sweep takes."""
+    change_time: Annotated[float | None, Quantity("s"), Usually(0.0)] = None
+    """The change to another measurement takes: its drive, its controls, and what has to settle."""
     target: Text = ""
     """The value that is to be known better."""
     criterion: Annotated[Text | None, OneOf(CRITERIA), Usually("target")] = None

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
 from fitting.api.choices import CRITERIA
-from fitting.api.written import DESIGN_FILES
+from fitting.api.written import DESIGN_FILES, WAYS_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
-from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
+from fitting.cli.words.values import folder_name, positive_time, seed, whole_number, worker_count
 from fitting.text.results_folder import remove_earlier
 
 NAME = "design"
@@ -44,8 +45,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--candidates",
         type=Path,
+        action="append",
+        default=[],
         metavar="DESIGN.toml",
-        help="a file with a table [design]: the instrument's limits (the campaign's own)",
+        help="a file with a table [design]: the instrument's limits (the campaign's own); several, "
+        "of one kind of measurement each, are compared by the same time",
+    )
+    parser.add_argument(
+        "--time",
+        type=positive_time("--time"),
+        metavar="TIME",
+        help="of the laboratory for all measurements, as 10min (no limit)",
     )
     parser.add_argument(
         "--target", help="what is to be known: a parameter or derived output (the first derived)"
@@ -65,7 +75,7 @@ def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / f"next_{folder_name(args.campaign)}"
 
 
-@writes(NAME, *DESIGN_FILES, to=_out)
+@writes(NAME, *DESIGN_FILES, *WAYS_FILES, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Propose and write; returns 0.
 
@@ -73,35 +83,70 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, limits, result or target are not what they should be.
         FmuFailure: the FMU failed.
     """
-    from fitting.report.words.design import design_lines
-
     campaigns = [ff.read_campaign(path) for path in (args.campaign, *args.also)]
-    goal = ff.Goal(args.target or "", args.criterion or "", args.number, args.seed)
+    number, time_s = args.number, args.time
+    goal = ff.Goal(args.target or "", args.criterion or "", number, args.seed, time_s)
     out = _out(args)
     with fmu_for(campaigns, out, args.workers) as fmu, status_line(NAME) as tell:
         problem = ff.Problem.of(campaigns, fmu)
-        found = ff.design(problem, goal, limits=args.candidates, at=args.at, progress=tell)
-        provenance = {**found.design.provenance, "command": _command(args)}
-        found = replace(found, design=replace(found.design, provenance=provenance))
-        tell("writing")
-        written = found.write(out, report=not args.no_report)
+        lines = (_ways if len(args.candidates) > 1 else _design)(args, problem, goal, tell)
     remove_earlier(out, ("fmu/*.fmu",))
-    hand_over(args, found.design)
-    print("\n".join(design_lines(found.design)))
-    print(f"\nwritten: {', '.join(map(str, written[:2]))}")
-    what = "every point of its sweeps" if found.design.is_of_sweeps else "peaks"
-    print(f"for the laboratory: {written[2]}, {what} to be filled in")
-    for page in written[3:]:
-        print(f"report: {page}")
+    print("\n".join(lines))
     return 0
+
+
+def _design(
+    args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
+) -> list[str]:
+    """Propose and write; what is printed."""
+    from fitting.report.words.design import design_lines
+
+    limits = args.candidates[0] if args.candidates else None
+    found = ff.design(problem, goal, limits=limits, at=args.at, progress=tell)
+    provenance = {**found.design.provenance, "command": _command(args)}
+    found = replace(found, design=replace(found.design, provenance=provenance))
+    tell("writing")
+    written = found.write(_out(args), report=not args.no_report)
+    hand_over(args, found.design)
+    what = "every point of its sweeps" if found.design.is_of_sweeps else "peaks"
+    return [
+        *design_lines(found.design),
+        f"\nwritten: {', '.join(map(str, written[:2]))}",
+        f"for the laboratory: {written[2]}, {what} to be filled in",
+        *(f"report: {page}" for page in written[3:]),
+    ]
+
+
+def _ways(
+    args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
+) -> list[str]:
+    """Compare kinds of measurements and write each; what is printed."""
+    from fitting.report.words.design import ways_lines
+
+    limits = {path.stem: path for path in args.candidates}
+    if len(limits) < len(args.candidates):
+        raise ff.BadInput("--candidates: two files of one name, by which the kinds are told apart")
+    found = ff.ways(problem, goal, limits=limits, at=args.at, progress=tell)
+    found = found.made_by(_command(args))
+    tell("writing")
+    ways, *campaigns = found.write(_out(args), report=not args.no_report)
+    hand_over(args, found.ways)
+    return [
+        *ways_lines(found.ways),
+        f"\nwritten: {ways}, and a folder for each way",
+        *(f"for the laboratory: {path}, to be filled in" for path in campaigns),
+    ]
 
 
 def _command(args: argparse.Namespace) -> str:
     words = ["fmu-fit", NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
-    for name in ("out", "at", "candidates", "target", "criterion", "number"):
+    for name in ("out", "at", "target", "criterion", "number"):
         value = getattr(args, name)
         if value is not None:
             words += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
+    for path in args.candidates:
+        words += ["--candidates", path.as_posix()]
+    words += [] if args.time is None else ["--time", f"{args.time!r}s"]
     if args.seed != 1:
         words += ["--seed", str(args.seed)]
     return shlex.join(words)

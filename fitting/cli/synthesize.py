@@ -94,6 +94,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --series crossing: modes, each coupled to the next (default 2)",
     )
     parser.add_argument(
+        "--reference",
+        action="store_true",
+        help="with --series crossing: a sweep at the first voltage besides, for the scale of tones",
+    )
+    parser.add_argument(
         "--restart",
         type=int,
         action="append",
@@ -133,6 +138,8 @@ def run(args: argparse.Namespace) -> int:
         return _curve(args)
     if args.modes is not None:
         raise ff.BadInput("--modes: has no meaning here, only with --series crossing")
+    if args.reference:
+        raise ff.BadInput("--reference: has no meaning here, only with --series crossing")
     if args.noise is not None and not (args.cross_mode or args.phases):
         raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
     if args.restart and not args.phases:
@@ -169,6 +176,7 @@ def _curve(args: argparse.Namespace) -> int:
     others = {"cross-mode": args.cross_mode, "restart": args.restart}
     others |= {"phases": args.phases and args.series != CROSSING}
     others |= {"modes": args.modes is not None and args.series != CROSSING}
+    others |= {"reference": args.reference and args.series != CROSSING}
     others |= {"plan": args.plan, "reflection": args.reflection is not None}
     others |= {option: _value(args, option) is not None for option in OPTIONS}
     for option, given in others.items():
@@ -177,6 +185,7 @@ def _curve(args: argparse.Namespace) -> int:
     changes = {} if args.noise is None else {"noise": args.noise}
     changes |= {"phases": True} if args.phases else {}
     changes |= {} if args.modes is None else {"modes": args.modes}
+    changes |= {"reference": True} if args.reference else {}
     made = ff.synthesize_curves(
         args.series, seed=args.seed, command=_command(args), out=None, **changes
     )
@@ -221,6 +230,7 @@ def _command(args: argparse.Namespace) -> str:
     words += ["--cross-mode"] if args.cross_mode else []
     words += ["--phases"] if args.phases else []
     words += ["--modes", str(args.modes)] if args.modes is not None else []
+    words += ["--reference"] if args.reference else []
     for pair in args.restart:
         words += ["--restart", str(pair)]
     words += ["--noise", repr(args.noise)] if args.noise is not None else []

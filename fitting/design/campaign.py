@@ -196,7 +196,9 @@ def _experiments(design: Design, bound: BoundCampaign, limits: Limits, command: 
     columns |= levels_and_more(drive, len(first.tones_hz), 1.0, first.settings)
     hertz_unit = "MHz" if mega else "Hz"
     driven = drive.frequency_names[: len(first.tones_hz)]
-    head = ["experiment", *(f"{name} ({hertz_unit})" for name in driven), "output", *columns]
+    head = ["experiment", *(f"{name} ({hertz_unit})" for name in driven), "output"]
+    units = bound.setup.laws.controls
+    head += [f"{name} ({units[name]})" if name in units else name for name in columns]
     filled = _measured_columns(design, limits)
     head += [f"{name} ({unit})" for name in filled]
     head += [f"{_sigma(k)} ({unit})" for k in range(len(first.peaks_v))]

@@ -83,6 +83,10 @@ class Limits:
         lines: Read at combinations of the tones; empty: at the tones.
         phases: The detector tells phases as well, against a reference phase that is unknown.
         sweeps: Whole sweeps are measured instead of tones, around the only one of the centres.
+        time_s: Of the laboratory for all next measurements, s; None: their number alone counts.
+        spectrum_s: What a spectrum takes, s.
+        point_s: What a point of a sweep takes, s.
+        change_s: What the change to another measurement takes, s.
 
     Raises:
         BadInput: a limit that no instrument can have.
@@ -106,12 +110,17 @@ class Limits:
     lines: tuple[Combination, ...] = ()
     phases: bool = False
     sweeps: SweepLimits | None = None
+    time_s: float | None = None
+    spectrum_s: float = 1.0
+    point_s: float = 1.0
+    change_s: float = 0.0
 
     def __post_init__(self) -> None:
         above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
-        for name in above:
+        for name in (*above, "spectrum_s", "point_s"):
             self._check(name, getattr(self, name) > 0.0, "a positive number")
-        for name in ("noise_floor_v", "relative_noise"):
+        self._check("time_s", self.time_s is None or self.time_s > 0.0, "a positive number")
+        for name in ("noise_floor_v", "relative_noise", "change_s"):
             self._check(name, getattr(self, name) >= 0.0, "zero or more")
         for name in ("centres_hz", "levels", "repeats"):
             values = getattr(self, name)
@@ -152,6 +161,15 @@ class Limits:
         """
         floor = self.noise_floor_v / math.sqrt(repeats)
         return np.asarray(np.hypot(floor, self.relative_noise * amplitudes_v))
+
+    def takes_s(self, points: int, repeats: int) -> float:
+        """What a measurement takes of the laboratory, s.
+
+        Args:
+            points: of a sweep; 0: tones.
+            repeats: number of spectra averaged.
+        """
+        return self.change_s + (points * self.point_s if points else repeats * self.spectrum_s)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,17 +16,19 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.choices import CRITERIA
 
 #: How much of the best criterion (a ratio of errors) may be given up for cheaper measurements.
 AS_GOOD = 0.02
 #: An exchange has to gain at least this much; so many are made at most.
 LEAST_GAIN, MOST_EXCHANGES = 1e-6, 200
+#: Rounds of exchanges within a time, each over all that is chosen; a share of it that is none.
+ROUNDS, NO_TIME = 10, 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,7 @@ class DesignProblem:
     `base` (k, n, n) of prior and data so far, positive definite; `gains` (k, c, n, n) of the
     candidates; `gradients` (k, n) of the target, NaN at a point where it has none; `shown` the
     number of leading variables that count for D and A (the rest are nuisances); `costs` (c,).
-    `once`: no candidate is measured twice.
+    `once`: no candidate is measured twice; of one, or of all (c,).
     """
 
     base: FloatArray
@@ -44,12 +46,39 @@ class DesignProblem:
     gradients: FloatArray
     shown: int
     costs: FloatArray
-    once: bool = False
+    once: bool | BoolArray = False
+
+    @property
+    def singles(self) -> BoolArray:
+        """Which candidates are measured once at most, (c,)."""
+        return np.broadcast_to(np.asarray(self.once, dtype=bool), self.costs.shape)
 
     @property
     def candidates(self) -> int:
         """Number of candidates."""
         return int(self.gains.shape[1])
+
+    def beside(self, other: DesignProblem) -> DesignProblem:
+        """Its candidates, and behind them those of another with the same variables.
+
+        Args:
+            other: with the same `base`, `gradients` and `shown`.
+        """
+        return replace(
+            self,
+            gains=np.concatenate([self.gains, other.gains], axis=1),
+            costs=np.concatenate([self.costs, other.costs]),
+            once=np.concatenate([self.singles, other.singles]),
+        )
+
+    def with_known(self, chosen: Sequence[int], of: DesignProblem) -> DesignProblem:
+        """What the chosen of another problem say counts as known.
+
+        Args:
+            chosen: candidates of the other.
+            of: with the same variables.
+        """
+        return replace(self, base=self.base + of.gains[:, list(chosen)].sum(axis=1))
 
     def information(self, chosen: Sequence[int]) -> FloatArray:
         """F of prior, data and the chosen, (k, n, n).
@@ -127,7 +156,8 @@ def _each_added(
     """The criterion with each of the tried beside the chosen, shape (tried,); inf: not allowed."""
     gains = problem.gains[:, list(tried)]
     found = losses(problem, problem.information(chosen) + np.swapaxes(gains, 0, 1), criterion)
-    return np.where(np.isin(tried, chosen), np.inf, found) if problem.once else found
+    again = np.isin(tried, chosen) & problem.singles[list(tried)]
+    return np.where(again, np.inf, found)
 
 
 def exchange(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:
@@ -188,7 +218,7 @@ def choose(problem: DesignProblem, number: int, criterion: str) -> list[int]:
         number: of measurements.
         criterion: one of `CRITERIA`.
     """
-    number = min(number, problem.candidates) if problem.once else number
+    number = min(number, problem.candidates) if np.all(problem.singles) else number
     starts = [greedy(problem, number, criterion)]
     if criterion != "D":
         starts.append(greedy(problem, number, "D"))
@@ -196,6 +226,94 @@ def choose(problem: DesignProblem, number: int, criterion: str) -> list[int]:
     values = [float(losses(problem, problem.information(end), criterion)) for end in ends]
     best = ends[int(np.argmin(values))]
     return ordered(problem, economise(problem, best, criterion), criterion)
+
+
+def choose_within(problem: DesignProblem, time_s: float, number: int, criterion: str) -> list[int]:
+    """The best that a time allows, in the order in which each adds the most.
+
+    Begun greedily by what each adds, and by what it adds per second, of the criterion and of D,
+    which also gathers what is of use only together. Each end is bettered: one of the chosen for
+    another or for several that the time allows. The best end counts.
+
+    Args:
+        problem: candidates, their costs in s, and what is known.
+        time_s: that they may take together, s.
+        number: of measurements at most.
+        criterion: one of `CRITERIA`.
+    """
+    best, value = list[int](), np.inf
+    for how in dict.fromkeys((criterion, "D")):
+        for per_second in (False, True):
+            chosen = _filled(problem, [], time_s, number, how, per_second=per_second)
+            end = _exchanged_within(problem, chosen, time_s, number, criterion)
+            found = float(losses(problem, problem.information(end), criterion))
+            if found < value:
+                best, value = end, found
+    return ordered(problem, best, criterion)
+
+
+def _filled(
+    problem: DesignProblem,
+    chosen: Sequence[int],
+    time_s: float,
+    number: int,
+    criterion: str,
+    *,
+    per_second: bool,
+) -> list[int]:
+    """The chosen with more of what is left of the time, the best or the best per second first."""
+    filled = list(chosen)
+    value = float(losses(problem, problem.information(filled), criterion))
+    while len(filled) < number:
+        left = time_s * (1.0 + NO_TIME) - float(problem.costs[filled].sum())
+        found = _each_added(problem, filled, criterion, range(problem.candidates))
+        found = np.where(problem.costs <= left, found, np.inf)
+        seconds = np.where(np.isfinite(problem.costs), problem.costs, 1.0)
+        merits = (found - value) / (seconds if per_second else 1.0)
+        best = int(np.argmin(merits))
+        if not found[best] < value - LEAST_GAIN:
+            break
+        filled, value = [*filled, best], float(found[best])
+    return filled
+
+
+def _exchanged_within(
+    problem: DesignProblem, chosen: Sequence[int], time_s: float, number: int, criterion: str
+) -> list[int]:
+    """Every chosen one in turn for the best that the time allows, then for several."""
+    current = list(chosen)
+    value = float(losses(problem, problem.information(current), criterion))
+    for _ in range(ROUNDS):
+        before = value
+        for place in range(len(current)):
+            rest = current[:place] + current[place + 1 :]
+            left = time_s * (1.0 + NO_TIME) - float(problem.costs[rest].sum())
+            found = _each_added(problem, rest, criterion, range(problem.candidates))
+            found = np.where(problem.costs <= left, found, np.inf)
+            if float(found.min()) < value - LEAST_GAIN:
+                current[place], value = int(np.argmin(found)), float(found.min())
+        current = _one_for_several(problem, current, time_s, number, criterion)
+        value = float(losses(problem, problem.information(current), criterion))
+        if value > before - LEAST_GAIN:
+            break
+    return current
+
+
+def _one_for_several(
+    problem: DesignProblem, chosen: Sequence[int], time_s: float, number: int, criterion: str
+) -> list[int]:
+    """The rest of the time filled, once as it is and once with each of the chosen left out."""
+    best, value = list(chosen), np.inf
+    for left_out in [None, *dict.fromkeys(chosen)]:
+        rest = list(chosen)
+        if left_out is not None:
+            rest.remove(left_out)
+        for per_second in (False, True):
+            filled = _filled(problem, rest, time_s, number, criterion, per_second=per_second)
+            found = float(losses(problem, problem.information(filled), criterion))
+            if found < value - LEAST_GAIN:
+                best, value = filled, found
+    return best
 
 
 def ordered(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:

@@ -286,6 +286,8 @@ def turned(above: FloatArray, below: FloatArray) -> FloatArray:
 def unmeasured(bound: BoundCampaign) -> BoundCampaign:
     """The campaign with peaks of one in place of measured ones, its sweep for the scale only.
 
+    Measurements of other kinds are left out: nothing of them is asked.
+
     Args:
         bound: campaign, bound to its FMU.
     """
@@ -294,7 +296,7 @@ def unmeasured(bound: BoundCampaign) -> BoundCampaign:
         for e in bound.experiments
     )
     sweep = None if bound.sweep is None else replace(bound.sweep, use="scale")
-    return replace(bound, experiments=ones, sweep=sweep)
+    return replace(bound, experiments=ones, sweep=sweep, measurements={})
 
 
 def prior_sigmas_in_box(parameters: Sequence[Parameter]) -> FloatArray:

@@ -17,7 +17,8 @@ from fitting.campaign import BoundCampaign, Drive
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import WrittenCampaign, WrittenDesign
 from fitting.design.candidates import MOST_NUMBER, Limits
-from fitting.design.sweep_limits import HEADROOM, SweepTable, sweep_limits
+from fitting.design.sweep_limits import HEADROOM, SweepTable, sweep_limits, with_unit
+from fitting.design.times import most_of, timed
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
@@ -174,22 +175,26 @@ def refuse_wider(
         )
 
 
-def check_names(limits: Limits, variables: Mapping[str, VariableLike]) -> None:
-    """Complain of names and values that the FMU does not have.
+def check_names(
+    limits: Limits, variables: Mapping[str, VariableLike], controls: Mapping[str, str]
+) -> None:
+    """Complain of names and values that neither the FMU nor a law has.
 
     Args:
         limits: made by a program.
         variables: of the FMU, by name.
+        controls: units of the control quantities of laws, by name.
 
     Raises:
         BadInput: an unknown variable, or a value of the wrong kind.
     """
-    binder = Binder(variables)
+    binder = _binder(variables, controls)
     for name in limits.outputs:
         binder.real(name, "limits: outputs", READABLE, "observed")
     for name, values in limits.settings.items():
         for value in values:
-            binder.setting(name, as_written(value, f"limits: settings '{name}'"))
+            written = as_written(value, f"limits: settings '{name}'")
+            binder.setting(name, with_unit(written, controls.get(name, "")))
     for name in limits.setting_sigmas:
         binder.real(name, "limits: setting_sigmas", SETTABLE, "set")
 
@@ -217,12 +222,11 @@ def limits_of(
     """
     said = table.keys
     if said.sweeps is not None:
-        return sweep_limits(
-            bound, variables, SweepTable(said=said, keys=table.said, where=table.where)
-        )
+        asked = SweepTable(said=said, keys=table.said, where=table.where)
+        return timed(sweep_limits(bound, variables, asked), said)
     centres = _centres(bound, variables, table)
     own = _own_grid(bound, centres)
-    return Limits(
+    found = Limits(
         outputs=_outputs(bound, variables, table),
         centres_hz=centres,
         frequency_step_hz=said.frequency_step or own[0],
@@ -234,13 +238,14 @@ def limits_of(
         noise_floor_v=_amplitude(bound, said.noise_floor, _own_noise(bound)),
         relative_noise=_relative_noise(bound, table),
         largest_v=_amplitude(bound, said.largest, HEADROOM * _largest(bound)),
-        settings=_settings(variables, said),
+        settings=_settings(bound, variables, said),
         setting_sigmas=_setting_sigmas(bound, variables, said),
         number=_number(table),
         tones=_tones(bound, table),
         lines=() if all(line.order == 1 for line in read) else read,
         phases=_phases(bound, said),
     )
+    return timed(found, said)
 
 
 def _phases(bound: BoundCampaign, said: WrittenDesign) -> bool:
@@ -278,7 +283,7 @@ def _relative_noise(bound: BoundCampaign, table: DesignTable) -> float:
 
 
 def _number(table: DesignTable) -> int:
-    number = table.keys.number or Limits.number
+    number = most_of(table.keys)
     if number > MOST_NUMBER:
         raise BadInput(f"{table.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
     return number
@@ -407,14 +412,22 @@ def _amplitude(bound: BoundCampaign, written: Written | None, default: float) ->
 
 
 def _settings(
-    variables: Mapping[str, VariableLike], said: WrittenDesign
+    bound: BoundCampaign, variables: Mapping[str, VariableLike], said: WrittenDesign
 ) -> dict[str, tuple[Scalar, ...]]:
-    """Lists of values of further FMU parameters, in their units."""
-    binder = Binder(variables)
+    """Lists of values of further FMU parameters or control quantities, in their units."""
+    controls = bound.setup.laws.controls
+    binder = _binder(variables, controls)
     return {
-        name: tuple(binder.setting(name, written) for written in values)
+        name: tuple(binder.setting(name, with_unit(w, controls.get(name, ""))) for w in values)
         for name, values in said.settings.items()
     }
+
+
+def _binder(variables: Mapping[str, VariableLike], controls: Mapping[str, str]) -> Binder:
+    """Of the FMU's variables, and of control quantities in their units."""
+    binder = Binder(variables, controls)
+    binder.control_units.update(controls)
+    return binder
 
 
 def _setting_sigmas(

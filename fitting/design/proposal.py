@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,26 @@ from fitting.text.notation import hertz, listed, number, quantity
 
 #: A factor on the error that nobody calls useless.
 HELPFUL = 3.0
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Weighed candidates, and those of them that are to be measured, in order of use."""
+
+    weighed: Weighed
+    chosen: Sequence[int]
+
+    def takes_s(self, limits: Limits) -> float:
+        """What they take of the laboratory, s.
+
+        Args:
+            limits: of the candidates.
+        """
+        weighed = self.weighed
+        return sum(
+            limits.takes_s(weighed.setups[weighed.setup_of[i]].points, weighed.repeats[i])
+            for i in self.chosen
+        )
 
 
 def propose(
@@ -42,7 +63,29 @@ def propose(
     Raises:
         BadInput: the criterion is the target's, and it can be differentiated at no point.
     """
-    chosen = chosen_by(weighed, limits, goal.criterion)
+    choice = Choice(weighed, chosen_by(weighed, limits, goal.criterion))
+    return proposed(bound, choice, limits, goal, unit, provenance)
+
+
+def proposed(
+    bound: BoundCampaign,
+    choice: Choice,
+    limits: Limits,
+    goal: DesignGoal,
+    unit: str,
+    provenance: Mapping[str, str],
+) -> Design:
+    """Tell what was chosen.
+
+    Args:
+        bound: the campaign that is to be continued.
+        choice: of one measurement at least.
+        limits: of the instrument.
+        goal: the target and the criterion.
+        unit: of the target.
+        provenance: what it was made from and with.
+    """
+    weighed, chosen = choice.weighed, list(choice.chosen)
     known = np.isfinite(weighed.spread_values)
     values = weighed.spread_values[known]
     return Design(
@@ -53,7 +96,7 @@ def propose(
         unit=unit,
         amplitude_unit=bound.amplitude_unit if limits.sweeps is None else continued_of(bound).unit,
         criterion=goal.criterion,
-        before=_expected(weighed.sigmas([])),
+        before=expected_of(weighed.sigmas([])),
         spread=weighed.spread,
         span=(float(np.min(values)), float(np.max(values))) if values.size else (np.nan, np.nan),
         proposals=tuple(
@@ -74,7 +117,12 @@ def propose(
     )
 
 
-def _expected(sigmas: FloatArray) -> Expected:
+def expected_of(sigmas: FloatArray) -> Expected:
+    """At the given point, on (geometric) average and at worst over points of equal fit.
+
+    Args:
+        sigmas: expected standard deviations at the points, the given one first, shape (k,).
+    """
     known = sigmas[np.isfinite(sigmas)]
     if not known.size:
         return Expected(float("nan"), float("nan"), float("nan"))
@@ -97,7 +145,7 @@ def _proposal(weighed: Weighed, limits: Limits, chosen: Sequence[int], rank: int
         repeats=repeats,
         peaks_v=tuple(map(float, peaks)),
         sigmas_v=tuple(limits.sigma(float(a), repeats) for a in peaks),
-        expected=_expected(weighed.sigmas(chosen[:rank])),
+        expected=expected_of(weighed.sigmas(chosen[:rank])),
         points=setup.points,
     )
 
@@ -107,10 +155,10 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
 
     The rest are the proposed ones but the last.
     """
-    alone = [_expected(sigmas).mean for sigmas in weighed.sigmas_with([])]
-    beside = [_expected(sigmas).mean for sigmas in weighed.sigmas_with(chosen[:-1])]
-    if weighed.problem.once:  # a proposed one is the last beside the others, never twice
-        after = _expected(weighed.sigmas(chosen)).mean
+    alone = [expected_of(sigmas).mean for sigmas in weighed.sigmas_with([])]
+    beside = [expected_of(sigmas).mean for sigmas in weighed.sigmas_with(chosen[:-1])]
+    if np.all(weighed.problem.singles):  # a proposed one is the last beside the others, never twice
+        after = expected_of(weighed.sigmas(chosen)).mean
         beside = [after if i in chosen else value for i, value in enumerate(beside)]
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, setup in enumerate(weighed.setup_of):
@@ -248,12 +296,23 @@ def _limits(bound: BoundCampaign, limits: Limits) -> dict[str, str]:
         "noise of a peak": _noise(limits, unit),
         "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
         "measurements": str(limits.number),
+        **_time(limits),
     }
     if limits.phases:
         words["phases"] = "told, against a reference phase that is unknown"
     for name, values in limits.settings.items():
         words[name] = listed(str(v) for v in values)
     return words
+
+
+def _time(limits: Limits) -> dict[str, str]:
+    if limits.time_s is None:
+        return {}
+    each = (
+        f"{limits.point_s:g} s a point" if limits.sweeps else f"{limits.spectrum_s:g} s a spectrum"
+    )
+    change = f", {limits.change_s:g} s for each measurement besides" if limits.change_s else ""
+    return {"time": f"{limits.time_s:g} s at most: {each}{change}"}
 
 
 def _noise(limits: Limits, unit: str) -> str:
@@ -270,4 +329,5 @@ def _sweep_limits(bound: BoundCampaign, limits: Limits, sweeps: SweepLimits) -> 
         "noise of a point": _noise(limits, unit),
         "largest amplitude": quantity(limits.largest_v, float("nan"), unit),
         "sweeps": f"{limits.number} at most",
+        **_time(limits),
     }

@@ -13,6 +13,7 @@ from fitting.campaign.file import WrittenDesign, WrittenSweeps
 from fitting.design.candidates import Limits, SweepLimits
 from fitting.design.continued import Continued, continued_of
 from fitting.design.sweeps import check_controls
+from fitting.design.times import most_of
 from fitting.fmu.variables import VariableLike
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -105,7 +106,7 @@ def sweep_limits(
         noise_floor_v=floor,
         relative_noise=relative,
         largest_v=_amplitude(so_far, said.largest, HEADROOM * so_far.largest),
-        number=said.number or Limits.number,
+        number=most_of(said),
         sweeps=limits,
     )
 
@@ -135,13 +136,18 @@ def _controls(
     written = _asked(table.said).controls
     check_controls(written, so_far, table.where("sweeps"))
     return {
-        name: tuple(binder.setting(name, _with_unit(value, so_far.units[name])) for value in values)
+        name: tuple(binder.setting(name, with_unit(value, so_far.units[name])) for value in values)
         for name, values in written.items()
     }
 
 
-def _with_unit(written: Written, unit: str) -> Written:
-    """A plain number in the unit of the sweeps so far."""
+def with_unit(written: Written, unit: str) -> Written:
+    """A plain number in the unit of a control quantity; what has a unit stays.
+
+    Args:
+        written: as the file has it.
+        unit: of the control quantity; empty: an FMU variable, whose own unit holds.
+    """
     plain = written.unit is None and not isinstance(written.value, str)
     return replace(written, unit=unit or None) if plain else written
 

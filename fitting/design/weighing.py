@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.design.candidates import DriveChoice, Limits, Setup, as_campaign, setups_of
-from fitting.design.choice import DesignProblem, choose, target_sigmas
+from fitting.design.choice import DesignProblem, choose, choose_within, target_sigmas
 from fitting.design.continued import ANY_PHASE, continued_of
 from fitting.design.information import (
     Place,
@@ -35,7 +36,7 @@ from fitting.fit.linearisation import SMALLEST_SIGMA, information
 from fitting.fit.objective import evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.simulate.batch import Workers
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput
 
 #: Points at which a design is judged, the given one included.
@@ -117,14 +118,16 @@ class Weighed:
 class _Known:
     """What is known before anything new is measured, at the `places` where a design is judged.
 
-    `unit` (n + 1,) are the standard deviations of the prior in x and of the scale's logarithm, and
-    of the reference phase where there is one; in their units `base` (k, n + 1, n + 1) is the
-    information of prior and data and `gradients` (k, n + 1) the target's. `values` (k,) of the
-    target there, `spread_values` at all points of equal fit, in its unit.
+    `unit` (n + 1 + l,) are the standard deviations of the prior in x, of the scale's logarithm, and
+    of what the new measurements of each way have in common, `own` the places (l_k,) of those; in
+    their units `base` (k, n + 1 + l, n + 1 + l) is the information of prior and data and
+    `gradients` (k, n + 1 + l) the target's. `values` (k,) of the target there, `spread_values` at
+    all points of equal fit, in its unit.
     """
 
     places: tuple[Place, ...]
     unit: FloatArray
+    own: tuple[IntArray, ...]
     base: FloatArray
     gradients: FloatArray
     values: FloatArray
@@ -172,26 +175,71 @@ def weigh(
             parameters.
         FmuFailure: the FMU failed.
     """
+    [found] = weigh_ways(bound, workers, [limits], goal, progress, also)
+    return found
+
+
+def weigh_ways(
+    bound: BoundCampaign,
+    workers: Workers,
+    ways: Sequence[Limits],
+    goal: DesignGoal,
+    progress: Callable[[str], None] = lambda state: None,
+    also: Sequence[BoundCampaign] = (),
+) -> tuple[Weighed, ...]:
+    """The candidates of several ways to continue one campaign, all at the same points.
+
+    Their `problem`s have the same variables and the same `base`: the parameters, the scale of the
+    data so far, and what the new measurements of each way have in common. So candidates of one
+    stand beside those of another, `DesignProblem.beside`.
+
+    Args:
+        bound: the campaign to be continued.
+        workers: of its FMU.
+        ways: limits of the instrument, of each way.
+        goal: the target and where it is to be known.
+        progress: is told in words what is being done.
+        also: further campaigns that have been measured.
+
+    Raises:
+        BadInput: see `weigh`.
+        FmuFailure: the FMU failed.
+    """
     _check_target(bound, goal.target)
-    data = Series(bound, workers, refined=limits.sweeps is not None)
+    data = Series(bound, workers, refined=any(way.sweeps is not None for way in ways))
     series = (data, *(_alike(other, bound, workers, refined=data.refined) for other in also))
     steps = data.steps()
-    known = _known(series, steps, goal, limits, progress)
+    known = _known(series, steps, goal, ways, progress)
     progress("candidates")
+    return tuple(
+        _gathered(limits, _candidates(data, limits, known, steps), known, own)
+        for limits, own in zip(ways, known.own, strict=True)
+    )
+
+
+def _candidates(data: Series, limits: Limits, known: _Known, steps: FloatArray) -> _Candidates:
     if limits.sweeps is not None:
-        return _weighed_sweeps(data, limits, known, steps)
-    return _weighed(limits, _simulated(bound, workers, limits, known.places, steps), known)
+        return _sweep_candidates(data, limits, known, steps)
+    found = _simulated(data.bound, data.workers, limits, known.places, steps)
+    return _tone_candidates(limits, found)
+
+
+def _of_data(ways: Sequence[Limits]) -> Limits:
+    """What the data so far are judged by: errors of all that drifts, sweeps if there are some."""
+    swept = next((way for way in ways if way.sweeps is not None), ways[0])
+    errors = {name: sigma for way in ways for name, sigma in way.setting_sigmas.items()}
+    return replace(swept, setting_sigmas=errors)
 
 
 def _known(
     series: tuple[Series, ...],
     steps: FloatArray,
     goal: DesignGoal,
-    limits: Limits,
+    ways: Sequence[Limits],
     progress: Callable[[str], None],
 ) -> _Known:
     """Points of equal fit, and what the data so far say of the target at some of them."""
-    data, parameters = series[0], series[0].bound.parameters
+    data, parameters, limits = series[0], series[0].bound.parameters, _of_data(ways)
     prior = prior_sigmas_in_box(parameters)
     progress("points of equal fit")
     begun, given, others = _equal_fits(series, goal, prior, steps, limits)
@@ -201,7 +249,9 @@ def _known(
     places = spread_out(parameters, given, eligible, PLACES, prior)
     progress(f"{len(others)} points of equal fit; what the data say at {len(places)} of them")
     gradients = _gradients(data, goal.target, places)
-    unit = np.append(prior, [_scale_sigma(data), *_new_nuisances(data.bound, limits)])
+    new = [_new_nuisances(data.bound, way) for way in ways]
+    unit = np.append(prior, [_scale_sigma(data), *(sigma for each in new for sigma in each)])
+    ends = np.cumsum([len(prior) + 1, *map(len, new)])
     nuisances = len(unit) - len(prior)
     data_information = np.stack([_information_at(series, place, steps, limits) for place in places])
     more = nuisances - 1  # the data so far say nothing of a phase or scale to come
@@ -209,6 +259,7 @@ def _known(
     return _Known(
         places=tuple(places),
         unit=unit,
+        own=tuple(np.arange(first, last) for first, last in pairwise(ends)),
         base=np.eye(len(unit)) + data_information * np.outer(unit, unit),
         gradients=np.column_stack([gradients * prior, np.zeros((len(places), nuisances))]),
         values=_values(data, goal.target, places),
@@ -385,8 +436,8 @@ def _unmeasured(bound: BoundCampaign, workers: Workers, setups: Sequence[Setup])
     return Series(unmeasured(as_campaign(bound, setups)), workers, setups=True)
 
 
-def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
-    """Candidates of tones, and their information."""
+def _tone_candidates(limits: Limits, simulated: _Simulated) -> _Candidates:
+    """Candidates that are tones, and their information."""
 
     def information_at(rank: int, count: int, kept: Sequence[int]) -> FloatArray:
         amplitudes = simulated.amplitudes_v[rank, list(kept)]
@@ -399,11 +450,12 @@ def _weighed(limits: Limits, simulated: _Simulated, known: _Known) -> Weighed:
             phases=limits.phases,
         )
 
-    found = _Candidates(simulated.setups, simulated.amplitudes_v, information_at, simulated.linear)
-    return _gathered(limits, found, known)
+    return _Candidates(simulated.setups, simulated.amplitudes_v, information_at, simulated.linear)
 
 
-def _weighed_sweeps(data: Series, limits: Limits, known: _Known, steps: FloatArray) -> Weighed:
+def _sweep_candidates(
+    data: Series, limits: Limits, known: _Known, steps: FloatArray
+) -> _Candidates:
     """Candidates that are sweeps, and their information."""
     choices, so_far = sweep_choices(data.bound, limits), continued_of(data.bound)
     rows = simulated_sweeps(data, so_far, choices, known.places, steps)
@@ -413,7 +465,7 @@ def _weighed_sweeps(data: Series, limits: Limits, known: _Known, steps: FloatArr
         return information_of_sweeps(rows[rank], sigmas, kept)
 
     largest = np.stack([r.largest for r in rows])
-    return _gathered(limits, _Candidates(choices, largest, information_at, linear=True), known)
+    return _Candidates(choices, largest, information_at, linear=True)
 
 
 @dataclass(frozen=True)
@@ -430,9 +482,15 @@ class _Candidates:
     linear: bool
 
 
-def _gathered(limits: Limits, found: _Candidates, known: _Known) -> Weighed:
-    """Candidates that can be seen and that the detector bears, and their information."""
-    setups, amplitudes, unit = found.setups, found.amplitudes_v, known.unit
+def _gathered(limits: Limits, found: _Candidates, known: _Known, own: IntArray) -> Weighed:
+    """Candidates that can be seen and that the detector bears, and their information.
+
+    `own` are the places of what the new measurements have in common.
+    """
+    setups, amplitudes = found.setups, found.amplitudes_v
+    size, shown = known.unit.size, known.places[0].x.size
+    index = np.append(np.arange(shown + 1), own)
+    unit = known.unit[index]
     gains, repeats, setup_of = [], [], []
     for count in limits.repeats:
         sigmas = limits.sigmas(amplitudes, count)
@@ -441,7 +499,10 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known) -> Weighed:
         borne = np.max(amplitudes[0], axis=1) <= limits.largest_v
         kept = np.flatnonzero(seen & borne).tolist()
         for rank in range(len(known.places)):
-            gain = found.information_at(rank, count, kept) * np.outer(unit, unit)
+            gain = np.zeros((len(kept), size, size))
+            gain[:, index[:, np.newaxis], index] = found.information_at(
+                rank, count, kept
+            ) * np.outer(unit, unit)
             gains.append((count, rank, gain))
         repeats += [count] * len(kept)
         setup_of += kept
@@ -454,13 +515,15 @@ def _gathered(limits: Limits, found: _Candidates, known: _Known) -> Weighed:
         [np.concatenate([g for _, k, g in gains if k == rank]) for rank in range(len(known.places))]
     )
     levels = np.array([setups[i].level for i in setup_of])
-    # spectra cost time; of two that take as long the gentler drive comes first
-    costs = np.array(repeats, dtype=float) + 1e-6 * levels / levels.max()
+    pairs = zip(setup_of, repeats, strict=True)
+    seconds = np.array([limits.takes_s(setups[i].points, count) for i, count in pairs])
+    # of two that take as long the gentler drive comes first
+    costs = seconds * (1.0 + 1e-6 * levels / levels.max())
     problem = DesignProblem(
         base=known.base,
         gains=stacked,
         gradients=known.gradients,
-        shown=known.places[0].x.size,
+        shown=shown,
         costs=costs,
         once=limits.sweeps is not None,
     )
@@ -495,4 +558,6 @@ def chosen_by(weighed: Weighed, limits: Limits, criterion: str) -> list[int]:
             "the target has no value, or none that can be differentiated, at any point of equal "
             'fit; wanted another --target, or --criterion "D" or "A"'
         )
-    return choose(weighed.problem, limits.number, criterion)
+    if limits.time_s is None:
+        return choose(weighed.problem, limits.number, criterion)
+    return choose_within(weighed.problem, limits.time_s, limits.number, criterion)

@@ -156,7 +156,8 @@ class AvoidedCrossing:
     far beyond f3 as beyond f2; ``gain`` in V per m; ``drift_hz`` is what all frequencies move by
     from the first to the last spectrum, ``noise`` the standard deviation of each quadrature over
     its spectrum's largest. Their magnitude is measured; with ``phases`` both are, behind a cable of
-    ``delay_s``, the phase of the gain anew in every spectrum.
+    ``delay_s``, the phase of the gain anew in every spectrum. With ``reference`` there is one sweep
+    of amplitudes at the first voltage besides, which the scale of tones rests on.
 
     Raises:
         BadInput: numbers that no laboratory has.
@@ -181,6 +182,7 @@ class AvoidedCrossing:
     f3_hz: float = 1010.0
     lambda23_hz: float = 110.0
     d3_hz: float = 3.0
+    reference: bool = False
 
     def __post_init__(self) -> None:
         names = ("f1_hz", "f2_hz", "lambda_hz", "d1_hz", "d2_hz", "reach_v", "span_hz", "gain")
@@ -255,11 +257,22 @@ class AvoidedCrossing:
             columns |= {"X (V)": seen.real.ravel(), "Y (V)": seen.imag.ravel()}
         else:
             columns["amplitude (V)"] = np.abs(np.abs(exact) + noise).ravel()
-        return {
+        made = {
             CAMPAIGN_NAME: toml_text(self._campaign(), head),
             "map.csv": csv_text(columns, head),
             TRUTH_NAME: toml_text(self.truth(seed), [*head, REMARK]),
         }
+        if self.reference:
+            made["sweep.csv"] = csv_text(self._reference(rng), head)
+        return made
+
+    def _reference(self, rng: np.random.Generator) -> dict[str, FloatArray]:
+        """The sweep at the first voltage, at the points of a spectrum, with the noise of one."""
+        u = self.frequencies_hz()
+        exact = self.spectrum(float(self.voltages()[0]), -0.5 * self.drift_hz, u)
+        one, other = rng.standard_normal((2, u.size))
+        noise = self.noise * float(np.max(np.abs(exact))) * (one + 1j * other)
+        return {"frequency (Hz)": u, "amplitude (V)": np.abs(exact + noise)}
 
     def truth(self, seed: int) -> dict[str, Any]:
         """Tables of truth.toml.
@@ -314,9 +327,13 @@ class AvoidedCrossing:
 
     def _table(self) -> dict[str, Any]:
         told: dict[str, Any] = {"file": "map.csv", "controls": ["V"]}
-        if self.phases:
-            return {"complex_control_sweep": {**told, "delay": "fit"}}
-        return {"control_sweep": {**told, "amplitude": "V peak"}}
+        kind = "complex_control_sweep" if self.phases else "control_sweep"
+        found = {kind: {**told, **({"delay": "fit"} if self.phases else {"amplitude": "V peak"})}}
+        if self.reference:
+            volts = f"{float(self.voltages()[0])!r} V"
+            swept = {"file": "sweep.csv", "amplitude": "V peak", "scale": "fit"}
+            found["sweep"] = {**swept, "set": {"V": volts}}
+        return found
 
 
 Curve = WiredResonance | AvoidedCrossing | StringTrace | StringPhasors

@@ -199,6 +199,19 @@ def _crossing_of(tables: Mapping[str, Any], file: Path) -> AvoidedCrossing:
         raise BadInput(f"{file}: does not describe a virtual laboratory: {error}") from error
 
 
+def is_crossing(truth: object) -> bool:
+    """Whether a truth is that of an avoided crossing: its bench, its name, or its file.
+
+    Args:
+        truth: as `swept_laboratory` takes it.
+    """
+    if isinstance(truth, str | Path) and Path(truth).suffix == ".toml":
+        path = Path(truth)
+        tables = read_toml(path if path.name == TRUTH_NAME else path.parent / TRUTH_NAME)
+        return bool(tables.get(CURVE, {}).get("kind") == CROSSING)
+    return isinstance(truth, AvoidedCrossing) or truth == CROSSING
+
+
 def is_of_sweeps(path: Path) -> bool:
     """Whether a planned campaign wants sweeps to be measured, not tones.
 

@@ -18,7 +18,14 @@ from fitting.lab.names import PUMPED, TRUTH_NAME
 from fitting.lab.plan import Plan
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_files
-from fitting.lab.sweep_plan import SweepPlan, SweptLaboratory, is_of_sweeps, swept_laboratory
+from fitting.lab.sweep_plan import (
+    SweepPlan,
+    SweptLaboratory,
+    is_crossing,
+    is_of_sweeps,
+    swept_laboratory,
+)
+from fitting.lab.tone_plan import TonePlan
 from fitting.lab.truth import read_bench, truth_tables
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines
 from fitting.text.errors import BadInput
@@ -55,7 +62,7 @@ class Synthetic(SyntheticFiles):
 
     It is a record of the bench's own: ``readings`` hold the arrays of the campaign, ``sweep`` (of a
     series) its sweep, ``answers`` the truth at every drive; of sweeps under a pump `PumpedSweeps`,
-    of planned sweeps a `PlannedSweep` each.
+    of planned sweeps a `PlannedSweep` each, of tones at values of a control `PlannedTones`.
     """
 
     measured: Any
@@ -122,7 +129,7 @@ def synthesize(
         truth: What is measured: "q1" or "q2" (the paper's series), "duffing" (its string driven
             hard), "pumped" (its sweeps under a parametric pump), a bench, or the path of a
             synthetic campaign or of its truth.toml; of a plan of sweeps "pumped", "crossing", or
-            the path of such a campaign.
+            the path of such a campaign, of tones at values of a control the latter.
         seed: Seed of all noise, a whole number of at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: as the bench has it.
         plan: A campaign that `fmu-fit design` proposed, whose rows or sweeps are measured instead
@@ -146,6 +153,10 @@ def synthesize(
             _refuse_instrument_of(plan, instrument)
             laboratory = swept_laboratory(truth).changed(changes)
             return _written(_planned_sweeps(laboratory, plan, seed, command), out)
+        if plan is not None and is_crossing(truth):
+            _refuse_instrument_of(plan, instrument)
+            laboratory = swept_laboratory(truth).changed(changes)
+            return _written(_planned_tones(laboratory, plan, seed, command), out)
         found = bench_of(truth)
         if isinstance(found, PumpedBench):
             _refuse_of_pumped(instrument, plan)
@@ -218,6 +229,13 @@ def _planned(bench: Bench, path: Path, seed: int, command: str) -> Synthetic:
 
 def _planned_sweeps(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
     plan = SweepPlan(path, laboratory)
+    measured = plan.measure(seed)
+    truth, files = plan.files(measured, seed, command)
+    return Synthetic(measured=measured, truth=truth, files=files)
+
+
+def _planned_tones(laboratory: SweptLaboratory, path: Path, seed: int, command: str) -> Synthetic:
+    plan = TonePlan(path, laboratory)
     measured = plan.measure(seed)
     truth, files = plan.files(measured, seed, command)
     return Synthetic(measured=measured, truth=truth, files=files)

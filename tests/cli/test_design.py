@@ -13,6 +13,7 @@ import pytest
 from fitting.campaign import bind, read_campaign
 from fitting.cli.main import main
 from fitting.design.result import Design, read_design
+from fitting.design.ways import read_ways
 from fitting.fmu.description import read_description
 from fitting.lab.bench import Row, measure_rows
 from fitting.lab.drive import Drive
@@ -158,6 +159,40 @@ def test_it_sets_out_from_a_result(
     write_json(tmp_path / "result.json", base)
     assert main([str(word) for word in (*words, "--out", tmp_path / "out")]) == 2
     assert "has no parameter 'd2'" in capsys.readouterr().err
+
+
+def test_kinds_are_compared_by_one_time(tmp_path: Path) -> None:
+    """Phases beside amplitudes, in the same spectra, tell no less; they take no longer."""
+    table = LIMITS.replace("number = 3\n", 'spectrum_time = "2 s"\n')
+    for name, phases in (("amplitudes", "false"), ("phases", "true")):
+        (tmp_path / f"{name}.toml").write_text(f"{table}phases = {phases}\n")
+    words: list[str | Path] = [
+        "design",
+        Q1 / "campaign.toml",
+        "--time",
+        "10min",
+        "--target",
+        "theta",
+        "--no-report",
+    ]
+    kinds: list[str | Path] = [
+        w for k in ("amplitudes", "phases") for w in ("--candidates", tmp_path / f"{k}.toml")
+    ]
+    ended = told(*words, *kinds, "--json", "--out", tmp_path / "out")
+    assert ended.code == 0
+    assert ended.out == (tmp_path / "out/ways.json").read_text("utf-8")
+    found = read_ways(tmp_path / "out/ways.json")
+    expected = {way.name: way.expected for way in found.ways}
+    assert found.time_s == 600.0
+    assert all(200.0 <= way.takes_s <= 600.0 for way in found.ways)
+    assert expected["phases"].mean < expected["amplitudes"].mean < found.before.mean
+    for name in ("amplitudes", "phases"):
+        made = read_design(tmp_path / "out" / name / "design.json")
+        assert made.proposals[-1].expected == expected[name]
+        assert "--time 600.0s" in made.provenance["command"]
+        assert made.limits["time"] == "600 s at most: 2 s a spectrum"
+    twice = [*words, *kinds[:2], *kinds[:2], "--out", tmp_path / "out"]
+    assert main([str(word) for word in twice]) == 2
 
 
 def test_a_foreign_fmu_driven_through_its_input(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from fitting.design.result import Design, Proposal
+from fitting.design.result import Design, Expected, Proposal
+from fitting.design.ways import Way, Ways
 from fitting.text.notation import hertz, number, prefixed, span
 
 
@@ -102,3 +103,57 @@ def design_lines(design: Design) -> list[str]:
     ]
     lines += [f"note: {text}" for text in design.sentences]
     return lines
+
+
+def ways_lines(ways: Ways) -> list[str]:
+    """Ways to spend the same time as lines of text, the least expected error first.
+
+    Args:
+        ways: of one campaign.
+    """
+    marked = ways.synthetic and "synthetic" not in ways.title.lower()
+    factor, unit = prefixed(ways.before.mean, ways.unit)
+
+    def row(what: str, takes: str, expected: Expected) -> str:
+        values = (expected.at, expected.mean, expected.worst)
+        cells = ("-" if math.isnan(v) else number(v / factor, 3) for v in values)
+        return f"{what:44} {takes:>8} " + " ".join(f"{cell:>8}" for cell in cells)
+
+    return [
+        ways.title + (" [synthetic]" if marked else ""),
+        "",
+        f"with {ways.time_s:g} s of the laboratory: expected standard deviation of {ways.target} "
+        f"({unit}), at the point given, on (geometric) average and at worst over points that fit "
+        "as well",
+        f"{'':44} {'takes':>8} {'here':>8} {'mean':>8} {'worst':>8}",
+        row("so far", "", ways.before),
+        *(row(_way_words(way), f"{number(way.takes_s, 4)} s", way.expected) for way in ways.ways),
+        "",
+        best_way_sentence(ways),
+        *(f"note: {text}" for text in ways.sentences),
+    ]
+
+
+def _way_words(way: Way) -> str:
+    if len(way.counts) == 1:
+        [count] = way.counts.values()
+        return f"{way.name}, {count} measurement{'s' * (count > 1)}"
+    return f"{way.name}, " + " and ".join(
+        f"{count} of {kind}" for kind, count in way.counts.items()
+    )
+
+
+def best_way_sentence(ways: Ways) -> str:
+    """Which way is expected to tell the target best.
+
+    Args:
+        ways: of one campaign.
+    """
+    best, *others = ways.ways
+    ratio = others[0].expected.mean / best.expected.mean
+    if not ratio > 1.0 + 1e-3:
+        return f'"{best.name}" and "{others[0].name}" are expected to tell {ways.target} alike.'
+    return (
+        f'"{best.name}" is expected to tell {ways.target} best: its error is {number(ratio, 3)} '
+        f'times smaller than with "{others[0].name}", on average.'
+    )

@@ -1,0 +1,180 @@
+"""Planned tones at values of a control -> the same campaign measured by a virtual laboratory.
+
+A line of a spectrum is the closed form S at its tone, times the drive's amplitude. Averaged over n
+spectra, with complex noise of the floor and r of the relative noise, each drawn anew,
+
+    X + i Y = (S + floor n/sqrt(averaged)) (1 + r) e^(i reference),    or its magnitude
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitting.campaign.file import read_campaign_file
+from fitting.lab.names import TRUTH_NAME
+from fitting.lab.sweep_plan import SweptLaboratory
+from fitting.lab.truth import REMARK
+from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_lines
+from fitting.measurements.kinds import KINDS
+from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.errors import BadInput
+from fitting.text.notation import listed
+from fitting.text.tables import Column, Table, read_table, read_text
+from fitting.text.toml import Tables, rewritten, toml_text
+from fitting.text.units import convert
+from fitting.text.written import positive_in
+
+#: Of the noise of planned tones, apart from that of sweeps.
+STREAM = 5
+
+
+@dataclass(frozen=True)
+class PlannedTones:
+    """What was read in a row: measured values in the order of its columns, V, and the truth."""
+
+    values_v: FloatArray
+    true_v: ComplexArray
+
+
+class TonePlan:
+    """A campaign whose peaks at values of a control wait, as the virtual laboratory understands it.
+
+    Rows, drives and controls are those of its experiments file, the noise is its table [design].
+
+    Raises:
+        BadInput: no plan of this kind, or one that asks of the laboratory what it cannot do.
+    """
+
+    def __init__(self, path: Path, laboratory: SweptLaboratory) -> None:
+        file = read_campaign_file(path, KINDS)
+        design, experiments = file.design, file.experiments
+        if design.averaged is None or experiments is None:
+            raise BadInput(
+                f"{path}: [design] averaged: is missing, wanted a campaign that fmu-fit design made"
+            )
+        self.path, self._laboratory, self._sweep = path, laboratory, file.sweep
+        self._table: Table = read_table(experiments.file)
+        self._frequencies = file.driven.frequencies
+        self._amplitudes = file.driven.amplitudes or ()
+        self._filled, self._phases = experiments.data_columns, experiments.is_complex
+        self._averaged = design.averaged
+        self._floor_v = positive_in(design.noise_floor, "V") if design.noise_floor else 0.0
+        self._relative = design.relative_noise or 0.0
+        self._refuse_unknown()
+
+    def _refuse_unknown(self) -> None:
+        """Complain of what the laboratory does not set or see."""
+        settable = (*self._frequencies, *self._amplitudes, *self._laboratory.units)
+        for column in self._table.columns:
+            if column.name not in {"experiment", "output", *settable, *self._filled}:
+                raise BadInput(
+                    f"{self._table.path}: column '{column.name}': the virtual laboratory cannot "
+                    f"set it, wanted {listed(settable)}"
+                )
+        for name in self._table.texts(self._table.column("output")):
+            if name != self._laboratory.output:
+                raise BadInput(
+                    f"{self._table.path}: column 'output': the virtual laboratory does not observe "
+                    f"'{name}', wanted '{self._laboratory.output}'"
+                )
+        if len(self._averaged) != len(self._table.cells):
+            raise BadInput(
+                f"{self.path}: [design] averaged: found {len(self._averaged)} numbers, wanted "
+                f"{len(self._table.cells)}, one for every row of {self._table.path}"
+            )
+
+    def _numbers(self, name: str, unit: str) -> FloatArray:
+        """A column in a unit; ones where there is no column of an amplitude."""
+        column = self._table.find(name)
+        if column is None and name in self._amplitudes:
+            return np.ones(len(self._table.cells))
+        column = column or self._table.column(name)
+        where = f"{self._table.path}: column '{name}'"
+        factor = convert(1.0, column.unit, unit, where=where) if column.unit else 1.0
+        return np.asarray(self._table.numbers(column) * factor)
+
+    def measure(self, seed: int) -> tuple[PlannedTones, ...]:
+        """Measure every row; the same seed gives the same numbers.
+
+        Args:
+            seed: of the noise and of the reference phase.
+        """
+        rng = np.random.default_rng([seed, STREAM])
+        reference = np.exp(2j * np.pi * rng.uniform())
+        tones = np.stack([self._numbers(name, "Hz") for name in self._frequencies], axis=1)
+        ones = [np.ones(len(tones))] * len(self._frequencies)
+        levels = [self._numbers(name, "1") for name in self._amplitudes] or ones
+        units = self._laboratory.units
+        controls = {name: self._numbers(name, unit) for name, unit in units.items()}
+        found = []
+        for row, u_hz in enumerate(tones):
+            at = {name: float(values[row]) for name, values in controls.items()}
+            level = np.array([each[row] for each in levels])
+            true_v = level * self._laboratory.response(at, u_hz)
+            seen = self._noisy(true_v, self._averaged[row], rng)
+            turned = seen * reference
+            parts = [turned.real, turned.imag] if self._phases else [np.abs(seen)]
+            floor_v = self._floor_v / math.sqrt(self._averaged[row])
+            sigmas = np.hypot(floor_v, self._relative * np.abs(seen))
+            found.append(PlannedTones(np.concatenate([*parts, sigmas]), true_v))
+        return tuple(found)
+
+    def _noisy(self, true_v: ComplexArray, averaged: int, rng: np.random.Generator) -> ComplexArray:
+        one, other, *relative = rng.standard_normal((4, true_v.size))
+        floor_v = self._floor_v / math.sqrt(averaged)
+        factor = 1.0 + self._relative * (relative[0] + 1j * relative[1])
+        return np.asarray((true_v + floor_v * (one + 1j * other)) * factor)
+
+    def files(
+        self, measured: Sequence[PlannedTones], seed: int, command: str
+    ) -> tuple[dict[str, Any], dict[str, str | bytes]]:
+        """The truth, and contents by relative file name.
+
+        Args:
+            measured: what the laboratory measured.
+            seed: of the noise.
+            command: command line that made it, for the record.
+        """
+        head = head_lines(seed, command)
+        truth = self._laboratory.truth(seed, phases=self._phases)
+        files: dict[str, str | bytes] = {
+            CAMPAIGN_NAME: self._campaign(head),
+            self._table.path.name: self._experiments(measured, head),
+            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+        }
+        if self._sweep is not None:
+            source = self._sweep.file
+            if not source.is_file():
+                raise BadInput(f"{self.path}: [sweep] file: {source}: no such file")
+            files[source.name] = source.read_bytes()
+        return truth, files
+
+    def _experiments(self, measured: Sequence[PlannedTones], head: Sequence[str]) -> str:
+        columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
+        for k, name in enumerate(self._filled):
+            column = self._table.column(name)
+            where = f"{self._table.path}: column '{name}'"
+            factor = convert(1.0, "V", column.unit or "V", where=where)
+            for row, reading in enumerate(measured):
+                columns[_head(column)][row] = repr(float(reading.values_v[k]) * factor)
+        return csv_text(columns, head)
+
+    def _campaign(self, head: Sequence[str]) -> str:
+        """The plan's text, marked as synthetic."""
+
+        def edit(tables: Tables) -> None:
+            tables["synthetic"] = True
+            if "synthetic" not in tables.get("title", "synthetic"):
+                tables["title"] = f"{tables['title']} (synthetic)"
+
+        return rewritten(read_text(self.path), edit, head)
+
+
+def _head(column: Column) -> str:
+    return column.name if column.unit is None else f"{column.name} ({column.unit})"

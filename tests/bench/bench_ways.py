@@ -1,0 +1,47 @@
+"""Do kinds of measurements tell a coupling in the order, and as well, as `design` promises?
+
+    python -m tests.bench.bench_ways out/cmp [--laboratories 100] [--first 1]
+
+OUT is what `fmu-fit design CAMPAIGN --candidates ... --candidates ... --time ... --out OUT` wrote
+for a crossing of `synthesize --series crossing --reference`. Each laboratory measures its own map
+and
+its own sweep for the scale, then each plan. Map and plan are fitted together by least squares
+through the closed form of `tests.support.crossing_refit`, which shares no code with fit or FMU.
+Prints a Markdown table: the error of lambda that was promised, and the one that was found.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from fitting.design.ways import read_ways
+from tests.support.crossing_refit import LAMBDA, refitted
+
+
+def plans_of(folder: Path) -> list[Path]:
+    """Campaigns of a way: one, or one of each kind that is mixed."""
+    return sorted(folder.glob("campaign/campaign.toml")) + sorted(folder.glob("*/campaign/*.toml"))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--laboratories", type=int, default=100)
+    parser.add_argument("--first", type=int, default=1)
+    args = parser.parse_args()
+    seeds = range(args.first, args.first + args.laboratories)
+    found = read_ways(args.out / "ways.json")
+    rows: list[tuple[str, float, list[Path]]] = [("so far", found.before.at, [])]
+    rows += [(way.name, way.expected.at, plans_of(args.out / way.name)) for way in found.ways]
+    print("| way | promised, mHz | found, mHz | mean error, mHz |\n|---|---|---|---|")
+    for name, promised, plans in rows:
+        errors = np.array([refitted(plans, seed) - LAMBDA for seed in seeds])
+        rms, mean = 1e3 * np.sqrt(np.mean(errors**2)), 1e3 * np.mean(errors)
+        print(f"| {name} | {1e3 * promised:.1f} | {rms:.1f} | {mean:.1f} |")
+
+
+if __name__ == "__main__":
+    main()
