@@ -18,11 +18,13 @@ import fitting
 from fitting.api.choices import TRUTH_NAME
 from fitting.api.fitted import Valued
 from fitting.api.jobs import check_problem
+from fitting.api.known_fit import KnownFit
 from fitting.api.problem import Problem
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
 from fitting.inference.likelihood.knowledge import Knowledge
 from fitting.inference.posterior.chain import Walk, sampler_library, walked
 from fitting.inference.posterior.kept import Kept, keep, kept_in
+from fitting.inference.posterior.learnt import REACHES, TRIED, learnt, worth
 from fitting.inference.posterior.minima import Target, minima_of
 from fitting.inference.posterior.start import Mixture
 from fitting.inference.posterior.summary import (
@@ -40,8 +42,8 @@ from fitting.inference.posterior.summary import (
 from fitting.lab.true_values import nearest, true_values
 from fitting.report.tables.posterior import draws_csv, posterior_lines
 from fitting.result.result import Result
-from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.errors import BadInput, FmuFailure, NoScale, did_you_mean
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
 from fitting.text.files import write_whole
 from fitting.text.notation import listed, number, settings_words
 from fitting.text.records import write_json
@@ -59,6 +61,10 @@ __all__ = [
 
 #: Steps before it is first asked whether there are enough, and the factor to the next time.
 FIRST, LONGER = 200, 1.5
+#: Share of independent draws among the proposals about the minima from which nothing is learnt.
+GOOD = 0.3
+#: First walks from which is learnt; places of every walker, and steps between them.
+LEARNING, PLACES, EVERY = 2, 8, 12
 #: Walkers where nothing is said, at least.
 FEWEST = 24
 #: Rounds in which a walker that began where the model has no value is moved towards a minimum.
@@ -226,8 +232,8 @@ def posterior_cost(
         walkers=job.walkers,
         minima=sum(m.copy_of < 0 for m in job.minima),
         evaluations=(
-            set_out + job.walkers * (1 + FIRST),
-            set_out + job.walkers * (1 + asked.steps),
+            set_out + TRIED + job.walkers * (1 + FIRST),
+            set_out + job.learning + job.walkers * (1 + asked.steps),
         ),
         seconds_each=each,
     )
@@ -280,13 +286,19 @@ def truth_beside(problem: Problem, at: Result) -> dict[str, float]:
     return {n: nearest(n, v, likely.get(n, math.nan)) for n, v in true.items() if n in likely}
 
 
+def _late(walk: Walk) -> FloatArray:
+    """Places of a first walk about which is learnt, (k, n): of all walkers, the last apart."""
+    late = walk.places[-1 : walk.steps // 2 : -EVERY][:PLACES]
+    return late.reshape(-1, late.shape[-1])
+
+
 class _Job:
     """What is drawn from, where walkers begin, and what that has cost."""
 
     def __init__(self, problem: Problem, at: Valued | Result, asked: Sampling) -> None:
         check_problem("posterior", problem)
         sampler_library()  # complained of before anything runs
-        self._fit = _Known.of(at)
+        self._fit = KnownFit.of(at)
         self._fit.require(problem)
         self.problem = self._fit.chosen(problem)
         self.asked = asked
@@ -304,7 +316,32 @@ class _Job:
         self.problem.white_rows(self._fit.places[0][1])  # complains of noise that nobody knows
         found = minima_of(self.target, self._fit.places)
         self.minima = found[: self.walkers]
-        self.mixture = Mixture(self.minima)
+        self.mixture = Mixture.of(self.minima)
+
+    def set_out(self, progress: Callable[[str], None]) -> tuple[FloatArray, FloatArray]:
+        """Where the walk begins, with a mixture that follows the posterior where it is bent.
+
+        Args:
+            progress: is called with a line.
+        """
+        progress("where walkers begin")
+        begin, random = self.begin(), np.random.RandomState(self.asked.seed % 2**32 + 1)
+        about_minima = self.mixture
+        if worth(about_minima, self._in_box, random) > GOOD:
+            return begin
+        for k in range(LEARNING):
+            progress(f"first walk, {k + 1} of {LEARNING}")
+            first = walked(self._in_box, self.mixture, begin, FIRST, (self.asked.seed, k, 1))
+            begin = first.places[-1], first.log[-1]
+            self.mixture = learnt(self.target, _late(first), about_minima, self._in_box, random)
+        return begin
+
+    @property
+    def learning(self) -> int:
+        """Evaluations of all first walks, at most."""
+        jacobians = self.walkers * PLACES * (2 * len(self.problem.names) + 1)
+        each = self.walkers * FIRST + jacobians + (1 + len(REACHES)) * TRIED
+        return TRIED + LEARNING * each
 
     def begin(self) -> tuple[FloatArray, FloatArray]:
         """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""
@@ -337,7 +374,11 @@ class _Job:
         try:
             for walk in self._parts(before, progress):
                 if path is not None:
-                    keep(path, self._fingerprint, Kept(walk, self.evaluations, self.failed))
+                    keep(
+                        path,
+                        self._fingerprint,
+                        Kept(walk, self.mixture, self.evaluations, self.failed),
+                    )
                 found = reached(self.target, self.minima, walk)
                 progress(found.told(self.problem.names))
                 if found.converged:
@@ -364,9 +405,7 @@ class _Job:
         while walk is None or walk.steps < self.asked.steps:
             done = 0 if walk is None else walk.steps
             total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
-            if walk is None:
-                progress("where walkers begin")
-            begin = self.begin() if walk is None else (walk.places[-1], walk.log[-1])
+            begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
             part = walked(self._in_box, self.mixture, begin, total - done, (self.asked.seed, done))
             walk = part if walk is None else walk.with_more(part)
             yield walk
@@ -377,6 +416,7 @@ class _Job:
         kept = kept_in(path, self._fingerprint)
         if kept is None:
             return None
+        self.mixture = kept.mixture
         self.evaluations += kept.evaluations
         self.failed += kept.failed
         return kept.walk
@@ -387,6 +427,8 @@ class _Job:
         inside = int(np.sum(np.all((p >= lower) & (p <= upper), axis=1)))
         try:
             found = self.problem.logp(p)
+        except NoAnswer:  # every attempt would cost as much time
+            raise
         except (FmuFailure, NoScale):
             if len(p) == 1:
                 self.evaluations += inside
@@ -425,10 +467,10 @@ class _Job:
     def _summary(
         self, status: str, walk: Walk, found: Reached, truth: Mapping[str, float]
     ) -> PosteriorSummary:
-        beside = {
-            "most_likely": self._fit.most_likely,
-            "profile95": self._fit.intervals,
-            "truth": truth,
+        beside: dict[str, Mapping[str, float | Interval]] = {
+            "most_likely": dict(self._fit.most_likely),
+            "profile95": dict(self._fit.intervals),
+            "truth": dict(truth),
         }
         record = self.problem.record
         return PosteriorSummary(
@@ -494,98 +536,3 @@ def _of_fit(knowledge: Knowledge) -> Iterator[str]:
     others = dict.fromkeys(e.where for e in knowledge.equivalents if e.where)
     for where in others:
         yield f"Another form of the model fits as well and is not drawn from: {where}."
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Known:
-    """What a fit knows: its minima (who, place), its values and intervals by name."""
-
-    places: tuple[tuple[str, FloatArray], ...]
-    most_likely: Mapping[str, float]
-    intervals: Mapping[str, Interval]
-    alternative: Mapping[str, Scalar]
-    knowledge: Knowledge | None
-    sha256: str
-
-    @classmethod
-    def of(cls, at: Valued | Result) -> _Known:
-        """From a fit, an inference, or the result of one.
-
-        Args:
-            at: the fit.
-
-        Raises:
-            BadInput: something else.
-        """
-        if isinstance(at, Valued):
-            inferred = at.inferred
-            alternatives, chosen = at.source.record.alternatives, at.source.record.alternative
-            sha256 = ""
-        elif isinstance(at, Result):
-            inferred, alternatives, chosen = at, at.alternatives, at.alternative
-            sha256 = at.provenance.fmu_sha256
-        else:
-            raise BadInput(
-                f"posterior: found a {type(at).__name__}, wanted a Fit, an Inference or a Result"
-            )
-        results = {**inferred.parameters, **{o.parameter: o for o in inferred.offsets}}
-        knowledge = inferred.knowledge
-        likely = {n: r.value if r.is_most_likely else r.most_likely for n, r in results.items()}
-        if isinstance(at, Valued):
-            names = tuple(p.name for p in at.source.record.problem.parameters)
-            likely |= dict(zip(names, inferred.reported.tolist(), strict=True))
-        else:
-            likely = {**at.fitted_values, **{n: v for n, v in likely.items() if v == v}}
-            names = tuple(at.fitted_values)
-        known = [("the fit", dict(likely))]
-        if knowledge is not None:
-            known.insert(0, ("the fit", dict(knowledge.most_likely)))
-            known += [(e.origin, e.parameters) for e in knowledge.equivalents if not e.where]
-        ends = [a.starts for a in alternatives if dict(a.settings) == dict(chosen)]
-        known += [("a start of the fit", s.parameters) for starts in ends for s in starts]
-        whole = [(who, place) for who, place in known if all(n in place for n in names)]
-        return cls(
-            places=tuple((who, np.array([p[n] for n in names])) for who, p in whole),
-            most_likely=likely,
-            intervals={n: r.ci95 for n, r in results.items()},
-            alternative=chosen,
-            knowledge=knowledge,
-            sha256=sha256,
-        )
-
-    def require(self, problem: Problem) -> None:
-        """Complain of a fit of another problem.
-
-        Args:
-            problem: that is drawn from.
-
-        Raises:
-            BadInput: other parameters, another FMU, or none that has a value of each.
-        """
-        wanted = set(problem.names)
-        missing = sorted(wanted ^ set(self.most_likely))
-        if missing or not self.places:
-            raise BadInput(
-                f"posterior: the fit is of another problem: {listed(missing) or 'its values'} "
-                "stand in one of them alone"
-            )
-        if self.sha256 and problem.has_fmu and problem.fmu.description.sha256 != self.sha256:
-            raise BadInput(
-                "posterior: the fit is of another FMU: found sha256 "
-                f"{problem.fmu.description.sha256[:12]}, wanted {self.sha256[:12]}"
-            )
-
-    def chosen(self, problem: Problem) -> Problem:
-        """The problem with the alternative that the fit reports.
-
-        Args:
-            problem: with any of its alternatives.
-
-        Raises:
-            BadInput: it has no such alternative.
-        """
-        wanted = dict(self.alternative)
-        for k, one in enumerate(problem.record.alternatives):
-            if dict(one) == wanted:
-                return problem.with_alternative(k)
-        raise BadInput(f"posterior: the problem has no alternative {settings_words(wanted)}")

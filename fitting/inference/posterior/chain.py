@@ -1,8 +1,9 @@
-"""The sampler, the one door to ``emcee``: walkers that move by each other and by all minima.
+"""The sampler, the one door to ``emcee``: walkers that move by each other and by a mixture.
 
-Half of the steps propose a point of the mixture of all minima; the others are stretches (Goodman
-and Weare) and differences of walkers (ter Braak), which need no shape to be known. Each leaves the
-posterior as it is: whatever the minima are worth, the draws are those of the posterior in the end.
+Half of the steps propose a point of a mixture that does not change; the others are stretches
+(Goodman and Weare) and differences of walkers (ter Braak), which need no shape to be known. Each
+leaves the posterior as it is: whatever the mixture is worth, the draws are those of the posterior
+in the end.
 
 Sources: D. Foreman-Mackey, D. Hogg, D. Lang, J. Goodman, PASP 125 (2013) 306; C. ter Braak,
 Statistics and Computing 16 (2006) 239.
@@ -79,13 +80,13 @@ def walked(
     mixture: Mixture,
     begin: tuple[FloatArray, FloatArray],
     steps: int,
-    seed: tuple[int, int],
+    seed: tuple[int, ...],
 ) -> Walk:
     """So many steps of all walkers; the same seed takes the same ones.
 
     Args:
         log_posterior: -inf where a point is impossible.
-        mixture: Of all minima.
+        mixture: Of all minima, or learnt.
         begin: Places (walkers, n) in units of the box, and ln of the posterior there (walkers,).
         steps: How many.
         seed: Of the draws: of the chain, and of this part of it.

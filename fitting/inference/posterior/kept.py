@@ -10,15 +10,19 @@ from pathlib import Path
 import numpy as np
 
 from fitting.inference.posterior.chain import Walk
+from fitting.inference.posterior.start import Mixture
 from fitting.text.errors import BadInput
 from fitting.text.files import NoFile, read_whole, write_whole
+
+NAMES = ("job", "places", "log", "accepted", "counts", "centres", "roots", "weights")
 
 
 @dataclass(frozen=True)
 class Kept:
-    """A walk with what it cost: `evaluations` of the model, `failed` of which had no value."""
+    """A walk, its mixture, what it cost: `evaluations`, `failed` of which had no value."""
 
     walk: Walk
+    mixture: Mixture
     evaluations: int
     failed: int
 
@@ -41,6 +45,9 @@ def keep(path: Path, job: str, kept: Kept) -> None:
         places=kept.walk.places,
         log=kept.walk.log,
         accepted=np.array(kept.walk.accepted),
+        centres=kept.mixture.centres,
+        roots=kept.mixture.roots,
+        weights=kept.mixture.weights,
         counts=np.array([kept.evaluations, kept.failed]),
     )
     write_whole(path, content.getvalue())
@@ -62,7 +69,7 @@ def kept_in(path: Path, job: str) -> Kept | None:
         return None
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
-            found = {name: file[name] for name in ("job", "places", "log", "accepted", "counts")}
+            found = {name: file[name] for name in NAMES}
     except (ValueError, KeyError, OSError, zipfile.BadZipFile) as error:
         raise BadInput(f"{path}: is no chain of draws that can be gone on from") from error
     if str(found["job"]) != job:
@@ -72,4 +79,5 @@ def kept_in(path: Path, job: str) -> Kept | None:
         )
     walk = Walk(places=found["places"], log=found["log"], accepted=float(found["accepted"]))
     evaluations, failed = map(int, found["counts"])
-    return Kept(walk, evaluations, failed)
+    mixture = Mixture(found["centres"], found["roots"], found["weights"])
+    return Kept(walk, mixture, evaluations, failed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from fitting.text.errors import BadInput
 
 #: Gauss and Newton's steps of each minimum at most; those that gain less than so much of ln end it.
 STEPS, GAIN = 8, 0.01
+#: Points of the box that are looked at, and how many of these are followed.
+SCREENED, FOLLOWED = 128, 8
 #: Shares of such a step that are tried together.
 SHARES = 0.5 ** np.arange(6.0)
 #: Minima closer than so many standard deviations are one.
@@ -73,21 +75,43 @@ def minima_of(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[
         BadInput: none of them is possible.
     """
     found: list[Minimum] = []
-    for origin, place in known:
+    for origin, place in (*known, *_exchanged(target, known[0][1]), *_scattered(target)):
         minimum = _polished(target, origin, _turned_inside(target.parameters, place))
         if minimum is not None:
             found.append(minimum)
     if not found:
         raise BadInput("posterior: the model has no value where the fit ended, wanted another fit")
-    found.sort(key=lambda m: -m.weight)  # the first of equals stays first
     kept: list[Minimum] = []
-    for m in found:
+    for m in found:  # who knew of it first has found it
         turns = [c for k in kept for c in (k, *_copies(target.parameters, k, -1))]
-        apart = all(t.distances(m.centre[None])[0] > SAME for t in turns)
-        if apart and m.weight > found[0].weight - UNLIKELY:
+        if all(t.distances(m.centre[None])[0] > SAME for t in turns):
             kept.append(m)
+    kept.sort(key=lambda m: -m.weight)
+    kept = [m for m in kept if m.weight > kept[0].weight - UNLIKELY]
     copies = [c for k, m in enumerate(kept) for c in _copies(target.parameters, m, k)]
     return (*kept, *copies)
+
+
+def _exchanged(target: Target, place: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """The place with two parameters of one unit exchanged, for each two that may be."""
+    parameters = target.parameters
+    for i, k in combinations(range(len(parameters)), 2):
+        one, other = parameters[i], parameters[k]
+        fits = one.lower <= place[k] <= one.upper and other.lower <= place[i] <= other.upper
+        if one.unit == other.unit and fits and not (one.experiments or other.experiments):
+            image = place.copy()
+            image[[i, k]] = image[[k, i]]
+            yield f"{one.name} and {other.name} exchanged", image
+
+
+def _scattered(target: Target) -> Iterator[tuple[str, FloatArray]]:
+    """The most likely ones of some points of the box."""
+    points = np.random.default_rng(1).random((SCREENED, len(target.parameters)))
+    table = target.in_units(points)
+    logs = target.log(table)
+    for k in np.argsort(-logs)[:FOLLOWED]:
+        if np.isfinite(logs[k]):
+            yield "a point of the box", table[k]
 
 
 def _polished(target: Target, origin: str, place: FloatArray) -> Minimum | None:
@@ -111,7 +135,7 @@ def _polished(target: Target, origin: str, place: FloatArray) -> Minimum | None:
     _, slopes = target.rows(p)
     # the box counts as a uniform distribution: what the data do not see is left as wide as it is
     whole = np.vstack([slopes * width, UNIFORM_WIDTH * np.eye(width.size)])
-    root = np.linalg.qr(whole, mode="r")
+    root = np.asarray(np.linalg.qr(whole, mode="r"))
     weight = log - float(np.sum(np.log(np.abs(np.diag(root)))))
     return Minimum(centre=target.in_box(p), root=root, weight=weight, origin=origin)
 

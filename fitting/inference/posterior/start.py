@@ -1,11 +1,11 @@
-"""Draws about all minima at once: a mixture of Student's t, one about each minimum.
+"""Draws about many places at once: a mixture of Student's t, one about each place.
 
     q(u) = sum_k w_k t_5(u; c_k, R_k)        ln t_5 = ln |det R| - (5 + n)/2 ln(1 + |R (u - c)|^2/5)
 
-R is a root of the information at the minimum c, R^T R its inverse covariance, in units of the box.
-Walkers begin at such draws. As proposals of Metropolis and Hastings they take a walker from one
-minimum to another, each as often as it is likely; the tails of t_5 are wider than those of any
-posterior that falls as a Gaussian does.
+R is a root of the information about the place c, R^T R its inverse covariance, in units of the box.
+Walkers begin at such draws about the minima. As proposals of Metropolis and Hastings they take a
+walker from one place to any other, each as often as it is likely; the tails of t_5 are wider than
+those of a posterior that falls as a Gaussian does.
 
 Source: L. Tierney, Annals of Statistics 22 (1994) 1701 (independence chains).
 """
@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
 
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, IntArray
 
 FREEDOM = 5.0
 #: Share of draws that all minima have in equal parts, however unlike their weights.
@@ -51,18 +52,41 @@ class Minimum:
         return np.asarray(np.linalg.norm((table - self.centre) @ self.root.T, axis=1))
 
 
+@dataclass(frozen=True)
 class Mixture:
-    """The mixture of some minima.
+    """A mixture: `centres` (K, n), `roots` (K, n, n) upper triangular, `weights` (K,) of sum 1."""
 
-    Args:
-        minima: One at least.
-    """
+    centres: FloatArray
+    roots: FloatArray
+    weights: FloatArray
 
-    def __init__(self, minima: Sequence[Minimum]) -> None:
-        weights = np.array([m.weight for m in minima])
-        shares = np.exp(weights - logsumexp(weights))
-        self.minima = tuple(minima)
-        self.weights = EQUAL / len(minima) + (1.0 - EQUAL) * shares
+    @classmethod
+    def of(cls, minima: Sequence[Minimum]) -> Mixture:
+        """That of all minima.
+
+        Args:
+            minima: one at least.
+        """
+        log = np.array([m.weight for m in minima])
+        shares = np.exp(log - logsumexp(log))
+        return cls(
+            np.array([m.centre for m in minima]),
+            np.array([m.root for m in minima]),
+            np.asarray(EQUAL / len(minima) + (1.0 - EQUAL) * shares),
+        )
+
+    def beside(self, other: Mixture, share: float) -> Mixture:
+        """Both in one.
+
+        Args:
+            other: with the rest of the weight.
+            share: of the weight that this one has.
+        """
+        return Mixture(
+            np.concatenate([self.centres, other.centres]),
+            np.concatenate([self.roots, other.roots]),
+            np.concatenate([share * self.weights, (1.0 - share) * other.weights]),
+        )
 
     def draw(self, count: int, rng: np.random.RandomState) -> FloatArray:
         """Points in units of the box, (count, n); not all need be inside.
@@ -71,19 +95,19 @@ class Mixture:
             count: how many.
             rng: of the draws.
         """
-        whose = rng.choice(len(self.minima), size=count, p=self.weights)
+        whose = np.asarray(rng.choice(len(self.weights), size=count, p=self.weights), dtype=np.intp)
         return self._about(whose, rng)
 
     def spread(self, count: int, rng: np.random.RandomState) -> FloatArray:
-        """Points inside of the box to begin at, (count, n): of every minimum its share.
+        """Points inside of the box to begin at, (count, n): about every place its share.
 
         Args:
-            count: how many, no fewer than there are minima.
+            count: how many, no fewer than there are places.
             rng: of the draws.
         """
-        places = (np.arange(count) + 0.5) / count
-        whose = np.searchsorted(np.cumsum(self.weights), places).clip(max=len(self.minima) - 1)
-        whose[: len(self.minima)] = np.arange(len(self.minima))
+        steps = (np.arange(count) + 0.5) / count
+        whose = np.searchsorted(np.cumsum(self.weights), steps).clip(max=len(self.weights) - 1)
+        whose[: len(self.weights)] = np.arange(len(self.weights))
         return _reflected(self._about(whose, rng))
 
     def log_density(self, table: FloatArray) -> FloatArray:
@@ -93,23 +117,23 @@ class Mixture:
             table: points in units of the box, (k, n).
         """
         n = table.shape[1]
-        rows = [
-            np.log(w)
-            + np.sum(np.log(np.abs(np.diag(m.root))))
-            - 0.5 * (FREEDOM + n) * np.log1p(m.distances(table) ** 2 / FREEDOM)
-            for w, m in zip(self.weights, self.minima, strict=True)
-        ]
-        return np.asarray(logsumexp(rows, axis=0))
+        off = np.einsum("kij,kpj->kpi", self.roots, table[None] - self.centres[:, None])
+        squares = np.sum(off**2, axis=2)
+        logs = self._sizes[:, None] - 0.5 * (FREEDOM + n) * np.log1p(squares / FREEDOM)
+        return np.asarray(logsumexp(logs, axis=0))
 
-    def _about(self, whose: FloatArray, rng: np.random.RandomState) -> FloatArray:
-        n = self.minima[0].centre.size
-        normal = rng.standard_normal((whose.size, n))
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        """ln of weight and |det R|, (K,)."""
+        diagonals = np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
+        return np.asarray(np.log(self.weights) + np.sum(np.log(diagonals), axis=1))
+
+    def _about(self, whose: IntArray, rng: np.random.RandomState) -> FloatArray:
+        n = self.centres.shape[1]
+        normal = rng.standard_normal((whose.size, n, 1))
         wide = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, whose.size))
-        found = [
-            self.minima[k].centre + scale * np.linalg.solve(self.minima[k].root, z)
-            for k, scale, z in zip(whose, wide, normal, strict=True)
-        ]
-        return np.array(found)
+        steps = np.linalg.solve(self.roots[whose], normal)[..., 0]
+        return np.asarray(self.centres[whose] + wide[:, None] * steps)
 
 
 def _reflected(table: FloatArray) -> FloatArray:
