@@ -13,6 +13,7 @@ from typing import Any
 from docs.site.markdown import code, escaped, table
 from fitting.design.result import Design
 from fitting.inference.likelihood.knowledge import Identification
+from fitting.inference.posterior.summary import PosteriorSummary
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
@@ -22,7 +23,7 @@ INTRODUCTION = """\
 # Files of results
 
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
-`design.json`: the records below, key by key. A number that does not exist is `null`, an infinite
+`design.json`, `posterior` writes `posterior.json`: the records below, key by key. A number that does not exist is `null`, an infinite
 one `"inf"`; numbers keep all their digits. [Files under `--out`](files.md) tells what else is
 written, and [What the data determine](../explanation/what-data-determine.md) what the words
 mean."""
@@ -30,6 +31,7 @@ ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("result.json", Result),
     ("identify.json", Identification),
     ("design.json", Design),
+    ("posterior.json", PosteriorSummary),
 )
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "anything"}
 
