@@ -23,10 +23,10 @@ INTRODUCTION = """\
 # Files of results
 
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
-`design.json`, `posterior` writes `posterior.json`: the records below, key by key. A number that does not exist is `null`, an infinite
-one `"inf"`; numbers keep all their digits. [Files under `--out`](files.md) tells what else is
-written, and [What the data determine](../explanation/what-data-determine.md) what the words
-mean."""
+`design.json`, `posterior` writes `posterior.json`: the records below, key by key. A number that
+does not exist is `null`, an infinite one `"inf"`; numbers keep all their digits. [Files under
+`--out`](files.md) tells what else is written, and [What the data
+determine](../explanation/what-data-determine.md) what the words mean."""
 ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("result.json", Result),
     ("identify.json", Identification),
