@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,11 +33,12 @@ class KnownFit:
     sha256: str
 
     @classmethod
-    def of(cls, at: Valued | Result) -> KnownFit:
+    def of(cls, at: Valued | Result, names: Sequence[str]) -> KnownFit:
         """From a fit, an inference, or the result of one.
 
         Args:
             at: the fit.
+            names: of the parameters, in the order of the problem that is drawn from.
 
         Raises:
             BadInput: something else.
@@ -53,15 +55,14 @@ class KnownFit:
             raise BadInput(
                 f"posterior: found a {type(at).__name__}, wanted a Fit, an Inference or a Result"
             )
-        results = {**inferred.parameters, **{o.parameter: o for o in inferred.offsets}}
-        knowledge = inferred.knowledge
-        likely = {n: r.value if r.is_most_likely else r.most_likely for n, r in results.items()}
+        # values of single experiments are told as offsets from the drift: other numbers
+        results, knowledge = inferred.parameters, inferred.knowledge
         if isinstance(at, Valued):
-            names = tuple(p.name for p in at.source.record.problem.parameters)
-            likely |= dict(zip(names, inferred.reported.tolist(), strict=True))
+            own = (p.name for p in at.source.record.problem.parameters)
+            likely = dict(zip(own, at.inferred.reported.tolist(), strict=True))
         else:
-            likely = {**at.fitted_values, **{n: v for n, v in likely.items() if v == v}}
-            names = tuple(at.fitted_values)
+            likely = dict(at.fitted_values)
+        likely |= {n: r.most_likely for n, r in results.items() if not math.isnan(r.most_likely)}
         known: list[tuple[str, Mapping[str, float]]] = [("the fit", dict(likely))]
         if knowledge is not None:
             known.insert(0, ("the fit", dict(knowledge.most_likely)))

@@ -298,7 +298,7 @@ class _Job:
     def __init__(self, problem: Problem, at: Valued | Result, asked: Sampling) -> None:
         check_problem("posterior", problem)
         sampler_library()  # complained of before anything runs
-        self._fit = KnownFit.of(at)
+        self._fit = KnownFit.of(at, problem.names)
         self._fit.require(problem)
         self.problem = self._fit.chosen(problem)
         self.asked = asked

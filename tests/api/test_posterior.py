@@ -208,9 +208,12 @@ def test_what_cannot_be_drawn_from_is_told(tmp_path: Path) -> None:
     at = fitted(problem)
     with pytest.raises(ff.BadInput, match="4 walkers for 3 parameters, wanted at least 6"):
         ff.posterior(problem, at, ff.Sampling(walkers=4))
-    for wrong in ({"walkers": 7}, {"steps": 10}, {"seed": -1}):
-        with pytest.raises(ff.BadInput, match="Sampling"):
-            ff.Sampling(**wrong)
+    with pytest.raises(ff.BadInput, match="walkers is 7, wanted an even number"):
+        ff.Sampling(walkers=7)
+    with pytest.raises(ff.BadInput, match="steps is 10, wanted at least 200"):
+        ff.Sampling(steps=10)
+    with pytest.raises(ff.BadInput, match="seed is -1, wanted at least 0"):
+        ff.Sampling(seed=-1)
     with pytest.raises(ff.BadInput, match="of another problem: p, p1, p2 and p3"):
         ff.posterior(one_of_unknown_noise(), at)
     unknown = one_of_unknown_noise()

@@ -27,7 +27,8 @@ def fitted(tmp_path_factory: pytest.TempPathFactory, swift_fmu: Path) -> tuple[P
 
 def test_the_command_draws_writes_and_goes_on(fitted: tuple[Path, Path], tmp_path: Path) -> None:
     campaign, result = fitted
-    words = ["posterior", campaign, "--at", result, "--out", tmp_path / "out", "--workers", "1"]
+    out = str(tmp_path / "out")
+    words = ["posterior", str(campaign), "--at", str(result), "--out", out, "--workers", "1"]
     cost = told(*words, "--dry-run")
     assert cost.code == 0, cost.err
     assert cost.out.startswith("expected: ")
