@@ -31,6 +31,14 @@ if TYPE_CHECKING:
     from fitting.api.init import init
     from fitting.api.jobs import identify, report
     from fitting.api.line import Columns, Line, line, write_line
+    from fitting.api.posterior import (
+        Posterior,
+        PosteriorCost,
+        Sampling,
+        posterior,
+        posterior_cost,
+        write_posterior,
+    )
     from fitting.api.problem import Problem
     from fitting.api.synthesis import synthesize, synthesize_curves
     from fitting.api.tradeoff import StudyOptions, tradeoff, write_tradeoff
@@ -71,6 +79,14 @@ _HOMES = {
     "api.init": ("init",),
     "api.jobs": ("identify", "report"),
     "api.line": ("Columns", "Line", "line", "write_line"),
+    "api.posterior": (
+        "Posterior",
+        "PosteriorCost",
+        "Sampling",
+        "posterior",
+        "posterior_cost",
+        "write_posterior",
+    ),
     "api.problem": ("Problem",),
     "api.synthesis": ("synthesize", "synthesize_curves"),
     "api.tradeoff": ("StudyOptions", "tradeoff", "write_tradeoff"),
@@ -119,8 +135,11 @@ __all__ = [
     "Noise",
     "NoiseSpectrum",
     "Parameter",
+    "Posterior",
+    "PosteriorCost",
     "Problem",
     "Pulse",
+    "Sampling",
     "Setup",
     "StudyOptions",
     "Sweep",
@@ -143,6 +162,8 @@ __all__ = [
     "limits",
     "line",
     "plot",
+    "posterior",
+    "posterior_cost",
     "profile",
     "read_campaign",
     "report",
@@ -154,6 +175,7 @@ __all__ = [
     "ways",
     "write_ensemble",
     "write_line",
+    "write_posterior",
     "write_tradeoff",
 ]
 

@@ -14,6 +14,7 @@ from docs.site.markdown import code, escaped, table
 from fitting.design.result import Design
 from fitting.design.ways import Ways
 from fitting.inference.likelihood.knowledge import Identification
+from fitting.inference.posterior.summary import PosteriorSummary
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
@@ -23,16 +24,16 @@ INTRODUCTION = """\
 # Files of results
 
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
-`design.json`, or `ways.json` where kinds are compared: the records below, key by key. A number
-that does not exist is `null`, an infinite one `"inf"`; numbers keep all their digits.
-[Files under `--out`](files.md) tells what else is written, and
-[What the data determine](../explanation/what-data-determine.md) what the words
-mean."""
+`design.json`, or `ways.json` where kinds are compared, `posterior` writes `posterior.json`: the
+records below, key by key. A number that does not exist is `null`, an infinite one `"inf"`; numbers
+keep all their digits. [Files under `--out`](files.md) tells what else is written, and
+[What the data determine](../explanation/what-data-determine.md) what the words mean."""
 ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("result.json", Result),
     ("identify.json", Identification),
     ("design.json", Design),
     ("ways.json", Ways),
+    ("posterior.json", PosteriorSummary),
 )
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "anything"}
 

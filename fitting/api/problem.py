@@ -336,6 +336,27 @@ class Problem:
             found[inside] = self.logl(flat[inside]) + self._logprior(flat[inside])
         return found.reshape(table.shape[:-1])
 
+    def white_rows(self, p: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Rows of unit variance and their derivatives: sum r^2 = -2 ln of posterior + constant.
+
+        Gaussian priors are rows, too: (p - reference)/prior_sigma. Shapes (m + k,), (m + k, n).
+
+        Args:
+            p: Parameters, shape (n,), in their units, inside the box.
+
+        Raises:
+            BadInput: the noise of some rows is not known.
+            FmuFailure: the FMU failed at one of them.
+        """
+        place, noise = self._checked(p), self._noise
+        held = [(i, q) for i, q in enumerate(self.record.parameters) if q.prior_sigma]
+        sigmas = np.array([q.prior_sigma for _, q in held])
+        off = np.array([place[i] - q.reference for i, q in held])
+        unit = np.eye(place.size)[[i for i, _ in held]]
+        rows = np.concatenate([noise.whitened(self.residuals(place)), off / sigmas])
+        slopes = np.vstack([noise.whitened(self.jac(place)), unit / sigmas[:, None]])
+        return rows, slopes
+
     def _logprior(self, table: FloatArray) -> FloatArray:
         total = np.zeros(len(table))
         for column, q in zip(table.T, self.record.parameters, strict=True):

@@ -48,3 +48,11 @@ ENSEMBLE_FILES = (
     "report.html",
     "figures/1_ensemble.*",
 )
+#: Where a chain is kept, in the folder of its results: to go on from, and for other programs.
+CHAIN_FILE = "chain.npz"
+POSTERIOR_FILES = (
+    "posterior.json",
+    "draws.csv",
+    "report.html",
+    "figures/1_corner.*",
+)

@@ -21,6 +21,8 @@ COMMANDS = {
     "init": "a commented campaign that runs as it is, from files of measurements and an FMU",
     "reconstruct": "the main job: Algorithms 1 and 2 through the FMU, to tables, figures and a "
     "report",
+    "posterior": "draws from the posterior of a fit, for those who want one: intervals, minima, "
+    "corner figure",
     "identify": "what these data determine, before or after a fit: directions, intervals, verdicts",
     "design": "which measurement next: proposed settings, and how well a value would then be known",
     "simulate": "one drive through an FMU: time trace with beating, spectrum with its peaks",

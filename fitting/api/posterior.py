@@ -1,0 +1,538 @@
+"""Draws from the posterior of a problem, for those who want one beside the profiles."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import fitting
+from fitting.api.choices import TRUTH_NAME
+from fitting.api.fitted import Valued
+from fitting.api.jobs import check_problem
+from fitting.api.known_fit import KnownFit
+from fitting.api.problem import Problem
+from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
+from fitting.inference.likelihood.knowledge import Knowledge
+from fitting.inference.posterior.chain import Walk, sampler_library, walked
+from fitting.inference.posterior.kept import Kept, keep, kept_in
+from fitting.inference.posterior.learnt import REACHES, TRIED, learnt, worth
+from fitting.inference.posterior.minima import Target, minima_of
+from fitting.inference.posterior.start import Mixture
+from fitting.inference.posterior.summary import (
+    CONVERGED,
+    INTERRUPTED,
+    NOT_CONVERGED,
+    Interval,
+    PosteriorSummary,
+    PosteriorValue,
+    Reached,
+    modes_of,
+    reached,
+    values_of,
+)
+from fitting.lab.true_values import nearest, true_values
+from fitting.report.tables.posterior import draws_csv, posterior_lines
+from fitting.result.result import Result
+from fitting.text.arrays import FloatArray
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer, NoScale, did_you_mean
+from fitting.text.files import write_whole
+from fitting.text.notation import listed, number, settings_words
+from fitting.text.records import write_json
+from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.toml import read_toml
+
+__all__ = [
+    "Posterior",
+    "PosteriorCost",
+    "Sampling",
+    "posterior",
+    "posterior_cost",
+    "write_posterior",
+]
+
+#: Steps before it is first asked whether there are enough, and the factor to the next time.
+FIRST, LONGER = 200, 1.5
+#: Share of independent draws among the proposals about the minima from which nothing is learnt.
+GOOD = 0.3
+#: First walks from which is learnt; places of every walker, and steps between them.
+LEARNING, PLACES, EVERY = 2, 8, 12
+#: Walkers where nothing is said, at least.
+FEWEST = 24
+#: Rounds in which a walker that began where the model has no value is moved towards a minimum.
+ROUNDS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """How draws are made.
+
+    Args:
+        walkers: How many, an even number of at least twice the parameters; None: 24, or 2 n + 2
+            where these are more.
+        steps: Steps of every walker, at most; the chain ends before where there are enough draws.
+        seed: Of the draws, at least 0.
+        resume: Whether a chain that is kept in the folder is gone on with.
+
+    Raises:
+        BadInput: a number out of its range.
+    """
+
+    walkers: int | None = None
+    steps: int = 5000
+    seed: int = 1
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        if self.steps < FIRST:
+            raise BadInput(f"Sampling: steps is {self.steps!r}, wanted at least {FIRST}")
+        if self.walkers is not None and (self.walkers < 4 or self.walkers % 2):
+            raise BadInput(
+                f"Sampling: walkers is {self.walkers!r}, wanted an even number of at least 4"
+            )
+        if self.seed < 0:
+            raise BadInput(f"Sampling: seed is {self.seed!r}, wanted at least 0")
+
+
+@dataclass(frozen=True, repr=False)
+class Posterior:
+    """Draws from a posterior: what they say as ``summary``, and all of them.
+
+    ``draws`` has the shape (steps, walkers, n), in the parameters' units and in the order of
+    ``names``, without the beginning of the chain; ``log`` (steps, walkers) is ln of the posterior
+    but for a constant. Values are told where ``status`` is "converged"; the draws are there always.
+    """
+
+    summary: PosteriorSummary
+    names: tuple[str, ...]
+    draws: FloatArray
+    log: FloatArray
+
+    @property
+    def status(self) -> str:
+        """Whether there are enough draws: "converged", "not converged" or "interrupted"."""
+        return self.summary.status
+
+    @property
+    def message(self) -> str:
+        """Why it is that, a sentence."""
+        return self.summary.message
+
+    @property
+    def values(self) -> Mapping[str, PosteriorValue]:
+        """Every parameter by name."""
+        return self.summary.values
+
+    @property
+    def thinned(self) -> FloatArray:
+        """Draws that are nearly independent, (k, n): one in so many steps as τ is at most."""
+        longest = max(value.tau for value in self.values.values())
+        every = max(1, math.ceil(longest)) if math.isfinite(longest) else len(self.draws)
+        return np.asarray(self.draws[every - 1 :: every].reshape(-1, len(self.names)))
+
+    def __getitem__(self, name: str) -> PosteriorValue:
+        if name not in self.values:
+            raise KeyError(f"no value '{name}'{did_you_mean(name, sorted(self.values))}")
+        return self.values[name]
+
+    def __repr__(self) -> str:
+        return "\n".join(posterior_lines(self.summary))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorCost:
+    """What draws will cost: evaluations of the model, least and most, and seconds of each.
+
+    Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
+    a batch of as many evaluations.
+    """
+
+    walkers: int
+    minima: int
+    evaluations: tuple[int, int]
+    seconds_each: float
+
+    @property
+    def seconds(self) -> tuple[float, float]:
+        """Least and most, s."""
+        least, most = self.evaluations
+        return least * self.seconds_each, most * self.seconds_each
+
+
+def posterior(
+    problem: Problem,
+    at: Valued | Result,
+    options: Sampling | None = None,
+    *,
+    truth: Mapping[str, float] | None = None,
+    out: str | Path | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Posterior:
+    """Draw from the posterior of a problem, from every minimum that a fit of it knows.
+
+        p(theta | data) ~ L(theta) prior(theta)          `Problem.logp`
+
+    The prior is uniform in the box of the parameters, with a Gaussian where one has its own. The
+    chain is long enough at 50 of its correlation times, if its walkers agree (split R at most
+    1.01); else it is called not converged, and no interval is told.
+
+    Args:
+        problem: What is looked for, and from what; the noise of all its rows must be known.
+        at: A fit of it, or what was inferred of one: walkers begin at its minima.
+        options: How many walkers and steps; None: `Sampling()`.
+        truth: What is true, by name, in the parameters' units: for tables and figures alone.
+        out: Folder in which the chain is kept while it grows; None: nothing is written.
+        progress: Is called with a line of what is under way.
+
+    Returns:
+        The draws, and medians with central intervals as ``posterior["name"]``.
+
+    Raises:
+        BadInput: no such fit, unknown noise, too few walkers, or ``emcee`` is missing.
+        FmuFailure: the FMU failed where the fit ended.
+    """
+    asked = options or Sampling()
+    job = _Job(problem, at, asked)
+    folder = None if out is None else Path(out)
+    if folder is None:
+        return job.drawn(None, truth or {}, progress)
+    with results_folder(folder, "posterior", (*POSTERIOR_FILES, CHAIN_FILE)):
+        return job.drawn(folder / CHAIN_FILE, truth or {}, progress)
+
+
+def posterior_cost(
+    problem: Problem, at: Valued | Result, options: Sampling | None = None
+) -> PosteriorCost:
+    """What `posterior` will cost, from one evaluation of every walker.
+
+    Args:
+        problem: As `posterior` takes it.
+        at: Likewise.
+        options: Likewise.
+
+    Raises:
+        BadInput: as `posterior`.
+        FmuFailure: the FMU failed where the fit ended.
+    """
+    asked = options or Sampling()
+    job = _Job(problem, at, asked)
+    set_out = job.evaluations
+    begun = time.perf_counter()
+    job.begin()
+    each = (time.perf_counter() - begun) / (job.evaluations - set_out)
+    return PosteriorCost(
+        walkers=job.walkers,
+        minima=sum(m.copy_of < 0 for m in job.minima),
+        evaluations=(
+            set_out + TRIED + job.walkers * (1 + FIRST),
+            set_out + job.learning + job.walkers * (1 + asked.steps),
+        ),
+        seconds_each=each,
+    )
+
+
+def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) -> list[Path]:
+    """Write what the command line writes: posterior.json, draws.csv, a corner figure, report.html.
+
+    Args:
+        found: Draws.
+        out: Folder, made where there is none.
+        drawn: Whether figure and report are wanted.
+
+    Returns:
+        The paths of all files.
+
+    Raises:
+        BadInput: the folder cannot be written, or holds files of these names of others.
+    """
+    folder = Path(out)
+    with results_folder(folder, "posterior", POSTERIOR_FILES):
+        paths = [folder / "posterior.json", folder / "draws.csv"]
+        write_json(paths[0], found.summary)
+        write_whole(paths[1], draws_csv(found.summary, found.thinned))
+        if drawn:
+            # matplotlib takes a second to import: only where something is drawn
+            drawing = importlib.import_module("fitting.report.figures.posterior")
+            page = importlib.import_module("fitting.report.posterior")
+            flat = found.draws.reshape(-1, len(found.names))
+            figure = drawing.save_figure(found.summary, flat, folder / "figures")
+            paths += [figure.png, figure.svg, page.write_report(found.summary, figure, folder)]
+        remove_earlier(folder, POSTERIOR_FILES)
+    return paths
+
+
+def truth_beside(problem: Problem, at: Result) -> dict[str, float]:
+    """What is true of a synthetic campaign, by the truth.toml beside it; empty where nobody knows.
+
+    Args:
+        problem: Of campaign files.
+        at: The fit, whose form of the model the truth is told in.
+    """
+    record = problem.record
+    paths = [bound.path.parent / TRUTH_NAME for bound in record.campaigns.values()]
+    if not record.synthetic or len(paths) != 1 or not paths[0].is_file():
+        return {}
+    reflected = bool(at.alternative.get("reflection", False))
+    true = true_values(read_toml(paths[0]), reflection=reflected)
+    likely = at.fitted_values
+    return {n: nearest(n, v, likely.get(n, math.nan)) for n, v in true.items() if n in likely}
+
+
+def _late(walk: Walk) -> FloatArray:
+    """Places of a first walk about which is learnt, (k, n): of all walkers, the last apart."""
+    late = walk.places[-1 : walk.steps // 2 : -EVERY][:PLACES]
+    return late.reshape(-1, late.shape[-1])
+
+
+class _Job:
+    """What is drawn from, where walkers begin, and what that has cost."""
+
+    def __init__(self, problem: Problem, at: Valued | Result, asked: Sampling) -> None:
+        check_problem("posterior", problem)
+        sampler_library()  # complained of before anything runs
+        self._fit = KnownFit.of(at, problem.names)
+        self._fit.require(problem)
+        self.problem = self._fit.chosen(problem)
+        self.asked = asked
+        self.evaluations = self.failed = 0
+        self.target = Target(
+            parameters=self.problem.record.parameters, log=self._log, rows=self._rows
+        )
+        least = 2 * len(self.problem.names)
+        self.walkers = asked.walkers or max(FEWEST, least + 2)
+        if self.walkers < least:
+            raise BadInput(
+                f"posterior: {self.walkers} walkers for {least // 2} parameters, wanted at least "
+                f"{least}"
+            )
+        self.problem.white_rows(self._fit.places[0][1])  # complains of noise that nobody knows
+        found = minima_of(self.target, self._fit.places)
+        self.minima = found[: self.walkers]
+        self.mixture = Mixture.of(self.minima)
+
+    def set_out(self, progress: Callable[[str], None]) -> tuple[FloatArray, FloatArray]:
+        """Where the walk begins, with a mixture that follows the posterior where it is bent.
+
+        Args:
+            progress: is called with a line.
+        """
+        progress("where walkers begin")
+        begin, random = self.begin(), np.random.RandomState(self.asked.seed % 2**32 + 1)
+        about_minima = self.mixture
+        if worth(about_minima, self._in_box, random) > GOOD:
+            return begin
+        for k in range(LEARNING):
+            progress(f"first walk, {k + 1} of {LEARNING}")
+            first = walked(self._in_box, self.mixture, begin, FIRST, (self.asked.seed, k, 1))
+            begin = first.places[-1], first.log[-1]
+            self.mixture = learnt(self.target, _late(first), about_minima, self._in_box, random)
+        return begin
+
+    @property
+    def learning(self) -> int:
+        """Evaluations of all first walks, at most."""
+        jacobians = self.walkers * PLACES * (2 * len(self.problem.names) + 1)
+        each = self.walkers * FIRST + jacobians + (1 + len(REACHES)) * TRIED
+        return TRIED + LEARNING * each
+
+    def begin(self) -> tuple[FloatArray, FloatArray]:
+        """Places (walkers, n) in units of the box to begin at, and ln of the posterior there."""
+        random = np.random.RandomState(self.asked.seed % 2**32)
+        places = self.mixture.spread(self.walkers, random)
+        log = self._in_box(places)
+        own = [m for m in self.minima if m.copy_of < 0]
+        for _ in range(ROUNDS):
+            lost = ~np.isfinite(log)
+            if not np.any(lost):
+                break
+            whose = np.argmin([m.distances(places[lost]) for m in own], axis=0)
+            towards = np.array([m.centre for m in own])[whose]
+            places[lost] = towards + 0.5 * (places[lost] - towards)
+            log[lost] = self._in_box(places[lost])
+        return places, log
+
+    def drawn(
+        self, path: Path | None, truth: Mapping[str, float], progress: Callable[[str], None]
+    ) -> Posterior:
+        """Steps until there are enough, each part kept as it ends.
+
+        Args:
+            path: of the file; None: nothing is kept.
+            truth: by name.
+            progress: is called with a line.
+        """
+        status, found = NOT_CONVERGED, None
+        walk = before = self._resumed(path)
+        try:
+            for walk in self._parts(before, progress):
+                if path is not None:
+                    keep(
+                        path,
+                        self._fingerprint,
+                        Kept(walk, self.mixture, self.evaluations, self.failed),
+                    )
+                found = reached(self.target, self.minima, walk)
+                progress(found.told(self.problem.names))
+                if found.converged:
+                    status = CONVERGED
+                    break
+        except KeyboardInterrupt:
+            if walk is None:
+                raise
+            status = INTERRUPTED
+        if walk is None:
+            raise RuntimeError("a chain without a part")
+        found = found or reached(self.target, self.minima, walk)
+        return Posterior(
+            summary=self._summary(status, walk, found, truth),
+            names=self.problem.names,
+            draws=found.draws,
+            log=walk.log[found.discarded :],
+        )
+
+    def _parts(self, walk: Walk | None, progress: Callable[[str], None]) -> Iterator[Walk]:
+        """The walk as it grows, from what there is."""
+        if walk is not None:
+            yield walk
+        while walk is None or walk.steps < self.asked.steps:
+            done = 0 if walk is None else walk.steps
+            total = min(self.asked.steps, max(FIRST, math.ceil(LONGER * done)))
+            begin = self.set_out(progress) if walk is None else (walk.places[-1], walk.log[-1])
+            part = walked(self._in_box, self.mixture, begin, total - done, (self.asked.seed, done))
+            walk = part if walk is None else walk.with_more(part)
+            yield walk
+
+    def _resumed(self, path: Path | None) -> Walk | None:
+        if path is None or not self.asked.resume:
+            return None
+        kept = kept_in(path, self._fingerprint)
+        if kept is None:
+            return None
+        self.mixture = kept.mixture
+        self.evaluations += kept.evaluations
+        self.failed += kept.failed
+        return kept.walk
+
+    def _log(self, p: FloatArray) -> FloatArray:
+        """ln of the posterior, (k,), where the model has a value; else -inf, and counted."""
+        lower, upper = self.problem.bounds
+        inside = int(np.sum(np.all((p >= lower) & (p <= upper), axis=1)))
+        try:
+            found = self.problem.logp(p)
+        except NoAnswer:  # every attempt would cost as much time
+            raise
+        except (FmuFailure, NoScale):
+            if len(p) == 1:
+                self.evaluations += inside
+                self.failed += 1
+                return np.array([-np.inf])
+            return np.concatenate([self._log(row[None]) for row in p])
+        self.evaluations += inside
+        return found
+
+    def _in_box(self, u: FloatArray) -> FloatArray:
+        return self._log(self.target.in_units(u))
+
+    def _rows(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        self.evaluations += 2 * p.size + 1
+        return self.problem.white_rows(p)
+
+    @property
+    def _fingerprint(self) -> str:
+        """Of all that the draws depend on."""
+        record = self.problem.record
+        arrays = [record.data.sigma, record.data.measured_rows, *self.problem.bounds]
+        arrays += [m.centre for m in self.minima]
+        digests = [hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays]
+        content = {
+            "arrays": digests,
+            "names": self.problem.names,
+            "alternative": settings_words(self._fit.alternative),
+            "fmu": self.problem.fmu.description.sha256 if self.problem.has_fmu else "",
+            "seed": self.asked.seed,
+            "walkers": self.walkers,
+            "version": fitting.__version__,
+            "versions": {name: version(name) for name in ("numpy", "scipy", "emcee")},
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def _summary(
+        self, status: str, walk: Walk, found: Reached, truth: Mapping[str, float]
+    ) -> PosteriorSummary:
+        beside: dict[str, Mapping[str, float | Interval]] = {
+            "most_likely": dict(self._fit.most_likely),
+            "profile95": dict(self._fit.intervals),
+            "truth": dict(truth),
+        }
+        record = self.problem.record
+        return PosteriorSummary(
+            title=record.title,
+            synthetic=record.synthetic,
+            status=status,
+            message=found.told(self.problem.names),
+            values=values_of(self.target, found, beside),
+            modes=modes_of(self.target, self.minima, walk, found),
+            alternative=self._fit.alternative,
+            walkers=self.walkers,
+            steps=walk.steps,
+            discarded=found.discarded,
+            evaluations=self.evaluations,
+            failed=self.failed,
+            accepted=walk.accepted,
+            seed=self.asked.seed,
+            notes=tuple(self._notes()),
+            provenance={
+                "FMU": self.problem.fmu.description.model_name if self.problem.has_fmu else "none",
+                "versions": f"fmu-fit {fitting.__version__}, emcee {version('emcee')}, numpy "
+                f"{np.__version__}",
+            },
+        )
+
+    def _notes(self) -> Iterator[str]:
+        """What a reader must know of this posterior."""
+        record, knowledge = self.problem.record, self._fit.knowledge
+        held = [p.name for p in record.parameters if p.prior_sigma]
+        prior = "The prior is uniform in the box of the parameters"
+        told = f"; {listed(held)} have a Gaussian prior inside of it" if len(held) > 1 else ""
+        told = told or (f"; {held[0]} has a Gaussian prior inside of it" if held else "")
+        yield f"{prior}{told}."
+        inside = record.data.solved_inside
+        if inside:
+            yield (
+                f"{inside} further values, as scales, gains and backgrounds, are solved for at "
+                "every draw and not drawn: they are at their best there."
+            )
+        if record.data.outliers == "huber":
+            yield "Noise is taken for Gaussian; the fit counts what is far off less than that."
+        if self.failed:
+            yield (
+                f"{self.failed} of {self.evaluations} evaluations had no value of the model, which "
+                "counts as impossible."
+            )
+        if knowledge is not None:
+            yield from _of_fit(knowledge)
+
+
+def _of_fit(knowledge: Knowledge) -> Iterator[str]:
+    """What the fit said that bears on draws."""
+    if not knowledge.adequacy.describes:
+        yield (
+            "The model does not describe the data: draws say what its parameters would be if it "
+            "did."
+        )
+    if knowledge.inflation > 1.0:
+        yield (
+            f"The fit widens its errors by {number(knowledge.inflation, 3)} for residuals beyond "
+            "the stated noise; draws take that noise as it is stated."
+        )
+    others = dict.fromkeys(e.where for e in knowledge.equivalents if e.where)
+    for where in others:
+        yield f"Another form of the model fits as well and is not drawn from: {where}."

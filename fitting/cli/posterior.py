@@ -1,0 +1,88 @@
+"""``fmu-fit posterior``: draws from the posterior of a fit, for those who want one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
+from fitting.cli.running.results import writes
+from fitting.cli.words.drive import add_isolate
+from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
+
+NAME = "posterior"
+DOCUMENT = "posterior.json"
+EXAMPLE = (
+    "fmu-fit posterior string_q1/campaign.toml --at out/string_q1/result.json --out out/posterior"
+)
+#: Steps where nothing is said, at most.
+USUAL = 5000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command."""
+    parser.add_argument(
+        "campaign",
+        type=Path,
+        metavar="CAMPAIGN.toml",
+        nargs="+",
+        help="campaign file; several of one sample together, as they were fitted",
+    )
+    parser.add_argument(
+        "--at",
+        type=Path,
+        required=True,
+        metavar="RESULT.json",
+        help="the fit of these campaigns: walkers begin at all minima that it knows",
+    )
+    parser.add_argument("--out", type=Path, help="folder for results (out/posterior_<its folder>)")
+    parser.add_argument(
+        "--walkers",
+        type=whole_number(4),
+        metavar="N",
+        help="walkers, an even number (24, or 2 n + 2 for n parameters where these are more)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=whole_number(1),
+        default=USUAL,
+        metavar="N",
+        help=f"steps of every walker, at most; fewer where these are enough ({USUAL})",
+    )
+    parser.add_argument("--seed", type=seed(), default=1, help="seed of the draws (1)")
+    parser.add_argument(
+        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
+    )
+    add_isolate(parser)
+    parser.add_argument(
+        "--resume", action="store_true", help=f"go on with the {CHAIN_FILE} in the folder"
+    )
+    parser.add_argument("--no-report", action="store_true", help="neither figure nor report.html")
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only tell how many evaluations it takes, and how long; nothing is written",
+    )
+
+
+def _written_to(args: argparse.Namespace) -> Path | None:
+    return None if args.dry_run else _out(args)
+
+
+def _out(args: argparse.Namespace) -> Path:
+    folders = [folder_name(path) for path in args.campaign]
+    return args.out or Path("out") / f"posterior_{'+'.join(dict.fromkeys(folders))}"
+
+
+@writes(NAME, *POSTERIOR_FILES, CHAIN_FILE, to=_written_to)
+def run(args: argparse.Namespace) -> int:
+    """Draw and write; 0 if there are enough draws, else 1.
+
+    Raises:
+        BadInput: campaign, fit or FMU are not what they should be, or emcee is missing.
+        FmuFailure: the FMU failed where the fit ended.
+    """
+    # the work takes libraries along, help does not
+    from fitting.cli.running.posterior import draw, tell_cost
+
+    return tell_cost(args) if args.dry_run else draw(args, _out(args))

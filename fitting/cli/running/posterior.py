@@ -1,0 +1,106 @@
+"""The work of ``fmu-fit posterior``, once its words are read."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import fitting as ff
+from fitting.api.posterior import truth_beside
+from fitting.cli.posterior import NAME
+from fitting.cli.running.campaign_fmu import fmu_for
+from fitting.cli.running.output import hand_over
+from fitting.cli.running.progress import status_line
+from fitting.report.tables.posterior import posterior_lines
+from fitting.report.words.cost import time_words
+from fitting.result.result import read_result
+from fitting.text.results_folder import remove_earlier
+from fitting.text.scratch import Scratch
+
+
+def draw(args: argparse.Namespace, out: Path) -> int:
+    """Draw and write; 0 if there are enough draws, else 1.
+
+    Args:
+        args: of the command.
+        out: folder of the results.
+
+    Raises:
+        BadInput: campaign, fit or FMU are not what they should be, or emcee is missing.
+        FmuFailure: the FMU failed where the fit ended.
+    """
+    at, asked = read_result(args.at), _sampling(args)
+    campaigns = [ff.read_campaign(path) for path in args.campaign]
+    with (
+        fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
+    ):
+        tell("planning")
+        problem = ff.Problem.of(campaigns, fmu)
+        truth = truth_beside(problem, at)
+        found = ff.posterior(problem, at, asked, truth=truth, out=out, progress=tell)
+        command = {"command": _command(args), "fit": args.at.as_posix()}
+        provenance = {**command, **found.summary.provenance}
+        found = replace(found, summary=replace(found.summary, provenance=provenance))
+        tell("tables, figure and report")
+        files = ff.write_posterior(found, out, drawn=not args.no_report)
+    remove_earlier(out, ("fmu/*.fmu",))
+    hand_over(args, found.summary)
+    print("\n".join(posterior_lines(found.summary)))
+    print(f"\nwritten: {', '.join(str(path) for path in files)}")
+    if found.status == "converged":
+        return 0
+    print(f"go on with: {_command(args, further=found.summary.steps)}")
+    return 1
+
+
+def tell_cost(args: argparse.Namespace) -> int:
+    """Tell how many evaluations draws will take, and how long; nothing is written.
+
+    Args:
+        args: of the command.
+
+    Raises:
+        BadInput: as `draw`.
+        FmuFailure: likewise.
+    """
+    at, asked = read_result(args.at), _sampling(args)
+    campaigns = [ff.read_campaign(path) for path in args.campaign]
+    with (
+        Scratch() as folder,
+        fmu_for(campaigns, folder, args.workers, isolate=args.isolate) as fmu,
+        status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as tell,
+    ):
+        tell("planning")
+        found = ff.posterior_cost(ff.Problem.of(campaigns, fmu), at, asked)
+    hand_over(args, found)
+    least, most = found.evaluations
+    minima = "one minimum" if found.minima == 1 else f"{found.minima} minima"
+    print(
+        f"expected: {time_words(found.seconds)}, {least:,} to {most:,} evaluations of the model at "
+        f"most, of {found.walkers} walkers that begin at {minima}"
+    )
+    print(
+        f"measured: {1e3 * found.seconds_each:.3g} ms an evaluation, where the walkers begin; "
+        "points outside of the box cost nothing"
+    )
+    return 0
+
+
+def _sampling(args: argparse.Namespace) -> ff.Sampling:
+    return ff.Sampling(walkers=args.walkers, steps=args.steps, seed=args.seed, resume=args.resume)
+
+
+def _command(args: argparse.Namespace, *, further: int = 0) -> str:
+    """The command; ``further``: to go on beyond so many steps."""
+    words = ["fmu-fit", NAME, *(path.as_posix() for path in args.campaign)]
+    steps = args.steps if not further or further < args.steps else 4 * args.steps
+    for name, value in (("at", args.at.as_posix()), ("out", args.out), ("walkers", args.walkers)):
+        if value is not None:
+            words += [f"--{name}", str(value)]
+    words += ["--steps", str(steps), "--seed", str(args.seed)]
+    words += ["--isolate"] if args.isolate else []
+    words += ["--resume"] if further or args.resume else []
+    return shlex.join(words)

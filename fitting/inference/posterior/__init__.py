@@ -1,0 +1,12 @@
+"""Draws from a posterior: how they are made, when there are enough, and what they say.
+
+minima.py       where walkers set out: minima, polished, with their widths
+start.py        draws about many places at once, by which walkers change from one to another
+learnt.py       the same about places of a first walk, where the posterior is bent
+chain.py        the sampler, the one door to ``emcee``
+diagnostics.py  correlation of a chain with itself, agreement of its walkers
+summary.py      what is told: values with intervals, shares of minima
+ranks.py        simulation-based calibration
+
+Nothing here knows an FMU: a posterior is a function of parameters.
+"""

@@ -1,0 +1,142 @@
+"""Draws about many places at once: a mixture of Student's t, one about each place.
+
+    q(u) = sum_k w_k t_5(u; c_k, R_k)        ln t_5 = ln |det R| - (5 + n)/2 ln(1 + |R (u - c)|^2/5)
+
+R is a root of the information about the place c, R^T R its inverse covariance, in units of the box.
+Walkers begin at such draws about the minima. As proposals of Metropolis and Hastings they take a
+walker from one place to any other, each as often as it is likely; the tails of t_5 are wider than
+those of a posterior that falls as a Gaussian does.
+
+Source: L. Tierney, Annals of Statistics 22 (1994) 1701 (independence chains).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import logsumexp
+
+from fitting.text.arrays import FloatArray, IntArray
+
+FREEDOM = 5.0
+#: Share of draws that all minima have in equal parts, however unlike their weights.
+EQUAL = 0.5
+#: A minimum that is this much less likely (ln) than the best is none to set out from.
+UNLIKELY = 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Minimum:
+    """A minimum: where it is, how sharp, how likely.
+
+    `centre` (n,) in units of the box; `root` (n, n) upper triangular; `weight` ln of the posterior
+    mass about it but for a constant that all share; `origin` who knows of it; `copy_of` the number
+    of the minimum that is the same but for whole periods, -1 where it is the first of these.
+    """
+
+    centre: FloatArray
+    root: FloatArray
+    weight: float
+    origin: str
+    copy_of: int = -1
+
+    def distances(self, table: FloatArray) -> FloatArray:
+        """|R (u - c)|, (k,).
+
+        Args:
+            table: points in units of the box, (k, n).
+        """
+        return np.asarray(np.linalg.norm((table - self.centre) @ self.root.T, axis=1))
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """A mixture: `centres` (K, n), `roots` (K, n, n) upper triangular, `weights` (K,) of sum 1."""
+
+    centres: FloatArray
+    roots: FloatArray
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, minima: Sequence[Minimum]) -> Mixture:
+        """That of all minima.
+
+        Args:
+            minima: one at least.
+        """
+        log = np.array([m.weight for m in minima])
+        shares = np.exp(log - logsumexp(log))
+        return cls(
+            np.array([m.centre for m in minima]),
+            np.array([m.root for m in minima]),
+            np.asarray(EQUAL / len(minima) + (1.0 - EQUAL) * shares),
+        )
+
+    def beside(self, other: Mixture, share: float) -> Mixture:
+        """Both in one.
+
+        Args:
+            other: with the rest of the weight.
+            share: of the weight that this one has.
+        """
+        return Mixture(
+            np.concatenate([self.centres, other.centres]),
+            np.concatenate([self.roots, other.roots]),
+            np.concatenate([share * self.weights, (1.0 - share) * other.weights]),
+        )
+
+    def draw(self, count: int, rng: np.random.RandomState) -> FloatArray:
+        """Points in units of the box, (count, n); not all need be inside.
+
+        Args:
+            count: how many.
+            rng: of the draws.
+        """
+        whose = np.asarray(rng.choice(len(self.weights), size=count, p=self.weights), dtype=np.intp)
+        return self._about(whose, rng)
+
+    def spread(self, count: int, rng: np.random.RandomState) -> FloatArray:
+        """Points inside of the box to begin at, (count, n): about every place its share.
+
+        Args:
+            count: how many, no fewer than there are places.
+            rng: of the draws.
+        """
+        steps = (np.arange(count) + 0.5) / count
+        whose = np.searchsorted(np.cumsum(self.weights), steps).clip(max=len(self.weights) - 1)
+        whose[: len(self.weights)] = np.arange(len(self.weights))
+        return _reflected(self._about(whose, rng))
+
+    def log_density(self, table: FloatArray) -> FloatArray:
+        """ln q, (k,), but for a constant.
+
+        Args:
+            table: points in units of the box, (k, n).
+        """
+        n = table.shape[1]
+        off = np.einsum("kij,kpj->kpi", self.roots, table[None] - self.centres[:, None])
+        squares = np.sum(off**2, axis=2)
+        logs = self._sizes[:, None] - 0.5 * (FREEDOM + n) * np.log1p(squares / FREEDOM)
+        return np.asarray(logsumexp(logs, axis=0))
+
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        """ln of weight and |det R|, (K,)."""
+        diagonals = np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
+        return np.asarray(np.log(self.weights) + np.sum(np.log(diagonals), axis=1))
+
+    def _about(self, whose: IntArray, rng: np.random.RandomState) -> FloatArray:
+        n = self.centres.shape[1]
+        normal = rng.standard_normal((whose.size, n, 1))
+        wide = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, whose.size))
+        steps = np.linalg.solve(self.roots[whose], normal)[..., 0]
+        return np.asarray(self.centres[whose] + wide[:, None] * steps)
+
+
+def _reflected(table: FloatArray) -> FloatArray:
+    """Points folded back into the box at its faces."""
+    folded = np.mod(table, 2.0)
+    return np.asarray(np.where(folded > 1.0, 2.0 - folded, folded))

@@ -1,0 +1,231 @@
+"""What draws say: values with intervals, shares of minima, whether there are enough of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fitting.inference.posterior.chain import Walk
+from fitting.inference.posterior.diagnostics import autocorrelation_time, split_rhat
+from fitting.inference.posterior.minima import Target, about
+from fitting.inference.posterior.start import Minimum
+from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.notation import number
+
+#: Steps over the longest correlation time, and R, at which there are enough draws.
+LONG_ENOUGH, AGREE = 50.0, 1.01
+#: Share of a chain that is left out at its beginning.
+LEFT_OUT = 0.2
+CONVERGED, NOT_CONVERGED, INTERRUPTED = "converged", "not converged", "interrupted"
+#: Ends of the intervals as shares of the draws: half of what a Gaussian has beyond one sigma.
+ENDS68, ENDS95 = (0.158655, 0.841345), (0.025, 0.975)
+
+Interval = tuple[float, float]
+NONE: Interval = (math.nan, math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorValue:
+    """One parameter, all numbers in `unit`.
+
+    `median`, `mean`, `std` and the central intervals are those of the draws, NaN where these have
+    not converged; `interval95` leaves 2.5 % of them on either side. `tau` is the integrated
+    autocorrelation time in steps, `rhat` the rank-normalised split R, `effective` so many
+    independent draws are worth as much as these. `lower` and `upper` are the box, `prior` and
+    `prior_sigma` the Gaussian prior (NaN: uniform in the box). `profile95` is the fit's interval,
+    `most_likely` its value, `truth` what is true, NaN where nobody knows it.
+    """
+
+    unit: str
+    median: float
+    mean: float
+    std: float
+    interval68: Interval
+    interval95: Interval
+    tau: float
+    rhat: float
+    effective: float
+    lower: float
+    upper: float
+    prior: float
+    prior_sigma: float
+    most_likely: float
+    profile95: Interval
+    truth: float
+    shared: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorMode:
+    """One minimum: where it is, who knew of it, the share of draws nearest to it, its error.
+
+    The share is NaN where the draws have not converged. Draws are nearest to a minimum by the
+    linearised errors there.
+    """
+
+    parameters: Mapping[str, float]
+    origin: str
+    share: float
+    share_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosteriorSummary:
+    """What `posterior.json` holds.
+
+    `status` is "converged", "not converged" or "interrupted", `message` says why. `steps` of
+    `walkers` were taken, `discarded` of them at the beginning are left out. `evaluations` of the
+    model were asked for, `failed` of them had no value, which counts as impossible; `accepted` is
+    the share of proposals that were taken. `alternative` are the discrete settings.
+    """
+
+    title: str
+    synthetic: bool
+    status: str
+    message: str
+    values: Mapping[str, PosteriorValue]
+    modes: tuple[PosteriorMode, ...]
+    alternative: Mapping[str, Scalar]
+    walkers: int
+    steps: int
+    discarded: int
+    evaluations: int
+    failed: int
+    accepted: float
+    seed: int
+    notes: tuple[str, ...]
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reached:
+    """How far a walk is: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,)."""
+
+    draws: FloatArray
+    discarded: int
+    taus: FloatArray
+    rhats: FloatArray
+
+    @property
+    def converged(self) -> bool:
+        """Whether there are enough draws, and the walkers agree."""
+        enough = len(self.draws) >= LONG_ENOUGH * float(np.max(self.taus))
+        return enough and float(np.max(self.rhats)) <= AGREE
+
+    def told(self, names: Sequence[str]) -> str:
+        """What is there and what is wanted, a sentence without its end.
+
+        Args:
+            names: of the parameters.
+        """
+        slow, apart = int(np.argmax(self.taus)), int(np.argmax(self.rhats))
+        times = len(self.draws) / float(self.taus[slow])
+        return (
+            f"{len(self.draws)} steps are {number(times, 3)} correlation times of {names[slow]} "
+            f"(wanted {LONG_ENOUGH:g}), R = {self.rhats[apart]:.3f} of {names[apart]} "
+            f"(wanted {AGREE:g} at most)"
+        )
+
+
+def reached(target: Target, minima: Sequence[Minimum], walk: Walk) -> Reached:
+    """How far a walk is.
+
+    Args:
+        target: The posterior.
+        minima: The most likely first.
+        walk: All its steps so far.
+    """
+    discarded = int(LEFT_OUT * walk.steps)
+    draws = about(target, minima[0], target.in_units(walk.places[discarded:]))
+    columns = [draws[..., i] for i in range(draws.shape[-1])]
+    return Reached(
+        draws=draws,
+        discarded=discarded,
+        taus=np.array([autocorrelation_time(c) for c in columns]),
+        rhats=np.array([split_rhat(c) for c in columns]),
+    )
+
+
+def values_of(
+    target: Target, found: Reached, beside: Mapping[str, Mapping[str, float | Interval]]
+) -> dict[str, PosteriorValue]:
+    """Every parameter by name.
+
+    Args:
+        target: The posterior.
+        found: Draws.
+        beside: ``most_likely``, ``profile95`` and ``truth`` by name of the parameter.
+    """
+    made = {}
+    for i, p in enumerate(target.parameters):
+        column = found.draws[..., i]
+        mine = column if found.converged else np.array([math.nan])
+        ends = np.quantile(mine, [0.5, *ENDS68, *ENDS95]).tolist()
+        made[p.name] = PosteriorValue(
+            unit=p.unit,
+            median=ends[0],
+            mean=float(np.mean(mine)),
+            std=float(np.std(mine)),
+            interval68=(ends[1], ends[2]),
+            interval95=(ends[3], ends[4]),
+            tau=float(found.taus[i]),
+            rhat=float(found.rhats[i]),
+            effective=column.size / float(found.taus[i]),
+            lower=p.lower,
+            upper=p.upper,
+            prior=p.reference if p.prior_sigma else math.nan,
+            prior_sigma=p.prior_sigma or math.nan,
+            most_likely=_number(beside["most_likely"].get(p.name)),
+            profile95=_interval(beside["profile95"].get(p.name)),
+            truth=_number(beside["truth"].get(p.name)),
+            shared=not p.experiments,
+        )
+    return made
+
+
+def _number(value: float | Interval | None) -> float:
+    return float(value) if isinstance(value, int | float) else math.nan
+
+
+def _interval(value: float | Interval | None) -> Interval:
+    return value if isinstance(value, tuple) else NONE
+
+
+def modes_of(
+    target: Target, minima: Sequence[Minimum], walk: Walk, found: Reached
+) -> tuple[PosteriorMode, ...]:
+    """The minima, with the share of the draws that are nearest to each.
+
+    Args:
+        target: The posterior.
+        minima: Copies a period off among them, last.
+        walk: All steps.
+        found: What is left of them.
+    """
+    places = walk.places[found.discarded :]
+    flat = places.reshape(-1, places.shape[-1])
+    whose = np.argmin([m.distances(flat) for m in minima], axis=0)
+    first = np.array([k if m.copy_of < 0 else m.copy_of for k, m in enumerate(minima)])
+    nearest = first[whose].reshape(places.shape[:-1])
+    made = []
+    for k, m in enumerate(minima):
+        if m.copy_of >= 0:
+            continue
+        here = (nearest == k).astype(float)
+        share, error = float(np.mean(here)), math.nan
+        if 0.0 < share < 1.0:
+            effective = here.size / autocorrelation_time(here)
+            error = math.sqrt(share * (1.0 - share) / effective)
+        centre = about(target, minima[0], target.in_units(m.centre)).tolist()
+        made.append(
+            PosteriorMode(
+                parameters=dict(zip((p.name for p in target.parameters), centre, strict=True)),
+                origin=m.origin,
+                share=share if found.converged else math.nan,
+                share_error=error if found.converged else math.nan,
+            )
+        )
+    return tuple(made)

@@ -1,0 +1,253 @@
+"""Draws from posteriors that are known without any: in closed form, or by a sum over a grid."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.api.written import CHAIN_FILE
+from fitting.fit.problem import Problem as Record
+from tests.support import closed_posteriors as closed
+from tests.support.datasets import dataset
+
+
+def fitted(problem: ff.Problem) -> ff.Fit:
+    return ff.fit(problem, ff.Tikhonov(levels=4, misfit="squares"), starts=1)
+
+
+@pytest.fixture(scope="module")
+def linear() -> ff.Posterior:
+    problem = closed.linear()
+    return ff.posterior(problem, fitted(problem), ff.Sampling(seed=1))
+
+
+def close(found: ff.Posterior, mean: np.ndarray, covariance: np.ndarray) -> None:
+    """Mean, standard deviation and interval within four errors of so many draws."""
+    for value, truth, std in zip(
+        found.values.values(), mean, np.sqrt(np.diag(covariance)), strict=True
+    ):
+        error = 4.0 / math.sqrt(value.effective)
+        assert abs(value.mean - truth) < error * std
+        assert value.std / std == pytest.approx(
+            1.0, abs=error
+        )  # sqrt(2) errors of its own: 4 are 6
+        low, high = value.interval95
+        # an end of 95 % is known to sqrt(p (1 - p))/phi = 2.67 times the error of the mean
+        assert low == pytest.approx(truth - 1.96 * std, abs=2.67 * error * std)
+        assert high == pytest.approx(truth + 1.96 * std, abs=2.67 * error * std)
+
+
+def test_a_linear_problem_has_the_posterior_of_its_normal_equations(linear: ff.Posterior) -> None:
+    assert linear.status == "converged"
+    mean, covariance = closed.linear_moments()
+    close(linear, mean, covariance)
+    drawn = np.corrcoef(linear.draws.reshape(-1, 3).T)
+    scale = np.sqrt(np.diag(covariance))
+    effective = min(value.effective for value in linear.values.values())
+    assert drawn == pytest.approx(
+        covariance / np.outer(scale, scale), abs=4.0 / math.sqrt(effective)
+    )
+
+
+def test_a_gaussian_prior_is_one_more_measurement() -> None:
+    prior = (3.0, 0.2)
+    problem = closed.linear(prior)
+    found = ff.posterior(problem, fitted(problem))
+    close(found, *closed.linear_moments(prior))
+    assert found["p1"].prior_sigma == 0.2
+    assert "p1 has a Gaussian prior" in " ".join(found.summary.notes)
+
+
+def test_an_exchange_that_a_prior_favours_has_both_minima_as_often_as_they_are_likely() -> None:
+    problem = closed.exchange()
+    found = ff.posterior(problem, fitted(problem), truth={"p1": 7.0, "p2": 3.0})
+    assert found.status == "converged"
+    share = closed.exchange_share()
+    assert 0.1 < 1.0 - share < 0.45
+    above = found.draws[..., 0] > found.draws[..., 1]
+    fewest = min(value.effective for value in found.values.values())
+    error = math.sqrt(share * (1.0 - share) / fewest)
+    assert float(np.mean(above)) == pytest.approx(share, abs=4.0 * error)
+    here, there = found.summary.modes
+    assert here.share == pytest.approx(share, abs=4.0 * here.share_error)
+    assert here.share + there.share == pytest.approx(1.0)
+    assert here.share_error < 0.03
+    assert sorted(here.parameters.values()) == pytest.approx([3.0, 7.0], abs=0.1)
+    assert "share of draws" in repr(found)
+
+
+def test_walkers_that_cannot_change_minima_are_not_called_converged() -> None:
+    """Without the mixture each walker stays where it began: any share would come out."""
+    problem = closed.exchange()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fitting.inference.posterior.chain.MIXED", 0.0)
+        patch.setattr("fitting.inference.posterior.chain.DIFFERENCE", 0.0)
+        found = ff.posterior(problem, fitted(problem), ff.Sampling(steps=1000, walkers=8))
+    assert found.status == "not converged"
+    assert math.isnan(found["p1"].median)
+    assert all(math.isnan(end) for end in (*found["p1"].interval68, *found["p1"].interval95))
+    assert all(math.isnan(mode.share) for mode in found.summary.modes)
+    assert "no interval is told" in repr(found)
+    assert found["p1"].rhat > 1.01
+
+
+def test_a_box_that_cuts_the_posterior_cuts_the_draws() -> None:
+    """z = p, measured 0.2 above the upper end of the box with noise 1: a Gaussian's lower part."""
+    formula = closed.Formula(lambda p: p)
+    problem = closed.problem(
+        formula, [closed.parameter("p", -9.0, 11.0, 9.0)], np.array([11.2]), np.array([1.0])
+    )
+    found = ff.posterior(problem, fitted(problem))
+    assert found.draws.max() <= 11.0
+    below = 0.5 * math.erfc(0.2 / math.sqrt(2.0))  # Phi(-0.2)
+    density = math.exp(-0.5 * 0.2**2) / math.sqrt(2.0 * math.pi)
+    mean = 11.2 - density / below
+    value = found["p"]
+    assert value.mean == pytest.approx(mean, abs=4.0 * value.std / math.sqrt(value.effective))
+
+
+def test_a_period_counts_once_where_the_box_holds_it() -> None:
+    """z = (cos p, sin p) about p = 0.05: half of the draws lie at the other end of the box."""
+    circle = closed.Formula(lambda p: np.column_stack([2.0 + np.cos(p), 2.0 + np.sin(p)]))
+    angle = replace(closed.parameter("p", 0.0, 2.0 * math.pi, 0.1), period=2.0 * math.pi)
+    measured = np.array([2.0 + math.cos(0.05), 2.0 + math.sin(0.05)])
+    problem = closed.problem(circle, [angle], measured, np.array([0.1, 0.1]))
+    found = ff.posterior(problem, fitted(problem))
+    assert found.status == "converged"
+    value = found["p"]
+    error = 4.0 / math.sqrt(value.effective)
+    assert value.mean == pytest.approx(0.05, abs=0.1 * error)
+    assert value.std == pytest.approx(0.1, rel=error + 0.01)  # an arc is as good as straight
+    assert len(found.summary.modes) == 1
+
+
+def test_where_the_model_has_no_value_nothing_is_likely() -> None:
+    formula = closed.Formula(lambda p: p, fails=lambda p: p[0] > 11.0)
+    problem = closed.problem(
+        formula, [closed.parameter("p", -9.0, 31.0, 9.0)], np.array([10.5]), np.array([1.0])
+    )
+    found = ff.posterior(problem, fitted(problem))
+    assert found.draws.max() <= 11.0
+    assert found.summary.failed > 0
+    assert f"{found.summary.failed} of {found.summary.evaluations}" in repr(found)
+
+
+def test_the_same_seed_draws_the_same_and_another_one_others(linear: ff.Posterior) -> None:
+    problem = closed.linear()
+    at = fitted(problem)
+    again = ff.posterior(problem, at, ff.Sampling(seed=1))
+    assert np.array_equal(again.draws, linear.draws)
+    other = ff.posterior(problem, at, ff.Sampling(seed=2))
+    assert not np.array_equal(other.draws[:9], linear.draws[:9])
+
+
+def test_an_interrupted_chain_goes_on_as_if_it_had_not_been(
+    tmp_path: Path, linear: ff.Posterior
+) -> None:
+    problem = closed.linear()
+    at = fitted(problem)
+
+    def stop(words: str) -> None:
+        if "correlation times" in words:
+            raise KeyboardInterrupt
+
+    begun = ff.posterior(problem, at, out=tmp_path, progress=stop)
+    assert begun.status == "interrupted"
+    assert math.isnan(begun["p1"].median)
+    ended = ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
+    assert np.array_equal(ended.draws, linear.draws)
+    assert ended.summary.evaluations >= linear.summary.evaluations
+    with pytest.raises(ff.BadInput, match="other data"):
+        ff.posterior(problem, at, ff.Sampling(resume=True, seed=3), out=tmp_path)
+    (tmp_path / CHAIN_FILE).write_bytes(b"no chain")
+    with pytest.raises(ff.BadInput, match=r"changed since|no chain"):
+        ff.posterior(problem, at, ff.Sampling(resume=True), out=tmp_path)
+
+
+def test_what_is_written_says_what_was_found(tmp_path: Path, linear: ff.Posterior) -> None:
+    paths = ff.write_posterior(linear, tmp_path)
+    assert {p.name for p in paths} == {
+        "posterior.json",
+        "draws.csv",
+        "1_corner.png",
+        "1_corner.svg",
+        "report.html",
+    }
+    told = json.loads((tmp_path / "posterior.json").read_text("utf-8"))
+    assert told["values"]["p2"]["median"] == linear["p2"].median
+    head, *rows = (tmp_path / "draws.csv").read_text("utf-8").splitlines()
+    assert head == "p1,p2,p3"
+    table = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    assert np.array_equal(table, linear.thinned)
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "converged" in page
+    assert "uniform in the box" in page
+
+
+def test_the_cost_is_known_before(linear: ff.Posterior) -> None:
+    problem = closed.linear()
+    cost = ff.posterior_cost(problem, fitted(problem))
+    least, most = cost.evaluations
+    assert cost.walkers == linear.summary.walkers
+    assert cost.minima == 1
+    # points outside of the box are not evaluated, of which this box knows none
+    assert least <= linear.summary.evaluations <= most
+
+
+def test_what_cannot_be_drawn_from_is_told(tmp_path: Path) -> None:
+    problem = closed.linear()
+    at = fitted(problem)
+    with pytest.raises(ff.BadInput, match="4 walkers for 3 parameters, wanted at least 6"):
+        ff.posterior(problem, at, ff.Sampling(walkers=4))
+    with pytest.raises(ff.BadInput, match="walkers is 7, wanted an even number"):
+        ff.Sampling(walkers=7)
+    with pytest.raises(ff.BadInput, match="steps is 10, wanted at least 200"):
+        ff.Sampling(steps=10)
+    with pytest.raises(ff.BadInput, match="seed is -1, wanted at least 0"):
+        ff.Sampling(seed=-1)
+    with pytest.raises(ff.BadInput, match="of another problem: p, p1, p2 and p3"):
+        ff.posterior(one_of_unknown_noise(), at)
+    unknown = one_of_unknown_noise()
+    with pytest.raises(ff.BadInput, match="noise of 1 of 1 rows is not known"):
+        ff.posterior(unknown, fitted(unknown))
+    with pytest.raises(ff.BadInput, match="found a int, wanted a Fit"):
+        ff.posterior(problem, 3)  # type: ignore[arg-type]
+
+
+def one_of_unknown_noise() -> ff.Problem:
+    parameters = (closed.parameter("p", 0.0, 20.0, 9.0),)
+    record = Record(parameters=parameters, data=dataset(np.array([10.0]), np.array([0.0])))
+    formula = closed.Formula(lambda p: p)
+    return ff.Problem.answered_by(lambda alternative: formula, record)
+
+
+def test_without_the_library_a_sentence_says_how_to_have_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = closed.linear()
+    at = fitted(problem)
+    given = builtins.__import__
+
+    def without(
+        name: str,
+        names: Mapping[str, object] | None = None,
+        inside: Mapping[str, object] | None = None,
+        some: Sequence[str] = (),
+        level: int = 0,
+    ) -> Any:
+        if name == "emcee":
+            raise ImportError("No module named 'emcee'")
+        return given(name, names, inside, some, level)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(ff.BadInput, match=r"pip install 'fmu-fit\[posterior\]'"):
+        ff.posterior(problem, at)

@@ -1,0 +1,139 @@
+"""Whether draws are enough, and whether ranks are uniform: against closed forms and arviz."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fitting.inference.posterior.diagnostics import autocorrelation_time, split_rhat
+from fitting.inference.posterior.learnt import worth
+from fitting.inference.posterior.minima import Target, about, minima_of
+from fitting.inference.posterior.ranks import rank_of, uniformity
+from fitting.inference.posterior.start import Minimum, Mixture
+from fitting.text.arrays import FloatArray
+from tests.support.closed_posteriors import parameter
+
+
+def autoregressive(rho: float, steps: int, walkers: int, seed: int) -> FloatArray:
+    """x_t = rho x_(t-1) + noise: tau = (1 + rho)/(1 - rho)."""
+    noise = np.random.default_rng(seed).standard_normal((steps + 200, walkers))
+    found = np.zeros_like(noise)
+    for t in range(1, len(noise)):
+        found[t] = rho * found[t - 1] + noise[t]
+    return found[200:]
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_the_correlation_time_of_an_autoregression_is_that_of_its_formula(rho: float) -> None:
+    tau = (1.0 + rho) / (1.0 - rho)
+    found = autocorrelation_time(autoregressive(rho, 4000, 20, seed=1))
+    # Sokal: var(tau)/tau^2 = 2 (2 M + 1)/steps, M = 5 tau, 20 walkers; beyond M is exp(-10) of it
+    error = math.sqrt(2.0 * (10.0 * tau + 1.0) / (4000 * 20))
+    assert found == pytest.approx(tau, rel=4.0 * error)
+
+
+def test_walkers_that_stay_have_a_correlation_time_as_long_as_the_chain() -> None:
+    apart = np.repeat([[0.0, 1.0]], 1000, axis=0)
+    apart = apart + 1e-3 * np.random.default_rng(1).standard_normal(apart.shape)
+    assert autocorrelation_time(apart) > 400.0
+    assert autocorrelation_time(np.ones((100, 4))) == math.inf
+
+
+def waves() -> FloatArray:
+    k, j = np.arange(100)[:, None], np.arange(4)[None, :]
+    slow = np.sin(0.7 * (k + 1) * (1 + 0.13 * j)) + 0.05 * j
+    return np.asarray(slow + np.sin(0.011 * (k + 1) ** 2))
+
+
+def test_r_is_that_of_arviz() -> None:
+    """arviz-stats 0.8.0, array_stats.rhat(method="rank"), of four chains of a hundred values."""
+    chains = waves()
+    assert split_rhat(chains) == pytest.approx(0.9977634218182786, rel=1e-9)
+    assert split_rhat(np.round(chains, 1)) == pytest.approx(0.9977708505170096, rel=1e-9)  # ties
+    wide = chains * [1.0, 1.0, 1.0, 3.0]  # the same means: only the distances from the median tell
+    assert split_rhat(wide) == pytest.approx(1.1294681590296174, rel=1e-9)
+    assert split_rhat(np.repeat([[0.0, 1.0]], 10, axis=0)) == math.inf
+
+
+def test_a_mixture_has_the_density_of_its_draws() -> None:
+    """By importance: the mean of (Gaussian density)/q over draws of q is one."""
+    roots = [np.diag([30.0, 50.0]), np.array([[20.0, 10.0], [0.0, 40.0]])]
+    minima = [
+        Minimum(centre=np.array([0.3, 0.4]), root=roots[0], weight=0.0, origin=""),
+        Minimum(centre=np.array([0.7, 0.6]), root=roots[1], weight=1.0, origin=""),
+    ]
+    mixture = Mixture.of(minima)
+    assert mixture.weights.sum() == pytest.approx(1.0)
+    draws = mixture.draw(40000, np.random.RandomState(1))
+    n, nu = 2, 5.0
+    constant = (
+        math.lgamma(0.5 * (nu + n)) - math.lgamma(0.5 * nu) - 0.5 * n * math.log(nu * math.pi)
+    )
+    off = (draws - [0.5, 0.5]) / 0.1
+    gaussian = -0.5 * np.sum(off**2, axis=1) - math.log(2.0 * math.pi * 0.01)
+    ratio = np.exp(gaussian - mixture.log_density(draws) - constant)
+    assert np.mean(ratio) == pytest.approx(1.0, abs=4.0 * np.std(ratio) / 200.0)
+
+    def own(table: FloatArray) -> FloatArray:
+        return mixture.log_density(table)
+
+    assert worth(mixture, own, np.random.RandomState(2)) == pytest.approx(1.0)
+    assert worth(mixture, lambda t: np.full(len(t), -np.inf), np.random.RandomState(2)) == 0.0
+
+
+def two_wells() -> Target:
+    """-2 ln p = ((q^2 - 1)/0.1)^2: minima at -1 and 1, as one parameter of the box -3 ... 2."""
+
+    def log(p: FloatArray) -> FloatArray:
+        found = np.where(
+            np.abs(p[:, 0] + 0.5) <= 2.5, -0.5 * ((p[:, 0] ** 2 - 1.0) / 0.1) ** 2, -np.inf
+        )
+        return np.asarray(found)
+
+    def rows(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return (p**2 - 1.0) / 0.1, np.diag(2.0 * p / 0.1)
+
+    return Target(parameters=(parameter("q", -3.0, 2.0, 0.5),), log=log, rows=rows)
+
+
+def test_minima_that_nobody_knew_are_looked_for_and_each_is_there_once() -> None:
+    target = two_wells()
+    found = minima_of(target, [("a fit", np.array([0.9])), ("the same", np.array([1.1]))])
+    assert sorted(float(target.in_units(m.centre)[0]) for m in found) == pytest.approx([-1.0, 1.0])
+    assert {m.origin for m in found} == {"a fit", "a point of the box"}
+    # the width is 0.1/2 in a box of 5; the box's own variance is a part in 3e4 of it
+    assert [abs(float(m.root[0, 0])) for m in found] == pytest.approx([100.0, 100.0], rel=1e-3)
+
+
+def test_values_a_period_off_are_told_about_the_minimum() -> None:
+    angle = replace(parameter("q", 0.0, 1.0, 0.5), period=1.0)
+    target = replace(two_wells(), parameters=(angle,))
+    here = Minimum(centre=np.array([0.02]), root=np.eye(1), weight=0.0, origin="")
+    drawn = about(target, here, np.array([[0.1], [0.9], [0.45], [0.6]]))
+    assert drawn[:, 0] == pytest.approx([0.1, -0.1, 0.45, -0.4])
+    narrow = replace(target, parameters=(replace(angle, upper=0.95),))
+    assert about(narrow, here, np.array([[0.9]]))[0, 0] == 0.9
+
+
+def test_ranks_of_truths_that_are_draws_are_uniform_and_others_are_not() -> None:
+    """A Gaussian posterior of known width, and one that says half of it."""
+    rng = np.random.default_rng(1)
+    truths = rng.standard_normal(400)
+    draws = rng.standard_normal((400, 99))
+    told = uniformity("x", [rank_of(t, d) for t, d in zip(truths, draws, strict=True)], 99, 20)
+    assert sum(told.bins) == 400
+    assert told.p_value > 1e-3
+    assert told.fraction_std == pytest.approx(math.sqrt(1 / 12), abs=4 * 0.0075)
+    narrow = uniformity(
+        "x", [rank_of(t, 0.5 * d) for t, d in zip(truths, draws, strict=True)], 99, 20
+    )
+    assert narrow.p_value < 1e-9
+    assert narrow.fraction_std > 0.33
+    # by hand: 6 and 2 of 8 in two bins: (2^2 + 2^2)/4 = 2, P = erfc(sqrt(2/2)) = 0.1573
+    two = uniformity("x", [0, 0, 1, 1, 2, 2, 7, 9], 9, 2)
+    assert two.bins == (6, 2)
+    assert two.chi_square == pytest.approx(2.0)
+    assert two.p_value == pytest.approx(math.erfc(1.0), rel=1e-12)
