@@ -14,12 +14,13 @@ from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import Channel, RawTrace, Recording, read_trace, unit_of
 from fitting.campaign.instruments.recording import of_table
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
+from fitting.campaign.instruments.wide import read_spectra_table
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
-from fitting.text.tables import Table, read_table
+from fitting.text.tables import Table
 from fitting.text.written import Written
 
 S = TypeVar("S")
@@ -75,7 +76,7 @@ def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]
         BadInput: no such file or column, values that are no numbers, frequencies that do not rise
             or are there twice, two spectra at the same values, fewer than two spectra.
     """
-    table = read_table(path)
+    table = read_spectra_table(path)
     places = places_of(table, how.controls)
     recording = of_table(table)
     return tuple(spectra_at(table, places, partial(_spectrum, table, recording, how)))

@@ -61,7 +61,8 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
     file: FileName
     """Either all points, a row each: the controls, frequency, amplitude, or other usual names of
     these, as f and R; or a row for each spectrum: the controls, and in the column file the name of
-    the spectrum's own file."""
+    the spectrum's own file; or a column of amplitudes for each value of one control, its head as
+    "V=1.2 V", or a row for each, with the frequencies in the head."""
     amplitude: Annotated[
         Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
     ]
