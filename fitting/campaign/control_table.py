@@ -11,14 +11,16 @@ from typing import TypeVar
 import numpy as np
 
 from fitting.campaign.file import TraceFormat
-from fitting.campaign.instruments import RawTrace, read_trace, unit_of
+from fitting.campaign.instruments import Channel, RawTrace, Recording, read_trace, unit_of
+from fitting.campaign.instruments.recording import of_table
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
+from fitting.campaign.instruments.wide import read_spectra_table
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
-from fitting.text.tables import Column, Table, read_table
+from fitting.text.tables import Table
 from fitting.text.written import Written
 
 S = TypeVar("S")
@@ -74,9 +76,10 @@ def read_spectra(path: Path, how: SpectraFormat) -> tuple[MeasuredSpectrum, ...]
         BadInput: no such file or column, values that are no numbers, frequencies that do not rise
             or are there twice, two spectra at the same values, fewer than two spectra.
     """
-    table = read_table(path)
+    table = read_spectra_table(path)
     places = places_of(table, how.controls)
-    return tuple(spectra_at(table, places, partial(_spectrum, table, how)))
+    recording = of_table(table)
+    return tuple(spectra_at(table, places, partial(_spectrum, table, recording, how)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,13 +209,15 @@ def inside(frequency_hz: FloatArray, range_hz: tuple[float, float], where: str) 
     return np.asarray(kept)
 
 
-def _spectrum(table: Table, how: SpectraFormat, place: ControlPlace) -> MeasuredSpectrum:
+def _spectrum(
+    table: Table, recording: Recording, how: SpectraFormat, place: ControlPlace
+) -> MeasuredSpectrum:
     path = file_at(table, place)
     if path is not None:
         raw = read_trace(path, how.trace.layout, how.trace.selection)
         read = _from_trace(raw, how)
     else:
-        read = _from_rows(table, how, place.rows)
+        read = _from_rows(table, recording, how, place.rows)
     spectrum = replace(read, label=place.label, controls=place.controls)
     if how.fundamental_hz is not None:
         spectrum = with_harmonics(spectrum, how.fundamental_hz)
@@ -251,12 +256,15 @@ def _hertz(unit: str, where: str) -> float:
     return float(hertz_of([1.0], unit, where=where)[0])
 
 
-def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpectrum:
-    frequency = _usual(table, "frequency", FREQUENCY, how)
-    amplitude = _usual(table, "amplitude", AMPLITUDE, how)
-    where = f"{table.path}: column 'frequency'"
-    written = unit_of(table, frequency, "frequency (Hz)")
-    f = _hertz(written, where) * table.numbers(frequency)[rows]
+def _from_rows(
+    table: Table, recording: Recording, how: SpectraFormat, rows: IntArray
+) -> MeasuredSpectrum:
+    selection = how.trace.selection
+    frequency = _named(recording, selection.frequency, FREQUENCY, how)
+    amplitude = _named(recording, selection.amplitude, AMPLITUDE, how)
+    where = f"{table.path}: column '{frequency.name}'"
+    written = unit_of(recording, frequency, "frequency (Hz)")
+    f = _hertz(written, where) * recording.numbers(frequency)[rows]
     for i in np.flatnonzero(f < 0.0)[:1]:
         raise BadInput(
             f"{table.path}: row {table.lines[rows[i]]}: frequency {f[i]:.12g} Hz; wanted one from "
@@ -268,8 +276,8 @@ def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpec
             f"{f[i]:.12g} Hz; wanted strictly rising ones at each value of the controls"
         )
     places = [f"row {table.lines[i]}" for i in rows]
-    unit = unit_of(table, amplitude, "amplitude (uV)")
-    values = table.numbers(amplitude)[rows]
+    unit = unit_of(recording, amplitude, "amplitude (uV)")
+    values = recording.numbers(amplitude)[rows]
     driven = table.find(how.drive_column) if how.drive_column else None
     drive = None if driven is None else table.numbers(driven)[rows]
     if drive is not None and np.any(drive <= 0.0):
@@ -285,11 +293,15 @@ def _from_rows(table: Table, how: SpectraFormat, rows: IntArray) -> MeasuredSpec
     )
 
 
-def _usual(table: Table, name: str, names: Sequence[str], how: SpectraFormat) -> Column:
-    """The column of that name, or else of the first usual one that is no control and no drive."""
+def _named(recording: Recording, wanted: str, names: Sequence[str], how: SpectraFormat) -> Channel:
+    """The column of the wanted name, else of the first usual one that is no control, no drive."""
+    if wanted:
+        return recording.column(wanted)
     taken = {each.lower() for each in (*how.controls, how.drive_column)}
-    found = (table.find(each) for each in (name, *names) if each not in taken)
-    return next((column for column in found if column is not None), None) or table.column(name)
+    found = (recording.find(each) for each in names if each not in taken)
+    return next((column for column in found if column is not None), None) or recording.column(
+        names[0]
+    )
 
 
 def with_harmonics(spectrum: MeasuredSpectrum, fundamental_hz: float) -> MeasuredSpectrum:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
 from fitting.cli.words.parser import COMMANDS, parser_of
@@ -28,16 +29,31 @@ def run(args: argparse.Namespace) -> int:
     """Print the text that the shell reads; returns 0."""
     import shtab  # no other command needs it
 
+    from fitting.api.examples import example_titles
+
     parser = parser_of(tuple(COMMANDS))
-    for command in _commands(parser):
+    for name, command in _commands(parser).items():
+        command.description = COMMANDS[name]  # shells list it beside the name, which it begins with
         for action in command._actions:
             if action.choices is None and (action.type is Path or action.dest in FILES):
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
-    print(shtab.complete(parser, shell=args.shell))
+            if (name, action.dest) == ("example", "name"):
+                action.choices = tuple(example_titles())
+    text = shtab.complete(parser, shell=args.shell)
+    print(_with_several(text) if args.shell == "zsh" else text)
     return 0
 
 
-def _commands(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
-    """The parsers of all commands."""
+def _with_several(text: str) -> str:
+    """The text for zsh with all files of a list of files completed, and not its first one alone.
+
+    shtab writes "(*):what:which", which is one argument; "*:what:which" is any number of them.
+    Source: zshcompsys(1), specs of _arguments.
+    """
+    return re.sub(r'^(  ")\(\*\)::?', r"\1*:", text, flags=re.MULTILINE)
+
+
+def _commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parsers of all commands, by name."""
     [made] = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
-    return list(made.choices.values())
+    return dict(made.choices)

@@ -310,7 +310,7 @@ class _Written:
             if made["amplitude"] == "dBm":
                 made["impedance"] = "50 ohm"
                 remarks[at, "impedance"] = "plays no part either"
-            return made
+            return made | columns_of(roles, remarks, (at,))
         made |= columns_of(roles, remarks, (at,))
         turned, cabled = self.phases
         if turned:

@@ -55,7 +55,7 @@ class Columns:
     @property
     def selection(self) -> Selection:
         """Which part of the file."""
-        return Selection(trace=self.trace, chunk=self.chunk)
+        return Selection(amplitude=self.amplitude, trace=self.trace, chunk=self.chunk)
 
     def checked(self) -> Columns:
         """The same columns, if their names do not contradict each other.

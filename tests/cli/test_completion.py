@@ -78,11 +78,68 @@ def test_other_shells_get_every_command(shell: str, tmp_path: Path) -> None:
     assert all(name in ended.out for name in COMMANDS)
 
 
+def test_zsh_is_told_that_several_files_may_be_named() -> None:
+    """Of _arguments `*:what:which` is any number of words, `(*):what:which` is one."""
+    text = told("completion", "zsh").out
+    assert sum(line.startswith('  "*:') for line in text.splitlines()) == 4
+    assert '"(*)' not in text
+
+
+#: What zsh on a terminal is to read first: every word that is offered goes into the file "offered",
+#: and so does the line after Tab, by Ctrl-X n; Ctrl-X x ends.
+IN_ZSH = """
+PROMPT=READY; fpath=($PWD $fpath); autoload -Uz compinit; compinit -u -D; setopt extendedglob
+compadd() {
+  local -a hits
+  if [[ "${@[1,(i)(-|--)]}" == *-[a-zA-Z]#[OADE](| *)* ]]; then builtin compadd "$@"; return; fi
+  builtin compadd -O hits "$@"
+  (( $#hits )) && print -rl -- $hits >> offered
+  builtin compadd "$@"
+}
+next() { print -r -- "line:$BUFFER" >> offered; BUFFER= }
+finish() { exit }
+zle -N next; zle -N finish
+bindkey -r '^X'; bindkey '^Xn' next; bindkey '^Xx' finish; bindkey '^I' complete-word
+"""
+#: Runs it on a terminal of its own, and types.
+TYPED = """
+zmodload zsh/zpty; zpty shell zsh -f -i
+zpty -w shell 'source ./in.zsh'
+zpty -r -m shell seen '*READY*'
+for words in "$@"; do zpty -w -n shell "$words"$'\\t\\x18n'; done
+zpty -w -n shell $'\\x18x'
+while zpty -r shell seen; do :; done
+"""
+
+
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="there is no zsh on this machine")
-def test_zsh_reads_it(tmp_path: Path) -> None:
-    path = tmp_path / "_fmu-fit"
-    path.write_text(told("completion", "zsh").out)
-    subprocess.run(["zsh", "-n", str(path)], check=True)
+def test_what_zsh_offers(tmp_path: Path) -> None:
+    """On a terminal of its own, in one session, as zsh keeps what it read."""
+    (tmp_path / "_fmu-fit").write_text(told("completion", "zsh").out)
+    (tmp_path / "in.zsh").write_text(IN_ZSH)
+    (tmp_path / "typed.zsh").write_text(TYPED)
+    for name in ("map.csv", "model.fmu"):
+        (tmp_path / name).touch()
+    offered = {
+        "fmu-fit rec": {"reconstruct"},
+        "fmu-fit sweep --dir": {"--direction"},
+        "fmu-fit sweep --direction ": {"up", "down", "both"},
+        "fmu-fit completion z": {"zsh"},
+        "fmu-fit check mod": {"model.fmu"},
+        "fmu-fit check model.fmu --campaign ma": {"map.csv"},
+        "fmu-fit init map.csv mod": {"model.fmu"},
+        "fmu-fit example string_q2": {"string_q2"},
+        "fmu-fit ": set(COMMANDS),
+    }
+    words = ["zsh", "-f", "typed.zsh", *offered]
+    subprocess.run(words, cwd=tmp_path, check=False, capture_output=True, timeout=120)
+    found: list[set[str]] = [set()]
+    for line in (tmp_path / "offered").read_text().splitlines():
+        if line.startswith("line:"):
+            found.append(set())
+        else:
+            found[-1].add(line)
+    assert dict(zip(offered, found, strict=False)) == offered
 
 
 def test_a_shell_that_is_not_known_is_refused() -> None:

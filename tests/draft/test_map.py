@@ -15,6 +15,7 @@ import fitting as ff
 from fitting.api.init import init
 from fitting.cli.main import main
 from fitting.draft.crossing import Spectra, crossing_of
+from fitting.resonance.reading import Columns
 from fitting.result.result import read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.crossing_spectra import (
@@ -231,6 +232,15 @@ def test_columns_of_usual_names_are_read_by_the_campaign_too(tmp_path: Path) -> 
     campaign, said = drafted(path, tmp_path)
     assert "5 spectra over voltage (V)" in said
     assert campaign["laws"] == {"f1": "a0 + a1*voltage"}
+    assert starts(campaign)["lambda12"] == pytest.approx(LAMBDA, rel=0.01)
+
+
+def test_columns_that_flags_name_stand_in_the_campaign(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "map.csv", "V (V),u (kHz),lock-in", V, F / 1e3, sized(1, 0.001))
+    columns = Columns(frequency="u", amplitude="lock-in", unit_amplitude="V")
+    made, _ = init(path, "CoupledModes2", out=tmp_path / "o", columns=columns)
+    campaign = tomllib.loads(made.read_text("utf-8"))
+    assert campaign["control_sweep"]["columns"] == {"frequency": "u", "amplitude": "lock-in (V)"}
     assert starts(campaign)["lambda12"] == pytest.approx(LAMBDA, rel=0.01)
 
 

@@ -63,6 +63,32 @@ def test_rows_at_the_truth_are_those_of_the_closed_form(
     assert plain == pytest.approx(np.zeros(exact.size), abs=1e-9)
 
 
+def test_columns_of_other_names_without_units_are_told_by_the_campaign(
+    oscillator_fmu: Path, tmp_path: Path
+) -> None:
+    exact = crossing.measured(0, 0.0)
+    path = crossing.written(tmp_path, oscillator_fmu, exact)
+    table = tmp_path / "map.csv"
+    head, rest = table.read_text().split("\n", 1)
+    assert head == "V (mV),frequency (kHz),amplitude (mV)"
+    table.write_text("V (mV),u,seen\n" + rest)
+    columns = '[control_sweep]\ncolumns = { frequency = "u (kHz)", amplitude = "seen (mV)" }'
+    plain = path.read_text().replace("[control_sweep]", "[control_sweep]\nrectified = false")
+    path.write_text(plain.replace("[control_sweep]", columns))
+    told = ff.Problem.of(ff.read_campaign(path))
+    p = [TRUTH[name] for name in told.names]
+    assert told.residuals(p) == pytest.approx(np.zeros(exact.size), abs=1e-9)
+    path.write_text(plain.replace("[control_sweep]", columns.replace("seen (mV)", "sen (mV)")))
+    with pytest.raises(BadInput, match="no column 'sen"):
+        ff.read_campaign(path)
+    path.write_text(plain.replace("[control_sweep]", columns.replace("seen (mV)", "seen")))
+    with pytest.raises(BadInput, match=r"'seen' has no unit .* in the campaign's columns"):
+        ff.read_campaign(path)
+    path.write_text(plain.replace("[control_sweep]", columns.replace("seen (mV)", "V (mV)")))
+    with pytest.raises(BadInput, match="'V' is what a spectrum is measured over or tells"):
+        ff.read_campaign(path)
+
+
 def from_arrays(fmu: Path, amplitude: np.ndarray, scale: str) -> ff.Problem:
     setup = ff.Setup(
         ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)),

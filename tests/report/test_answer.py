@@ -97,10 +97,13 @@ def test_the_next_step_is_a_command_that_can_be_copied(result: Result) -> None:
         result.provenance,
         command="fmu-fit reconstruct 'a b.toml' more.toml --out 'my out' --quick",
     )
-    answer = answer_of(replace(result, provenance=origin))
-    assert answer.advice == "profiles, which say what the data determine: the same without " + (
-        "--no-profiles"
-    )
+    told = f"{origin.command} --resume --no-profiles --no-report"
+    answer = answer_of(replace(result, provenance=replace(origin, command=told)))
+    assert answer.advice == "profiles, which say what the data determine:"
+    assert answer.command == f"{origin.command} --no-report"
+    answer = answer_of(replace(result, provenance=replace(origin, command="")))
+    assert answer.advice.endswith("determine: ff.profile")
+    assert answer.command == ""
     profiled = replace(result, provenance=origin, knowledge=plot_records.knowledge())
     answer = answer_of(profiled)
     assert answer.command == (

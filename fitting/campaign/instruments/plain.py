@@ -12,6 +12,7 @@ from pathlib import Path
 
 from fitting.campaign.instruments.recording import Recording, of_table
 from fitting.campaign.instruments.trace import Layout, Selection
+from fitting.campaign.instruments.wide import wide_table
 from fitting.text.errors import BadInput, shown
 from fitting.text.loose_tables import (
     ENDS,
@@ -25,8 +26,11 @@ from fitting.text.loose_tables import (
 from fitting.text.tables import Table, parse_table, read_text
 
 
-def _read_csv(path: Path, _: Selection) -> Recording:
+def _read_csv(path: Path, selection: Selection) -> Recording:
     text = read_text(path)
+    wide = wide_table(path, text)
+    if wide is not None and not {selection.amplitude, selection.x} & set(wide.heads):
+        return of_table(wide.table, wide.words)
     as_told = _is_as_told(text)
     found = None if as_told else find_table(path, text)
     if found is None and not as_told and len(_kept(text)) > 1:

@@ -20,6 +20,7 @@ from fitting.campaign.control_table import (
 )
 from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.instruments.recording import Recording, of_table
+from fitting.campaign.instruments.wide import read_spectra_table
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
@@ -27,7 +28,7 @@ from fitting.measurements.complex.keys import ComplexKeys
 from fitting.measurements.complex.sweep import ComplexSweeps
 from fitting.measurements.control.keys import ControlKeys
 from fitting.text.keys import FileName, OneOf, Text
-from fitting.text.tables import Table, read_table
+from fitting.text.tables import Table
 from fitting.text.written import Written
 
 
@@ -50,7 +51,7 @@ class ComplexControlSweepTable(MeasurementTable, ComplexKeys, ControlKeys):
 
     def read(self) -> ReadComplexControlSweep:
         """Its files: Hz, complex values, controls as written."""
-        table = read_table(self.file)
+        table = read_spectra_table(self.file)
         places = places_of(table, self.controls)
         recording = of_table(table)
         curves = spectra_at(table, places, partial(self._curve_at, table, recording))

@@ -9,6 +9,7 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.control_table import OWN_COLUMNS
 from fitting.text.keys import Frequencies, Keys, Refused, Texts, Usually, refusing
 from fitting.text.notation import hertz
+from fitting.text.tables import named_column
 from fitting.text.written import in_unit
 
 
@@ -33,7 +34,7 @@ class ControlKeys(Keys):
         """
         if not self.controls:
             raise Refused("is empty, wanted at least one column", "controls")
-        points = {column.lower() for column in (*OWN_COLUMNS, *own) if column}
+        points = {named_column(each, 0).name.lower() for each in (*OWN_COLUMNS, *own) if each}
         for name in self.controls:
             if name.lower() in points:
                 raise Refused(

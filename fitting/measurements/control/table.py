@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -29,6 +29,7 @@ from fitting.text.errors import BadInput
 from fitting.text.formula import Formula
 from fitting.text.keys import (
     FileName,
+    Keys,
     Missing,
     OneOf,
     Quantity,
@@ -42,6 +43,16 @@ from fitting.text.written import in_unit
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrittenSpectrumColumns(Keys):
+    """Names of a spectrum's columns where they are not the usual ones (empty)."""
+
+    frequency: Text = ""
+    """Column of frequencies."""
+    amplitude: Text = ""
+    """Column of amplitudes."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControlSweepTable(MeasurementTable, ControlKeys):
     """Spectra over drive frequency at several values of a control quantity, fitted as a whole."""
 
@@ -50,7 +61,8 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
     file: FileName
     """Either all points, a row each: the controls, frequency, amplitude, or other usual names of
     these, as f and R; or a row for each spectrum: the controls, and in the column file the name of
-    the spectrum's own file."""
+    the spectrum's own file; or a column of amplitudes for each value of one control, its head as
+    "V=1.2 V", or a row for each, with the frequencies in the head."""
     amplitude: Annotated[
         Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not tell which they mean')
     ]
@@ -60,6 +72,9 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
     """With dBm only, and required there."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
     """How the instrument writes the spectra's own files; without it their content tells."""
+    columns: WrittenSpectrumColumns = field(default_factory=WrittenSpectrumColumns)
+    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
+    where the file tells none."""
     sigma: Value | None = None
     """Standard deviation of every amplitude, as "0.1 uV"; without it, and without relative, that of
     every spectrum is estimated from how its points scatter about a smooth curve."""
@@ -83,7 +98,7 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             declared_amplitude(self.amplitude, self.impedance, "")
-        self.check_controls()
+        self.check_controls(*vars(self.columns).values())
         if self.scale == "none" and self.amplitude == "dB":
             raise Refused(
                 'wanted "each" or "shared": dB have a reference that nobody knows', "scale"
@@ -95,7 +110,9 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
             trace=TraceFormat(
                 layout=self.layout,
                 amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
-                selection=Selection(),
+                selection=Selection(
+                    frequency=self.columns.frequency, amplitude=self.columns.amplitude
+                ),
             ),
             controls=self.controls,
             drive_column=self.drive or "",

@@ -255,7 +255,7 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     if result.status != "converged":
         return _otherwise(result), ""
     if result.knowledge is None:
-        return "profiles, which say what the data determine: the same without --no-profiles", ""
+        return _profiles(result)
     target = _target(result, left)
     if not target:
         return "", ""
@@ -274,6 +274,15 @@ def _next(result: Result, left: dict[str, Found]) -> tuple[str, str]:
     if not command:
         return f'{head or "which measurement settles it"}: ff.design, target "{target}"', ""
     return f"{head}:" if head else "", command
+
+
+def _profiles(result: Result) -> tuple[str, str]:
+    """That profiles come next: by the same command with them, from Python by their function."""
+    words = shlex.split(result.provenance.command)
+    if words[:2] != ["fmu-fit", "reconstruct"]:
+        return "profiles, which say what the data determine: ff.profile", ""
+    kept = [word for word in words if word not in ("--no-profiles", "--resume")]
+    return "profiles, which say what the data determine:", shlex.join(kept)
 
 
 def _target(result: Result, left: dict[str, Found]) -> str:
