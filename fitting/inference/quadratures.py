@@ -26,7 +26,7 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
-from fitting.measurements.measurement import Prediction
+from fitting.measurements.measurement import Estimated, Prediction
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import number
 
@@ -54,7 +54,11 @@ class PhaseGain:
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """A quality that follows from what is solved inside; `ci95` is symmetric in its logarithm."""
+    """A quality that follows from what is solved inside; `ci95` is symmetric in its logarithm.
+
+    That of a quality factor is symmetric in 1/Q, and infinite above where no loss at all would suit
+    the data as well; the value is NaN where its loss comes out negative.
+    """
 
     name: str
     value: float
@@ -92,12 +96,30 @@ def quadratures_of(solution: Solution, units: Mapping[str, str]) -> Quadratures:
     gains = _gains(solution, answers[0], units)
     tables = [_qualities(solution, answer) for answer in answers]
     found = []
-    for name, (value, fixed) in tables[0].items():
-        slopes = around.quotients([np.array([t.get(name, (math.nan, 0))[0]]) for t in tables[1:]])
-        std = math.hypot(solution.errors.of(slopes[0])[0], fixed)
-        reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
-        found.append(Quality(name=name, value=value, std=std, ci95=(value / reach, value * reach)))
+    for name, here in tables[0].items():
+        steps = [np.array([t[name].value if name in t else math.nan]) for t in tables[1:]]
+        of_parameters = solution.errors.of(around.quotients(steps)[0])[0]
+        error = math.hypot(of_parameters, here.sigma)
+        made = _of_loss if here.is_loss else _of_value
+        found.append(made(name, here.value, error))
     return Quadratures(gains=gains if phased else (), qualities=tuple(found))
+
+
+def _of_value(name: str, value: float, std: float) -> Quality:
+    reach = math.exp(min(NINETY_FIVE * std / value, 50.0))
+    return Quality(name=name, value=value, std=std, ci95=(value / reach, value * reach))
+
+
+def _of_loss(name: str, loss: float, error: float) -> Quality:
+    """1/loss, with an interval whose ends are those of the loss."""
+    most, least = loss + NINETY_FIVE * error, loss - NINETY_FIVE * error
+    there = loss > 0.0
+    return Quality(
+        name=name,
+        value=1.0 / loss if there else math.nan,
+        std=error / loss**2 if there else math.nan,
+        ci95=(1.0 / most if most > 0.0 else math.nan, 1.0 / least if least > 0.0 else math.inf),
+    )
 
 
 def as_reported(gains: Sequence[PhaseGain], stds: Mapping[str, float]) -> tuple[PhaseGain, ...]:
@@ -114,7 +136,7 @@ def as_reported(gains: Sequence[PhaseGain], stds: Mapping[str, float]) -> tuple[
     )
 
 
-def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, tuple[float, float]]:
+def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, Estimated]:
     """Values by name with their errors at fixed parameters, as wide as the residuals ask for."""
     noise = noise_of(solution.objective, solution.final)
     if solution.structure is not None:
@@ -125,7 +147,7 @@ def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, tu
     for m, q, rows in zip(data.measurements, answer, data.slices, strict=True):
         tag = f"[{m.series}]" if m.series else ""
         for name, each in m.qualities(q, sigma[rows]).items():
-            found[f"{name}{tag}"] = (each.value, each.sigma)
+            found[f"{name}{tag}"] = each
     return found
 
 
@@ -192,11 +214,7 @@ def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
     Args:
         told: of complex measurements.
     """
-    said = [
-        f"{q.name} = {number(q.value, 6)} ± {number(q.std, 2)}, {number(q.ci95[0], 6)} to "
-        f"{number(q.ci95[1], 6)} at 95 %{LOADED if q.name.startswith(LOADED_NAMES) else ''}."
-        for q in told.qualities
-    ]
+    said = [_quality_words(quality) for quality in told.qualities]
     for gain in told.gains:
         names = [g.name for g in told.gains if _alike(g, gain)]
         if gain.name != names[0]:
@@ -208,6 +226,18 @@ def quadrature_sentences(told: Quadratures) -> tuple[str, ...]:
             f"({number(gain.amplitudes / gain.phases, 2)} times as wide), with as much noise."
         )
     return tuple(said)
+
+
+def _quality_words(q: Quality) -> str:
+    """Value and interval, or the lower end alone where the interval is open above."""
+    loaded = LOADED if q.name.startswith(LOADED_NAMES) else ""
+    low, high = q.ci95
+    if math.isnan(low):
+        return f"{q.name} would be negative: the dip is not of that wiring{loaded}."
+    if math.isinf(high):
+        return f"{q.name} is {number(low, 3)} or more at 95 %{loaded}."
+    interval = f"{number(low, 6)} to {number(high, 6)} at 95 %"
+    return f"{q.name} = {number(q.value, 6)} ± {number(q.std, 2)}, {interval}{loaded}."
 
 
 def _alike(one: PhaseGain, other: PhaseGain) -> bool:

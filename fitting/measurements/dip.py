@@ -37,10 +37,9 @@ class Dip:
     depth: complex
 
     @property
-    def coupling_q(self) -> float:
-        """Qc, diameter corrected: 1/Qc = Re D/(k Q), k = 1 for a notch and 2 in reflection."""
-        share = self.depth.real / self.divisor
-        return self.loaded_q / share if share > 0.0 else float("nan")
+    def coupling_loss(self) -> float:
+        """1/Qc, diameter corrected: Re D/(k Q), k = 1 for a notch and 2 in reflection."""
+        return self.depth.real / self.divisor / self.loaded_q
 
     @property
     def divisor(self) -> float:
@@ -48,10 +47,9 @@ class Dip:
         return 2.0 if self.kind == "reflection" else 1.0
 
     @property
-    def internal_q(self) -> float:
-        """Qi of 1/Qi = 1/Q - 1/Qc; NaN where the coupling takes more than all."""
-        left = 1.0 / self.loaded_q - 1.0 / self.coupling_q
-        return 1.0 / left if left > 0.0 else float("nan")
+    def internal_loss(self) -> float:
+        """1/Qi = 1/Q - 1/Qc; negative where the coupling takes more than all."""
+        return 1.0 / self.loaded_q - self.coupling_loss
 
 
 def dip_of(
@@ -84,7 +82,7 @@ def dip_of(
 def dip_qualities(
     curve: ComplexCurve, response: ComplexArray, solved: Solved, spread: float
 ) -> dict[str, Estimated]:
-    """Coupling and internal quality by name; nothing where there is no single mode's dip.
+    """Coupling and internal quality by name, as losses; nothing without a single mode's dip.
 
     Args:
         curve: as measured.
@@ -105,18 +103,18 @@ def dip_qualities(
     found = {}
     for name, value in values.items():
         changes = [step.get(name, np.nan) - value for step in steps]
-        found[name] = Estimated(value, float(np.linalg.norm(changes)))
+        found[name] = Estimated(value, float(np.linalg.norm(changes)), is_loss=True)
     return found
 
 
 def _values(
     curve: ComplexCurve, response: ComplexArray, coefficients: ComplexArray
 ) -> dict[str, float]:
-    """Coupling and internal quality by name; nothing where there is no single mode's dip."""
+    """Losses of coupling and of the mode itself by name; nothing without a single mode's dip."""
     dip = dip_of(curve.wiring, curve.u_hz, response, coefficients)
     if dip is None:
         return {}
-    return {"Q_coupling": dip.coupling_q, "Q_internal": dip.internal_q}
+    return {"Q_coupling": dip.coupling_loss, "Q_internal": dip.internal_loss}
 
 
 def _root(design: ComplexArray) -> ComplexArray:

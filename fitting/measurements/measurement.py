@@ -60,10 +60,14 @@ class Scale:
 
 @dataclass(frozen=True)
 class Estimated:
-    """A value, and the standard deviation that it has at fixed parameters of the fit."""
+    """A value, and the standard deviation that it has at fixed parameters of the fit.
+
+    ``is_loss``: both are those of its inverse, 1/Q, as losses add up and may be zero.
+    """
 
     value: float
     sigma: float
+    is_loss: bool = False
 
 
 @dataclass(frozen=True)

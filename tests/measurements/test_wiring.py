@@ -11,8 +11,10 @@ from scipy.optimize import least_squares
 import fitting as ff
 from fitting.api.fmu import Fmu
 from fitting.campaign import Setup
+from fitting.inference.quadratures import quadrature_sentences
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.notation import number
 from tests.bench.bench_wiring import deviations, laboratory
 from tests.support.complex_data import notch, with_noise
 
@@ -82,6 +84,37 @@ def test_qualities_and_their_errors_are_those_of_least_squares_in_all_unknowns(
     low, high = told["Q_coupling"].ci95
     assert np.log(high / low) == pytest.approx(2 * 1.96 * relative, rel=1e-3)
     assert low < 1e4 / inverse.real < high
+
+
+def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
+    oscillator_fmu: Path,
+) -> None:
+    """Losses add up: 1/Qi is 1 % of 1/Q, its interval reaches zero, and holds the truth."""
+    coupled = 1e4 / Q * 0.99
+    true = np.array([0.1, 0.28, 0.0, 1e4 / Q, coupled, 0.3 * coupled, 0.0])
+    y = with_noise(seen(true, 1.0), 0.02, seed=4)
+    fit = least_squares(
+        lambda q: np.concatenate([(seen(q, 1.0) - y).real, (seen(q, 1.0) - y).imag]),
+        true,
+        x_scale=[1.0, 1.0, 10.0, 1.0, 1.0, 1.0, 1.0],
+    )
+    freedom = fit.fun.size - true.size
+    spread = float(fit.fun @ fit.fun) / freedom * np.linalg.inv(fit.jac.T @ fit.jac)
+    loss = 1e-4 * (fit.x[3] - fit.x[4])
+    error = 1e-4 * np.sqrt(spread[3, 3] + spread[4, 4] - 2 * spread[3, 4])
+    assert loss < 1.9 * error  # so that noise hides it
+    curve = ff.ComplexCurve(SEEN, y, delay_s=None, wiring=ff.Wiring(kind="notch"))
+    problem = ff.Problem(oscillator_fmu, PARAMETERS, ff.ComplexSweep(SETUP, curve))
+    found = ff.fit(problem, method=METHOD, starts=1)
+    told = found.inferred.quadratures
+    [internal] = [q for q in told.qualities if q.name == "Q_internal"]
+    widening = found.record.solution.errors.inflation
+    low, high = internal.ci95
+    assert 1.0 / low == pytest.approx(loss + 1.96 * widening * error, rel=0.02)
+    assert np.isinf(high)
+    assert low < 100.0 * Q
+    [said] = [s for s in quadrature_sentences(told) if s.startswith("Q_internal")]
+    assert f"Q_internal is {number(low, 3)} or more at 95 %" in said
 
 
 def test_a_word_that_is_no_wiring_is_refused() -> None:

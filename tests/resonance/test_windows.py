@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.report.words.line import sentences
+from fitting.report.words.line import answer, sentences
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.bench.bench_windows import scene
 from tests.support.lines import mode, noise
@@ -97,6 +97,8 @@ def test_without_phases_the_other_amplitude_is_told() -> None:
     for value, true in zip(both, truth, strict=True):
         assert abs(value - true) < 6.0 * found.amplitude_std < 0.05
     assert any("A may as well be" in sentence for sentence in sentences(found))
+    assert " or " in answer(found)[3]
+    assert answer(found)[3].endswith("not determined which)")
 
 
 def test_an_amplitude_that_slopes_do_not_see_has_an_error_that_holds() -> None:

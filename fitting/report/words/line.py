@@ -45,11 +45,13 @@ def answer(line: Line) -> list[str]:
     """
     factor, unit = prefixed(line.amplitude, "" if line.unit == "1" else line.unit)
     amplitude = with_error(line.amplitude / factor, line.amplitude_std / factor, unit)
+    other = _other_amplitude(line)
+    alone = "of the line alone, at f" + "; not determined which" * bool(other)
     return [
         f"f      {quantity(line.frequency_hz, line.frequency_std_hz, 'Hz')}",
         f"width  {quantity(line.width_hz, line.width_std_hz, 'Hz')}  (full, at half of the power)",
         f"Q      {with_error(line.q, line.q_std)}",
-        f"A      {amplitude}  (of the line alone, at f)",
+        f"A      {amplitude}{f' or {other}' * bool(other)}  ({alone})",
     ]
 
 
@@ -135,12 +137,19 @@ def _places(frequencies_hz: tuple[float, ...]) -> str:
     return listed(hertz(f, digits=6) for f in frequencies_hz)
 
 
-def _mirrored(line: Line) -> list[str]:
-    """The other amplitude, where it is another one."""
+def _other_amplitude(line: Line) -> str:
+    """The amplitude that these points do not tell from the one that was taken; mostly empty."""
     if not abs(line.amplitude_mirrored - line.amplitude) > MOVES * line.amplitude_std:
-        return []
+        return ""
     factor, unit = prefixed(line.amplitude_mirrored, "" if line.unit == "1" else line.unit)
-    other = f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+    return f"{number(line.amplitude_mirrored / factor, 4)} {unit}".rstrip()
+
+
+def _mirrored(line: Line) -> list[str]:
+    """What is said of the other amplitude, where it is another one."""
+    other = _other_amplitude(line)
+    if not other:
+        return []
     if line.wiring == TAIL:
         return [f"Without phases A may as well be {other}: both describe these points."]
     return [
