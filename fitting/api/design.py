@@ -193,7 +193,7 @@ def design(
 
 @dataclass(frozen=True)
 class WaysToMeasure:
-    """Ways to spend the same time: the table of `ways`, and what to measure ``by_name``.
+    """Ways to spend the same time: the table ``ways``, and what to measure ``by_name``.
 
     Each has what is to be measured of every kind, by the name of the kind: one, of the mixture
     "together" several.

@@ -73,7 +73,7 @@ ROUNDS = 40
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """How draws are made.
+    """How draws from a posterior are made: how many, from which seed.
 
     Args:
         walkers: How many, an even number of at least twice the parameters; None: 24, or 2 n + 2
@@ -149,7 +149,7 @@ class Posterior:
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorCost:
-    """What draws will cost: evaluations of the model, least and most, and seconds of each.
+    """What draws will cost: ``evaluations`` of the model, least and most, and seconds of each.
 
     Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
     a batch of as many evaluations.
