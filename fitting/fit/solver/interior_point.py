@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -26,8 +25,7 @@ from scipy.sparse import diags_array
 
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.solver.evaluator import Evaluator, total
-from fitting.fit.solver.gauss_newton import Finish, finish_squares, squares_model
-from fitting.fit.solver.kinked_valley import follow_to_the_end
+from fitting.fit.solver.gauss_newton import finish_squares, squares_model
 from fitting.fit.solver.linear_program import follow, promised_decrease, with_slacks
 from fitting.fit.solver.symmetry import off_symmetry
 from fitting.text.arrays import FloatArray
@@ -38,13 +36,12 @@ INSIDE_SHARE = 1e-3
 PATIENCE = 12
 #: Promised decrease, as a share of J, to which the last nu is solved.
 LAST_DIGITS = 1e-8
-#: Steps from a point near a minimum, of some nu, down to a promise.
-Finisher = Callable[[Evaluator, FloatArray, Nu, float], Finish]
 #: What finishes a solve of each smooth misfit, by linearised steps.
-FINISHES: Mapping[str, Finisher] = {"slack": follow, "squares": finish_squares}
-#: What gets its last digits.
-LAST_FINISHES: Mapping[str, Finisher] = {
-    "slack": follow_to_the_end,
+FINISHES = {"slack": follow, "squares": finish_squares}
+#: What gets its last digits. Along a valley that the data leave open J falls by less than a step
+#: may be off elsewhere, over hundreds of units of x: steps are many there, and as long as they go.
+LAST_FINISHES = {
+    "slack": partial(follow, steps=60, farthest=1000.0),
     "squares": partial(finish_squares, steps=20),
 }
 
