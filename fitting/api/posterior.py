@@ -507,8 +507,8 @@ class _Job:
         inside = record.data.solved_inside
         if inside:
             yield (
-                f"{inside} further values, as scales, gains and backgrounds, are solved for at "
-                "every draw and not drawn: they are at their best there."
+                "Not drawn, but at their best at every draw: values that measurements are solved for "
+                f"inside, as scales, gains and backgrounds, {inside} in all."
             )
         if record.data.outliers == "huber":
             yield "Noise is taken for Gaussian; the fit counts what is far off less than that."
