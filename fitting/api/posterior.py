@@ -507,8 +507,8 @@ class _Job:
         inside = record.data.solved_inside
         if inside:
             yield (
-                "Not drawn, but at their best at every draw: values that measurements are solved for "
-                f"inside, as scales, gains and backgrounds, {inside} in all."
+                "Not drawn, but at their best at every draw: values that measurements are solved "
+                f"for inside, as scales, gains and backgrounds, {inside} in all."
             )
         if record.data.outliers == "huber":
             yield "Noise is taken for Gaussian; the fit counts what is far off less than that."
