@@ -30,6 +30,8 @@ ROLES = ("frequency", "amplitude", "phase", "re", "im", "complex", "time")
 ROLE_WORDS = {"re": "real part", "im": "imaginary part", "complex": "complex values"}
 #: How many times more, of its size, a column varies than one that is held.
 FAR_MORE = 10.0
+#: Why a column is taken for which nothing else speaks.
+NO_OTHER = "no other one is left"
 _PHASE_UNITS = ("deg", "rad", "°")
 
 
@@ -226,13 +228,15 @@ class _Roles:
                 (
                     ("its name", lambda c: bool(re.search(words, plain_name(c)))),
                     ("its unit", lambda c: c.unit is not None),
-                    ("no other one is left", lambda c: True),
+                    (NO_OTHER, lambda c: True),
                 ),
             )
 
     def _first(self, role: str, tests: Sequence[tuple[str, Callable[[Channel], bool]]]) -> None:
         for why, suits in tests:
             found = [c for c in self._free() if suits(c) and _varies(c)]
+            if why == NO_OTHER and len(found) > 1:
+                why = f"it is the first of {len(found)} that could be it"
             if self._give(_livelier(found), role, why=why):
                 return
 

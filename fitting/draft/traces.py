@@ -33,6 +33,7 @@ from fitting.draft.values import Box
 from fitting.fmu import Run
 from fitting.measurements.traces.record import TraceRecord
 from fitting.measurements.traces.waveform import HELD, LINEAR
+from fitting.resonance.reading import TIME_PAGE
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import listed
@@ -46,6 +47,13 @@ LOOKED_AT = 4000
 STEP, SEEN, OWN = 1e-3, 1e-3, 1e-2
 #: Share of the samples of an input at which it may change and still seem held.
 CHANGES = 0.25
+#: Names of both quadratures, in small letters.
+QUADRATURES = (("x", "y"), ("re", "im"))
+#: What is said of a recording without an input, of an FMU that has one.
+UNDRIVEN = (
+    "No column drives: the FMU runs from its start values, with what drive it has of its own. Of a "
+    f'ringdown nobody knows where it starts: start = "unknown", {TIME_PAGE}.'
+)
 #: Factor to either side of the FMU's own start value.
 FACTOR = 10.0
 
@@ -181,6 +189,8 @@ def traces_of(
         BadInput: no output, columns that suit no variable, an answer that is none.
         FmuFailure: the FMU failed with its own start values.
     """
+    for recording in recordings:
+        _refuse_demodulated(recording, offer)
     output = _output(recordings, offer, answers)
     driven = _input(recordings, offer, answers)
     files = tuple(_file(r, output, driven, offer) for r in recordings)
@@ -201,8 +211,23 @@ def traces_of(
         input=driven,
         files=files,
         boxes=tuple(_box(offer, name) for name in names),
-        seen=tuple(_said(file, output, driven) for file in files),
+        seen=(
+            *(_said(file, output, driven) for file in files),
+            *([UNDRIVEN] if not driven and offer.inputs else []),
+        ),
     )
+
+
+def _refuse_demodulated(recording: Recording, offer: Offer) -> None:
+    """Complain of X and Y over time, unless the FMU has variables of these names."""
+    names = {c.name.lower() for c in recording.others}
+    known = {name.lower() for name in offer.description.variables}
+    for x, y in QUADRATURES:
+        if {x, y} <= names and not {x, y} <= known:
+            raise BadInput(
+                f"{recording.table.path}: is a demodulated recording, X and Y over time, of which "
+                f"there is no draft; wanted [[demodulated_trace]] in a campaign: {TIME_PAGE}"
+            )
 
 
 def _said(file: TraceFile, output: str, driven: str) -> str:

@@ -132,7 +132,8 @@ def adequacy_sentences(
     """
     likelihood = optimum.likelihood
     inflation = likelihood.inflation
-    said = f"χ² = {optimum.chi_square:.3g} on {optimum.degrees_of_freedom:.3g} degrees of freedom"
+    square, freedom = number(optimum.chi_square, 3), number(optimum.degrees_of_freedom, 3)
+    said = f"χ² = {square} on {freedom} degrees of freedom"
     if not adequacy.describes:
         return (misfit_sentence(adequacy, drifts=bool(likelihood.objective.data.tones)),)
     if structure is not None and structure.widening > TOLD:
@@ -156,8 +157,9 @@ def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:
         drifts: whether there are experiments between which something may drift.
     """
     return (
-        f"The model does not describe the data: χ² = {adequacy.chi_square:.3g} on "
-        f"{adequacy.freedom:.3g} degrees of freedom. {misfit_advice(adequacy, drifts=drifts)}"
+        f"The model does not describe the data: χ² = {number(adequacy.chi_square, 3)} on "
+        f"{number(adequacy.freedom, 3)} degrees of freedom. "
+        f"{misfit_advice(adequacy, drifts=drifts)}"
     )
 
 

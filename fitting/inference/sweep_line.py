@@ -68,6 +68,8 @@ class SweepLine:
     the probability that noise alone lets the last of them gain as much (F-test), NaN where one of
     them failed or nothing is left to gain. ``values`` names
     values of the fit that are this line's "frequency", "width" or "q" (`line_values`).
+    ``amplitude_mirrored`` is the other amplitude with which, beside a complex background, the sweep
+    has the same curve, NaN where there is none.
     """
 
     frequency_hz: float
@@ -88,6 +90,7 @@ class SweepLine:
     fits: tuple[LineFit, ...] = ()
     background_p: float = float("nan")
     values: Mapping[str, str] = field(default_factory=dict)
+    amplitude_mirrored: float = math.nan
 
 
 def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
@@ -143,6 +146,7 @@ def line_of_sweep(sweep: SweepData, left: float = math.nan) -> SweepLine:
         notes=notes,
         fits=fits,
         freedom=fit.freedom,
+        amplitude_mirrored=fit.mirrored,
         background_p=background_p(sweep.amplitude_v, tried["none"], *list(tried.items())[-1]),
     )
 
@@ -296,7 +300,7 @@ def line_sentences(line: SweepLine) -> list[str]:
         f"Sweep by itself: f = {with_error(line.frequency_hz, line.frequency_std_hz, 'Hz')}, "
         f"width {with_error(line.width_hz, line.width_std_hz, 'Hz')}, "
         f"Q = {with_error(line.q, line.q_std)}, "
-        f"A = {quantity(line.amplitude, line.amplitude_std, line.unit)}, "
+        f"A = {quantity(line.amplitude, line.amplitude_std, line.unit)}{_or_mirrored(line)}, "
         f"residual {100.0 * line.residual:.2g} % of the peak."
     ]
     own = []
@@ -314,6 +318,14 @@ def line_sentences(line: SweepLine) -> list[str]:
         elif fit.widening > TOLD:
             said.append(f"{_structure_words(fit).capitalize()}.")
     return said
+
+
+def _or_mirrored(line: SweepLine) -> str:
+    """The other amplitude of the same curve, where it is another one."""
+    other = line.amplitude_mirrored
+    if not abs(other - line.amplitude) > line.amplitude_std:
+        return ""
+    return f" or, the curve being the same, {quantity(other, line.amplitude_std, line.unit)}"
 
 
 def _structure_words(fit: LineFit) -> str:

@@ -273,8 +273,8 @@ def _structure(solution: Solution) -> list[str]:
         hint = f" {STATE_NOISE}" if told.is_unequal and _can_state(solution) else ""
         said.append(
             f"The residuals of the fitted curve {told.told}: its {count} points are worth "
-            f"{told.points:.2g} independent and equal ones, and errors are {told.widening:.3g} "
-            f"times as wide for it.{hint}"
+            f"{number(told.points, 2)} independent and equal ones, and errors are "
+            f"{told.widening:.3g} times as wide for it.{hint}"
         )
     return said
 

@@ -20,6 +20,8 @@ from fitting.text.units import convert, same_kind
 #: Units of squares of amplitudes, with and without the density over frequency.
 POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
 
+#: What fits a recording over time.
+TIME_PAGE = "docs/how-to/traces.md"
 #: Unit of amplitudes that were levels over a milliwatt.
 ROOT_MW = "(mW)^0.5"
 
@@ -124,10 +126,11 @@ def roles_of(path: Path, columns: Columns) -> Roles:
 
     frequency = column(columns.frequency, "frequency")
     if frequency is None:
-        over_time = known.role("time") is not None
-        what = "is a recording over time" if over_time else "has no column that seems the frequency"
+        what, way = "has no column that seems the frequency", ""
+        if known.role("time") is not None:
+            what, way = "is a recording over time", f", or a campaign that fits it: {TIME_PAGE}"
         raise BadInput(
-            f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency"
+            f"{path}: {what}; there is: {there}; wanted the frequency's name by --frequency{way}"
         )
     frequency = _with_unit(frequency, columns.unit_frequency)
     sizes = column(columns.amplitude) if columns.amplitude else None

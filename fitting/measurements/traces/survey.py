@@ -188,5 +188,6 @@ class Survey(Generic[T]):
             raise BadInput(
                 f'{trace.source}: start = "unknown" wants a linear FMU: half a pulse at '
                 f"'{trace.input}' gives {off:.1e} more or less than half the response; wanted "
-                "start values among the parameters"
+                "one whose own drive is off ([fmu.start], as A1 = 0.0), else start values among "
+                "the parameters"
             )
