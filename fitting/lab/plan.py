@@ -10,13 +10,14 @@ import numpy as np
 from fitting.campaign.file import read_campaign_file
 from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Measured, Row, measure_rows
 from fitting.lab.drive import Drive
+from fitting.lab.filled import FilledTable, mark_synthetic, sweep_beside
 from fitting.lab.instruments.averaged import Averaged
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.truth import truth_toml
-from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_of, written_mhz
+from fitting.lab.writer import CAMPAIGN_NAME, head_of, written_mhz
 from fitting.measurements.kinds import KINDS
 from fitting.text.errors import BadInput
-from fitting.text.tables import Column, Table, read_table, read_text
+from fitting.text.tables import Table, read_table, read_text
 from fitting.text.toml import Tables, inline, rewritten
 from fitting.text.units import convert
 from fitting.text.written import positive_in
@@ -70,17 +71,12 @@ class Plan:
             command: command line that made it, for the record.
         """
         head = head_of(measured, command)
-        files: dict[str, str | bytes] = {
+        return {
             CAMPAIGN_NAME: self._campaign(measured, head),
             self._table.path.name: self._experiments(measured, head),
             TRUTH_NAME: truth_toml(measured, head),
+            **sweep_beside(self.path, self._sweep),
         }
-        if self._sweep is not None:
-            source = self._sweep.file
-            if not source.is_file():
-                raise BadInput(f"{self.path}: [sweep] file: {source}: no such file")
-            files[source.name] = source.read_bytes()
-        return files
 
     def _refuse_unknown(self) -> None:
         settable = (*self._frequencies, *self._amplitudes, *GAINS)
@@ -135,15 +131,15 @@ class Plan:
 
     def _experiments(self, measured: Measured, head: Sequence[str]) -> str:
         """The file's text with peaks and their standard deviations."""
-        columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
+        filled = FilledTable(self._table)
         for row, reading in enumerate(measured.readings):
             volts = np.concatenate([reading.arrays[name] for name in self.instrument.arrays])
             for name, value in zip(self._filled, volts, strict=True):
                 column = self._table.column(name)
                 where = f"{self._table.path}: column '{name}'"
                 number = convert(float(value), "V", column.unit or "V", where=where)
-                columns[_head(column)][row] = repr(number)
-        return csv_text(columns, head)
+                filled.put(column, row, number)
+        return filled.text(head)
 
     def _campaign(self, measured: Measured, head: Sequence[str]) -> str:
         """The plan's text, with what drifts as it was measured, and marked as synthetic."""
@@ -157,12 +153,6 @@ class Plan:
             for name in DRIFTING:
                 if name in tables.get("drift", {}):
                     tables["drift"][name] = inline(drift[name])
-            tables["synthetic"] = True
-            if "synthetic" not in tables.get("title", "synthetic"):
-                tables["title"] = f"{tables['title']} (synthetic)"
+            mark_synthetic(tables)
 
         return rewritten(read_text(self.path), edit, head)
-
-
-def _head(column: Column) -> str:
-    return column.name if column.unit is None else f"{column.name} ({column.unit})"

@@ -20,11 +20,12 @@ import numpy as np
 
 from fitting.campaign.file import WrittenCampaign, WrittenDesign, read_campaign_file
 from fitting.lab.curves import CURVE, AvoidedCrossing, changed_curve
+from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts
 from fitting.lab.names import CROSSING, PUMPED, TRUTH_NAME
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.pumped_files import changed_pumped, pumped_bench_of, pumped_truth
 from fitting.lab.truth import REMARK, values_of
-from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_lines
+from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.complex.control_table import ComplexControlSweepTable
 from fitting.measurements.control.table import ControlSweepTable
 from fitting.measurements.kinds import KINDS
@@ -34,7 +35,6 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import listed
 from fitting.text.tables import Column, Table, read_table, read_text
 from fitting.text.toml import Tables, read_toml, rewritten, toml_text
-from fitting.text.units import convert
 from fitting.text.written import Written, in_unit, positive_in
 
 #: Of the noise of planned sweeps, apart from that of the campaign which they continue.
@@ -318,7 +318,7 @@ class SweepPlan:
         for name, unit in self._laboratory.units.items():
             column = table.find(name) if name in self._swept.controls else None
             if column is not None:
-                values.append(self._numbers(column, unit))
+                values.append(numbers_in(table, column, unit))
             elif name in constants:
                 values.append(np.full(count, in_unit(constants[name], unit)))
             else:
@@ -326,7 +326,7 @@ class SweepPlan:
                     f"{self.path}: '{name}' is neither a control nor a constant of the plan; the "
                     "virtual laboratory does not know where to set it"
                 )
-        frequency = self._numbers(table.column("frequency"), "Hz")
+        frequency = numbers_in(table, table.column("frequency"), "Hz")
         found: dict[tuple[float, ...], list[int]] = {}
         for row, at in enumerate(zip(*values, strict=True)):
             found.setdefault(tuple(map(float, at)), []).append(row)
@@ -335,11 +335,6 @@ class SweepPlan:
             SweptPlace(dict(zip(names, at, strict=True)), rows, frequency[rows])
             for at, rows in found.items()
         )
-
-    def _numbers(self, column: Column, unit: str) -> FloatArray:
-        where = f"{self._table.path}: column '{column.name}'"
-        factor = convert(1.0, column.unit, unit, where=where) if column.unit else 1.0
-        return np.asarray(self._table.numbers(column) * factor)
 
     def measure(self, seed: int) -> tuple[PlannedSweep, ...]:
         """Measure every sweep; the same seed gives the same numbers.
@@ -383,14 +378,13 @@ class SweepPlan:
         }
 
     def _sweeps(self, measured: Sequence[PlannedSweep], head: Sequence[str]) -> str:
-        columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
+        filled = FilledTable(self._table)
         for k, column in enumerate(self._filled):
-            where = f"{self._table.path}: column '{column.name}'"
-            factor = convert(1.0, "V", column.unit or "V", where=where)
+            factor = of_volts(self._table, column)
             for sweep in measured:
                 for row, value in zip(sweep.place.rows, sweep.columns[k], strict=True):
-                    columns[_head(column)][row] = repr(float(value) * factor)
-        return csv_text(columns, head)
+                    filled.put(column, row, float(value) * factor)
+        return filled.text(head)
 
     def _campaign(self, head: Sequence[str]) -> str:
         """The plan's text, marked as synthetic, with the noise that it was measured with."""
@@ -402,9 +396,7 @@ class SweepPlan:
                 table["sigma"] = f"{floor_v!r} V"
                 if not self.phases:
                     table["relative"] = relative
-            tables["synthetic"] = True
-            if "synthetic" not in tables.get("title", "synthetic"):
-                tables["title"] = f"{tables['title']} (synthetic)"
+            mark_synthetic(tables)
 
         return rewritten(read_text(self.path), edit, head)
 
@@ -412,7 +404,3 @@ class SweepPlan:
 def _noise_v(design: WrittenDesign) -> tuple[float, float]:
     floor = positive_in(design.noise_floor, "V") if design.noise_floor else 0.0
     return floor, design.relative_noise or 0.0
-
-
-def _head(column: Column) -> str:
-    return column.name if column.unit is None else f"{column.name} ({column.unit})"

@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.file import read_campaign_file
+from fitting.lab.filled import FilledTable, mark_synthetic, numbers_in, of_volts, sweep_beside
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.sweep_plan import SweptLaboratory
 from fitting.lab.truth import REMARK
-from fitting.lab.writer import CAMPAIGN_NAME, csv_text, head_lines
+from fitting.lab.writer import CAMPAIGN_NAME, head_lines
 from fitting.measurements.kinds import KINDS
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed
-from fitting.text.tables import Column, Table, read_table, read_text
+from fitting.text.tables import Table, read_table, read_text
 from fitting.text.toml import Tables, rewritten, toml_text
-from fitting.text.units import convert
 from fitting.text.written import positive_in
 
 #: Of the noise of planned tones, apart from that of sweeps.
@@ -94,10 +94,7 @@ class TonePlan:
         column = self._table.find(name)
         if column is None and name in self._amplitudes:
             return np.ones(len(self._table.cells))
-        column = column or self._table.column(name)
-        where = f"{self._table.path}: column '{name}'"
-        factor = convert(1.0, column.unit, unit, where=where) if column.unit else 1.0
-        return np.asarray(self._table.numbers(column) * factor)
+        return numbers_in(self._table, column or self._table.column(name), unit)
 
     def measure(self, seed: int) -> tuple[PlannedTones, ...]:
         """Measure every row; the same seed gives the same numbers.
@@ -143,38 +140,26 @@ class TonePlan:
         """
         head = head_lines(seed, command)
         truth = self._laboratory.truth(seed, phases=self._phases)
-        files: dict[str, str | bytes] = {
+        return truth, {
             CAMPAIGN_NAME: self._campaign(head),
             self._table.path.name: self._experiments(measured, head),
             TRUTH_NAME: toml_text(truth, [*head, REMARK]),
+            **sweep_beside(self.path, self._sweep),
         }
-        if self._sweep is not None:
-            source = self._sweep.file
-            if not source.is_file():
-                raise BadInput(f"{self.path}: [sweep] file: {source}: no such file")
-            files[source.name] = source.read_bytes()
-        return truth, files
 
     def _experiments(self, measured: Sequence[PlannedTones], head: Sequence[str]) -> str:
-        columns = {_head(c): list(self._table.texts(c)) for c in self._table.columns}
+        filled = FilledTable(self._table)
         for k, name in enumerate(self._filled):
             column = self._table.column(name)
-            where = f"{self._table.path}: column '{name}'"
-            factor = convert(1.0, "V", column.unit or "V", where=where)
+            factor = of_volts(self._table, column)
             for row, reading in enumerate(measured):
-                columns[_head(column)][row] = repr(float(reading.values_v[k]) * factor)
-        return csv_text(columns, head)
+                filled.put(column, row, float(reading.values_v[k]) * factor)
+        return filled.text(head)
 
     def _campaign(self, head: Sequence[str]) -> str:
         """The plan's text, marked as synthetic."""
 
         def edit(tables: Tables) -> None:
-            tables["synthetic"] = True
-            if "synthetic" not in tables.get("title", "synthetic"):
-                tables["title"] = f"{tables['title']} (synthetic)"
+            mark_synthetic(tables)
 
         return rewritten(read_text(self.path), edit, head)
-
-
-def _head(column: Column) -> str:
-    return column.name if column.unit is None else f"{column.name} ({column.unit})"
