@@ -18,7 +18,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtrc, ndtri
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.joint import is_shared
@@ -33,6 +32,7 @@ from fitting.fit.solution import Solution
 from fitting.inference.joint_result import Estimate, JointResult, PairTest, SeriesPart
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
+from fitting.signal.chi_square import as_sigmas, tail
 from fitting.text.arrays import BoolArray, FloatArray
 
 #: A direction counts as determined from this many times the precision of the box.
@@ -208,8 +208,8 @@ def _pair_test(
             "each other.",
         )
     value = max(0.0, both.chi_square - a.chi_square - b.chi_square)
-    p = float(chdtrc(freedom, value))
-    sigmas = float(-ndtri(0.5 * p)) if p > 0.0 else float(np.sqrt(value))
+    p = tail(value, freedom)
+    sigmas = as_sigmas(value, p)
     verdict = "contradict each other" if sigmas > WORTH_A_WARNING else "agree"
     common = "one number" if freedom == 1 else f"{freedom} numbers"
     return PairTest(

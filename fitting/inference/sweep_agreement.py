@@ -20,7 +20,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtri
 
 from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigmas, search_bounds
 from fitting.fit.covariance import RowCovariance
@@ -30,11 +29,11 @@ from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.solution import Solution
 from fitting.inference.consistency import BETTER_THAN_BOX
 from fitting.measurements.sweep import Sweep
-from fitting.signal.chi_square import tail
+from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.residual_tests import residual_structure
 from fitting.signal.scale import laboratory_maximum
-from fitting.signal.student import ROOT_95, reach
+from fitting.signal.student import widening95
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
@@ -335,6 +334,5 @@ def _sigmas(chi_square: float, freedom: int, noise_freedom: float) -> float:
 
     The error of the scale counts for as wide as Student's t is at 95 %: taken back for all of it.
     """
-    value = max(0.0, chi_square) * (reach(ROOT_95, noise_freedom) / ROOT_95) ** 2
-    p = tail(value, freedom, noise_freedom)
-    return float(-ndtri(0.5 * p)) if p > 0.0 else math.sqrt(value)
+    value = max(0.0, chi_square) * widening95(noise_freedom) ** 2
+    return as_sigmas(value, tail(value, freedom, noise_freedom))

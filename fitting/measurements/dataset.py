@@ -11,6 +11,7 @@ import numpy as np
 
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.tones import Tones
+from fitting.signal.chi_square import joined_freedom
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput, did_you_mean
 
@@ -126,9 +127,9 @@ class Dataset:
     @property
     def noise_freedom(self) -> float:
         """Degrees of freedom of the noise of the rows where it is known; infinite where stated."""
-        known = [(int(np.count_nonzero(m.sigma > 0.0)), m.noise_freedom) for m in self.measurements]
-        doubt = sum(rows**2 / freedom for rows, freedom in known)
-        return sum(rows for rows, _ in known) ** 2 / doubt if doubt > 0.0 else math.inf
+        return joined_freedom(
+            (int(np.count_nonzero(m.sigma > 0.0)), m.noise_freedom) for m in self.measurements
+        )
 
     @property
     def noise_words(self) -> str:

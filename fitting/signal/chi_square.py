@@ -13,8 +13,9 @@ F. Satterthwaite, Biometrics Bulletin 2 (1946) 110.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
-from scipy.special import chdtri, fdtrc, fdtri, gammaincc
+from scipy.special import chdtri, fdtrc, fdtri, gammaincc, ndtri
 
 
 def tail(square: float, freedom: float, noise_freedom: float = math.inf) -> float:
@@ -41,3 +42,25 @@ def largest(probability: float, freedom: float, noise_freedom: float = math.inf)
     if math.isinf(noise_freedom):
         return float(chdtri(freedom, 1.0 - probability))
     return freedom * float(fdtri(freedom, noise_freedom, probability))
+
+
+def joined_freedom(parts: Iterable[tuple[int, float]]) -> float:
+    """Degrees of freedom of the noise of a sum over several parts.
+
+    Args:
+        parts: rows of each, and degrees of freedom of its noise; infinite: it is known.
+    """
+    rows, doubt = 0, 0.0
+    for count, freedom in parts:
+        rows, doubt = rows + count, doubt + count**2 / freedom
+    return rows**2 / doubt if doubt > 0.0 else math.inf
+
+
+def as_sigmas(square: float, p_value: float) -> float:
+    """A chi square as standard deviations of a normal distribution, by its probability.
+
+    Args:
+        square: chi square, of which this is the root where the probability is too small for digits.
+        p_value: of such a one or a larger.
+    """
+    return float(-ndtri(0.5 * p_value)) if p_value > 0.0 else math.sqrt(square)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.signal.student import ROOT_95, reach
+from fitting.signal.student import widening95
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import NoScale
 
@@ -94,7 +94,7 @@ class LaboratoryMaximum:
     @property
     def spread(self) -> float:
         """Relative noise of any point; its 1.96 standard deviations reach as far as Student's t."""
-        return self.noise * reach(ROOT_95, self.freedom) / ROOT_95
+        return self.noise * widening95(self.freedom)
 
 
 def refine_maximum(

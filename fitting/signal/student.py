@@ -31,6 +31,15 @@ def reach(root: float, freedom: float) -> float:
     return root if math.isinf(freedom) else float(stdtrit(freedom, ndtr(root)))
 
 
+def widening95(freedom: float) -> float:
+    """Half of a 95 % interval over that of noise that is known.
+
+    Args:
+        freedom: degrees of freedom of the noise; infinite: it is known.
+    """
+    return reach(ROOT_95, freedom) / ROOT_95
+
+
 def ratio95(freedom: float) -> float:
     """Half of a 95 % interval over half of the 68 % one.
 

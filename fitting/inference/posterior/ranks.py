@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincc
 
+from fitting.signal.chi_square import tail
 from fitting.text.arrays import FloatArray
 
 
@@ -63,7 +63,7 @@ def uniformity(name: str, ranks: Sequence[int], draws: int, bins: int) -> Unifor
         name=name,
         bins=tuple(map(int, counts)),
         chi_square=chi_square,
-        p_value=float(gammaincc(0.5 * (bins - 1), 0.5 * chi_square)),
+        p_value=tail(chi_square, bins - 1),
         fraction_mean=float(np.mean(fractions)),
         fraction_std=float(np.std(fractions)),
     )

@@ -43,6 +43,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.plan import Plan
 from fitting.measurements.response_curve import ResponseCurve, together
 from fitting.measurements.tones import PLATEAU
+from fitting.signal.chi_square import joined_freedom
 from fitting.signal.magnitude import mean_magnitude
 from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
@@ -130,8 +131,7 @@ class ControlSweep(MeasurementKind):
         """Degrees of freedom of the noise of all rows, where each spectrum tells its own."""
         if not self.estimated:
             return math.inf
-        counts = [s.y.size for s in self.spectra]
-        return sum(counts) ** 2 / sum(n**2 / roughness_freedom(n) for n in counts)
+        return joined_freedom((s.y.size, roughness_freedom(s.y.size)) for s in self.spectra)
 
     @property
     def is_curve(self) -> bool:
