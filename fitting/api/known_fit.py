@@ -48,20 +48,18 @@ class KnownFit:
             inferred = at.inferred
             alternatives, chosen = at.source.record.alternatives, at.source.record.alternative
             sha256 = ""
+            own = (p.name for p in at.source.record.problem.parameters)
+            likely = dict(zip(own, at.inferred.reported.tolist(), strict=True))
         elif isinstance(at, Result):
             inferred, alternatives, chosen = at, at.alternatives, at.alternative
             sha256 = at.provenance.fmu_sha256
+            likely = dict(at.fitted_values)
         else:
             raise BadInput(
                 f"posterior: found a {type(at).__name__}, wanted a Fit, an Inference or a Result"
             )
         # values of single experiments are told as offsets from the drift: other numbers
         results, knowledge = inferred.parameters, inferred.knowledge
-        if isinstance(at, Valued):
-            own = (p.name for p in at.source.record.problem.parameters)
-            likely = dict(zip(own, at.inferred.reported.tolist(), strict=True))
-        else:
-            likely = dict(at.fitted_values)
         likely |= {n: r.most_likely for n, r in results.items() if not math.isnan(r.most_likely)}
         known: list[tuple[str, Mapping[str, float]]] = [("the fit", dict(likely))]
         if knowledge is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from fitting.api.written import CHAIN_FILE, POSTERIOR_FILES
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import add_isolate
-from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
+from fitting.cli.words.values import joint_name, seed, whole_number, worker_count
 
 NAME = "posterior"
 DOCUMENT = "posterior.json"
@@ -70,8 +70,7 @@ def _written_to(args: argparse.Namespace) -> Path | None:
 
 
 def _out(args: argparse.Namespace) -> Path:
-    folders = [folder_name(path) for path in args.campaign]
-    return args.out or Path("out") / f"posterior_{'+'.join(dict.fromkeys(folders))}"
+    return args.out or Path("out") / f"posterior_{joint_name(args.campaign)}"
 
 
 @writes(NAME, *POSTERIOR_FILES, CHAIN_FILE, to=_written_to)

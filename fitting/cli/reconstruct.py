@@ -10,7 +10,7 @@ from fitting.api.written import LEVELS_FILE, RESULT_FILES
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import add_isolate
 from fitting.cli.words.values import (
-    folder_name,
+    joint_name,
     relative_accuracy,
     seed,
     whole_number,
@@ -93,8 +93,7 @@ def _written_to(args: argparse.Namespace) -> Path | None:
 
 
 def _out(args: argparse.Namespace) -> Path:
-    folders = [folder_name(path) for path in args.campaign]
-    return args.out or Path("out") / "+".join(dict.fromkeys(folders))
+    return args.out or Path("out") / joint_name(args.campaign)
 
 
 @writes(NAME, *RESULT_FILES, LEVELS_FILE, to=_written_to)

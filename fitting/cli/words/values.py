@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fitting.text.errors import BadInput, shown
@@ -134,6 +134,15 @@ def folder_name(path: Path) -> str:
         path: of the file, which need not be there.
     """
     return Path(os.path.abspath(path)).parent.name
+
+
+def joint_name(paths: Sequence[Path]) -> str:
+    """Names of the folders of several files, each once.
+
+    Args:
+        paths: of the files, which need not be there.
+    """
+    return "+".join(dict.fromkeys(map(folder_name, paths)))
 
 
 def default_workers() -> int:
