@@ -252,6 +252,15 @@ def choose_within(problem: DesignProblem, time_s: float, number: int, criterion:
     return ordered(problem, best, criterion)
 
 
+def _each_within(
+    problem: DesignProblem, chosen: Sequence[int], time_s: float, criterion: str
+) -> FloatArray:
+    """The criterion with each candidate beside the chosen, (c,); inf: no time is left for it."""
+    left = time_s * (1.0 + NO_TIME) - float(problem.costs[list(chosen)].sum())
+    found = _each_added(problem, chosen, criterion, range(problem.candidates))
+    return np.where(problem.costs <= left, found, np.inf)
+
+
 def _filled(
     problem: DesignProblem,
     chosen: Sequence[int],
@@ -265,9 +274,7 @@ def _filled(
     filled = list(chosen)
     value = float(losses(problem, problem.information(filled), criterion))
     while len(filled) < number:
-        left = time_s * (1.0 + NO_TIME) - float(problem.costs[filled].sum())
-        found = _each_added(problem, filled, criterion, range(problem.candidates))
-        found = np.where(problem.costs <= left, found, np.inf)
+        found = _each_within(problem, filled, time_s, criterion)
         seconds = np.where(np.isfinite(problem.costs), problem.costs, 1.0)
         merits = (found - value) / (seconds if per_second else 1.0)
         best = int(np.argmin(merits))
@@ -287,9 +294,7 @@ def _exchanged_within(
         before = value
         for place in range(len(current)):
             rest = current[:place] + current[place + 1 :]
-            left = time_s * (1.0 + NO_TIME) - float(problem.costs[rest].sum())
-            found = _each_added(problem, rest, criterion, range(problem.candidates))
-            found = np.where(problem.costs <= left, found, np.inf)
+            found = _each_within(problem, rest, time_s, criterion)
             if float(found.min()) < value - LEAST_GAIN:
                 current[place], value = int(np.argmin(found)), float(found.min())
         current = _one_for_several(problem, current, time_s, number, criterion)
