@@ -96,6 +96,15 @@ class NextMeasurements:
         """The measurements in their order, each with the error that is expected then."""
         return self.design.proposals
 
+    def made_by(self, command: str) -> NextMeasurements:
+        """The same, said to be made by a command.
+
+        Args:
+            command: command line, for the record.
+        """
+        provenance = {**self.design.provenance, "command": command}
+        return replace(self, design=replace(self.design, provenance=provenance))
+
     def write(self, out: str | Path, *, report: bool = True) -> list[Path]:
         """Write what the command line writes: the campaign to be filled in first, figures last.
 
@@ -208,14 +217,9 @@ class WaysToMeasure:
         Args:
             command: command line, for the record.
         """
-
-        def told(found: NextMeasurements) -> NextMeasurements:
-            provenance = {**found.design.provenance, "command": command}
-            return replace(found, design=replace(found.design, provenance=provenance))
-
         provenance = {**self.ways.provenance, "command": command}
         named = {
-            name: {kind: told(found) for kind, found in kinds.items()}
+            name: {kind: found.made_by(command) for kind, found in kinds.items()}
             for name, kinds in self.by_name.items()
         }
         return WaysToMeasure(replace(self.ways, provenance=provenance), named)

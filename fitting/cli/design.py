@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
@@ -103,8 +102,7 @@ def _design(
 
     limits = args.candidates[0] if args.candidates else None
     found = ff.design(problem, goal, limits=limits, at=args.at, progress=tell)
-    provenance = {**found.design.provenance, "command": _command(args)}
-    found = replace(found, design=replace(found.design, provenance=provenance))
+    found = found.made_by(_command(args))
     tell("writing")
     written = found.write(_out(args), report=not args.no_report)
     hand_over(args, found.design)
