@@ -10,6 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from fitting.fit.fit import Status
+from fitting.inference.adequacy import misfit_sentence
 from fitting.inference.ending import DESCRIBES, MISFIT, NOT_CONVERGED, Ending, ending_of, extent_of
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.measurements.complex.curve import ComplexCurve
@@ -47,6 +48,11 @@ def widened(factor: float, p_value: float = 1e-9, sizes_p: float = 1.0) -> Struc
     return Structure(
         p_value=p_value, sizes_p=sizes_p, order=1, points=20.0, widening=factor, together=factor
     )
+
+
+def test_large_chi_squares_are_written_out() -> None:
+    said = misfit_sentence(adequacy(34412.0, 1764.0, describes=False), drifts=False)
+    assert "χ² = 34400 on 1760 degrees of freedom" in said
 
 
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.99])

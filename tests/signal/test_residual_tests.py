@@ -268,6 +268,18 @@ def test_exact_data_raise_no_doubt() -> None:
     assert not any("hang together" in said for said in line_sentences(line))
 
 
+def test_the_other_amplitude_of_the_same_curve_is_told() -> None:
+    """|A g + b| of a line g = -i/(1 + 2 i x) is the same curve with |A + 2 i b|."""
+    beside = 0.15 * np.exp(0.7j)
+    line = line_of_sweep(replace(sweep(0.0, 1), amplitude_v=trace(beside), background="complex"))
+    both = sorted([line.amplitude, line.amplitude_mirrored])
+    assert both == pytest.approx(sorted([1.0, abs(1.0 + 2j * beside)]), rel=2e-3)
+    assert "or, the curve being the same, " in line_sentences(line)[0]
+    alone = line_of_sweep(sweep(0.0, 1))
+    assert math.isnan(alone.amplitude_mirrored)
+    assert "or, the curve" not in line_sentences(alone)[0]
+
+
 def test_a_fit_that_fails_is_told_beside_the_other() -> None:
     line: SweepLine = line_of_sweep(sweep(0.0, 1))
     failed = replace(line.fits[1], frequency_hz=math.nan, message="it ended nowhere")
