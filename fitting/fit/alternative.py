@@ -23,11 +23,13 @@ from fitting.fit.search.twins import Twin, find_twins
 from fitting.fit.solver.continuation import (
     Chain,
     Course,
+    has_crept,
     is_lower,
     lowered,
     met,
     next_level,
     own_start,
+    polished,
 )
 from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.text.arrays import FloatArray
@@ -130,6 +132,28 @@ def with_starts(course: Course, outcome: Outcome, begins: Sequence[FloatArray]) 
     for x in begins:
         outcome = _with_start(course, outcome, x, x)
     return outcome
+
+
+def polished_end(course: Course, outcome: Outcome) -> Outcome | None:
+    """The outcome whose best chain went on along a curved valley, where straight steps crept.
+
+    None where they did not. A KeyboardInterrupt leaves it as it was, with `interrupted` set.
+
+    Args:
+        course: objective, schedule, settings and journal.
+        outcome: that is done.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+    """
+    best, chains = outcome.best, list(outcome.chains)
+    if best is None or not has_crept(course, chains[best.start]):
+        return None
+    try:
+        chains[best.start] = polished(course, chains[best.start])
+    except KeyboardInterrupt:
+        return replace(outcome, interrupted=True)
+    return replace(outcome, chains=tuple(chains), reported=None)
 
 
 def _with_start(course: Course, outcome: Outcome, x: FloatArray, begun: FloatArray) -> Outcome:

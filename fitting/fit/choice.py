@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.alternative import Outcome
+from fitting.fit.alternative import Outcome, polished_end
 from fitting.fit.objective import Objective
-from fitting.fit.solver.continuation import Chain, equal_j, is_lower
+from fitting.fit.solver.continuation import Chain, Course, equal_j, is_lower
+
+#: Ends that are taken on along curved valleys, at most.
+POLISHED = 3
 
 
 def chosen(
@@ -31,6 +34,32 @@ def chosen(
     found = [_with_values(*pair) for pair in zip(objectives, outcomes, strict=True)]
     complete = [_complete(*pair) for pair in zip(objectives, found, strict=True)]
     return found, _best_alternative(found, complete)
+
+
+def polished_ends(courses: Sequence[Course], outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """The outcomes, the chosen one taken on along a curved valley where straight steps crept.
+
+    Curved steps are many, so that only what is reported has them; that may be another end then.
+    Nothing is done where the user stopped the search.
+
+    Args:
+        courses: objective, schedule, settings and journal of each alternative.
+        outcomes: what came of each, in the same order.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+    """
+    objectives = [course.objective for course in courses]
+    found = list(outcomes)
+    for _ in range(POLISHED):
+        if any(outcome.interrupted for outcome in found):
+            break
+        valued, best = chosen(objectives, found)
+        further = polished_end(courses[best], valued[best])
+        if further is None:
+            break
+        found[best] = further
+    return found
 
 
 def _complete(objective: Objective, outcome: Outcome) -> bool:

@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Protocol
 
 from fitting.fit.alternative import Outcome, Solved, run_alternative, with_starts
-from fitting.fit.choice import chosen
+from fitting.fit.choice import chosen, polished_ends
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
 from fitting.fit.path import AlternativeResult, HistoryRow, alternative_results, history_rows
@@ -178,6 +178,7 @@ def solve_problem(
     watch = _Watch(len(problem.alternatives), options.schedule, hooks, begun)
     objectives: list[Objective] = []
     outcomes: list[Outcome] = []
+    courses: list[Course] = []
     for k, alternative in enumerate(problem.alternatives):
         try:
             objectives.append(
@@ -188,20 +189,15 @@ def solve_problem(
         journal = Journal(
             recall=watch.recall, record=watch.record, entering=watch.entering, clock=hooks.clock
         )
-        course = Course(
-            objective=objectives[-1],
-            schedule=options.schedule,
-            settings=options.solve,
-            alternative=k,
-            journal=journal,
-        )
+        courses.append(_course(objectives[-1], options, k, journal))
         solved = [Solved(*pair) for pair in zip(objectives, outcomes, strict=False)]
-        outcomes.append(run_alternative(course, solved))
+        outcomes.append(run_alternative(courses[-1], solved))
         if outcomes[-1].interrupted:
             break
     if not outcomes:
         raise KeyboardInterrupt
     del objectives[len(outcomes) :]
+    outcomes = polished_ends(courses[: len(outcomes)], outcomes)
     return _finished(problem, options, objectives, outcomes, hooks.clock() - begun)
 
 
@@ -220,17 +216,22 @@ def fit_from(fit: Fit, begins: Sequence[FloatArray], hooks: Hooks | None = None)
     """
     hooks = hooks or Hooks()
     begun = hooks.clock()
-    course = Course(
-        objective=fit.solution.objective,
-        schedule=fit.options.schedule,
-        settings=fit.options.solve,
-        alternative=fit.reported,
-        journal=Journal(clock=hooks.clock),
-    )
+    journal = Journal(clock=hooks.clock)
+    course = _course(fit.solution.objective, fit.options, fit.reported, journal)
     outcomes = list(fit.outcomes)
-    outcomes[fit.reported] = with_starts(course, fit.outcome, begins)
+    [outcomes[fit.reported]] = polished_ends([course], [with_starts(course, fit.outcome, begins)])
     seconds = fit.seconds + hooks.clock() - begun
     return _finished(fit.problem, fit.options, fit.objectives, outcomes, seconds)
+
+
+def _course(objective: Objective, options: Options, alternative: int, journal: Journal) -> Course:
+    return Course(
+        objective=objective,
+        schedule=options.schedule,
+        settings=options.solve,
+        alternative=alternative,
+        journal=journal,
+    )
 
 
 class _Watch:

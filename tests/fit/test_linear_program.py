@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fitting.fit.solver.linear_program import (
+    Pace,
     follow,
     linear_step,
     promised_decrease,
@@ -125,14 +126,14 @@ def test_the_radius_is_a_tenth_at_first_and_threefold_after_each_good_step_up_to
 
 def test_steps_that_are_too_few_are_told() -> None:
     evaluator = rows_evaluator(lambda p: p - 3.3, [-9.0], [9.0])
-    end = follow(evaluator, np.zeros(1), 0.0, 1e-9, steps=2)
+    end = follow(evaluator, np.zeros(1), 0.0, 1e-9, Pace(steps=2))
     assert end.steps == 2
     assert end.x == pytest.approx([0.4])
     assert end.message == "2 linearised steps were not enough"
     assert end.optimality == pytest.approx(1.0)
-    there = follow(evaluator, np.array([3.3]), 0.0, 1e-9, steps=0)
+    there = follow(evaluator, np.array([3.3]), 0.0, 1e-9, Pace(steps=0))
     assert there.message == "no linearised step promises a decrease"
-    assert follow(evaluator, np.zeros(1), 0.0, 1e-9, steps=0).steps == 0
+    assert follow(evaluator, np.zeros(1), 0.0, 1e-9, Pace(steps=0)).steps == 0
 
 
 def test_steps_that_never_pay_are_told() -> None:

@@ -25,6 +25,8 @@ from fitting.fit.solver.evaluator import Counts, Evaluator, total
 from fitting.fit.solver.interior_point import (
     Solve,
     SolveSettings,
+    along_the_valley,
+    crept,
     finish,
     inside,
     solve,
@@ -70,7 +72,8 @@ class Schedule:
 class ContinuationStep:
     """One solved level of one start: where it ended, at what misfit, and how well.
 
-    What a search found is lowered at the last nu, as one level more than the schedule has.
+    What a search found is lowered at the last nu, as one level more than the schedule has; the next
+    level beyond it goes along a curved valley, where straight steps crept.
     `x` search vector, `parameters` the same in their units; `change` the paper's E; `optimality`
     the decrease of J that a linearised step still promises; counts and seconds of this level.
     """
@@ -176,7 +179,8 @@ def next_level(course: Course, chain: Chain) -> Chain:
     step = course.journal.recall(course.alternative, chain.start, level)
     if step is None:
         x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
-        step = _solved(course, chain.start, level, schedule.nu(level), x, solve)
+        solver = solve if level + 1 < schedule.levels else _to_the_last_digits(solve)
+        step = _solved(course, chain.start, level, schedule.nu(level), x, solver)
         course.journal.record(step)
     ended = ""
     if step.change <= schedule.tolerance:
@@ -203,7 +207,7 @@ def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatAr
     course.journal.entering(course.alternative, start, level)
     step = course.journal.recall(course.alternative, start, level)
     if step is None:
-        step = _solved(course, start, level, nu, x, finish)
+        step = _solved(course, start, level, nu, x, _to_the_last_digits(finish))
         course.journal.record(step)
     return Chain(
         start,
@@ -211,6 +215,37 @@ def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatAr
         steps=(step,),
         ended=f"lowered at ν = {nu:.1e} from a minimum of χ² that was found elsewhere",
     )
+
+
+def has_crept(course: Course, chain: Chain) -> bool:
+    """Whether a chain ended at the last nu where curved steps may lower J further.
+
+    Args:
+        course: schedule and settings.
+        chain: with a level done.
+    """
+    last, schedule = chain.steps[-1], course.schedule
+    done = chain.ended and chain.joined is None and last.level <= schedule.levels
+    return bool(done) and crept(last.optimality, last.j, course.settings.misfit)
+
+
+def polished(course: Course, chain: Chain) -> Chain:
+    """The chain with one level more, at the same nu: curved steps from where straight ones crept.
+
+    Args:
+        course: schedule, settings and journal.
+        chain: that has crept.
+
+    Raises:
+        FmuFailure: the model failed inside the box.
+    """
+    last, level = chain.steps[-1], course.schedule.levels + 1
+    course.journal.entering(course.alternative, chain.start, level)
+    step = course.journal.recall(course.alternative, chain.start, level)
+    if step is None:
+        step = _solved(course, chain.start, level, last.nu, np.array(last.x), _curved_from(last))
+        course.journal.record(step)
+    return replace(chain, steps=(*chain.steps, step))
 
 
 class _Solver(Protocol):
@@ -224,6 +259,45 @@ class _Solver(Protocol):
     ) -> Solve: ...
 
 
+def _to_the_last_digits(solver: _Solver) -> _Solver:
+    """A solver of the last level, which is solved to the last digits."""
+
+    def taken_on(
+        evaluator: Evaluator,
+        start: FloatArray,
+        nu: Nu,
+        settings: SolveSettings,
+        generator: np.random.Generator,
+    ) -> Solve:
+        found = solver(evaluator, start, nu, settings, generator)
+        return to_the_last_digits(evaluator, found, nu, settings)
+
+    return taken_on
+
+
+def _curved_from(last: ContinuationStep) -> _Solver:
+    """A solver that goes on along a curved valley from where a step ended."""
+
+    def taken_on(
+        evaluator: Evaluator,
+        start: FloatArray,
+        nu: Nu,
+        settings: SolveSettings,
+        generator: np.random.Generator,
+    ) -> Solve:
+        found = Solve(
+            x=start,
+            optimality=last.optimality,
+            status=last.status,
+            message=last.message,
+            iterations=0,
+            steps=0,
+        )
+        return along_the_valley(evaluator, found, nu, settings)
+
+    return taken_on
+
+
 def _solved(
     course: Course, start: int, level: int, nu: float, x: FloatArray, solver: _Solver
 ) -> ContinuationStep:
@@ -233,8 +307,6 @@ def _solved(
     misfit = course.settings.misfit
     tikhonov_weights = weights(course.objective, nu, misfit)
     answer = solver(evaluator, x, tikhonov_weights, course.settings, np.random.default_rng(seeds))
-    if level + 1 >= course.schedule.levels:
-        answer = to_the_last_digits(evaluator, answer, tikhonov_weights, course.settings)
     point = evaluator.point(answer.x)
     following = j_reg(answer.x, weights(course.objective, nu * course.schedule.beta, misfit))
     step = ContinuationStep(

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -25,8 +26,9 @@ from scipy.sparse import diags_array
 
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.solver.evaluator import Evaluator, total
-from fitting.fit.solver.gauss_newton import finish_squares, squares_model
-from fitting.fit.solver.linear_program import follow, promised_decrease, with_slacks
+from fitting.fit.solver.gauss_newton import Finish, finish_squares, squares_model
+from fitting.fit.solver.kinked_valley import follow_valley
+from fitting.fit.solver.linear_program import Pace, follow, promised_decrease, with_slacks
 from fitting.fit.solver.symmetry import off_symmetry
 from fitting.text.arrays import FloatArray
 
@@ -37,11 +39,14 @@ PATIENCE = 12
 #: Promised decrease, as a share of J, to which the last nu is solved.
 LAST_DIGITS = 1e-8
 #: What finishes a solve of each smooth misfit, by linearised steps.
-FINISHES = {"slack": follow, "squares": finish_squares}
+FINISHES: dict[str, Callable[[Evaluator, FloatArray, Nu, float], Finish]] = {
+    "slack": follow,
+    "squares": finish_squares,
+}
 #: What gets its last digits. Along a valley that the data leave open J falls by less than a step
 #: may be off elsewhere, over hundreds of units of x: steps are many there, and as long as they go.
-LAST_FINISHES = {
-    "slack": partial(follow, steps=60, farthest=1000.0),
+LAST_FINISHES: dict[str, Callable[[Evaluator, FloatArray, Nu, float], Finish]] = {
+    "slack": partial(follow, pace=Pace(steps=60, farthest=1000.0, creeping=6)),
     "squares": partial(finish_squares, steps=20),
 }
 
@@ -196,9 +201,43 @@ def to_the_last_digits(
     """
     if settings.misfit not in LAST_FINISHES:
         return found
-    value = _value(evaluator, found.x, nu, settings)
-    tolerance = LAST_DIGITS * value
-    end = LAST_FINISHES[settings.misfit](evaluator, found.x, nu, tolerance)
+    return _further(evaluator, found, nu, settings, LAST_FINISHES[settings.misfit])
+
+
+def crept(promise: float, value: float, misfit: str) -> bool:
+    """Whether linearised steps left last digits that curved ones may find.
+
+    Args:
+        promise: decrease of J that a linearised step promises still.
+        value: J there.
+        misfit: of the solve.
+    """
+    return misfit == "slack" and promise > LAST_DIGITS * value
+
+
+def along_the_valley(evaluator: Evaluator, found: Solve, nu: Nu, settings: SolveSettings) -> Solve:
+    """What a solve found, taken on by curved steps where its last digits left something.
+
+    Args:
+        evaluator: of the objective.
+        found: end of the solve and of its last digits.
+        nu: weight of the Tikhonov term, one or (n,).
+        settings: tolerances.
+
+    Raises:
+        FmuFailure: the model failed at a point inside the box.
+    """
+    return _further(evaluator, found, nu, settings, follow_valley)
+
+
+def _further(
+    evaluator: Evaluator,
+    found: Solve,
+    nu: Nu,
+    settings: SolveSettings,
+    steps: Callable[[Evaluator, FloatArray, Nu, float], Finish],
+) -> Solve:
+    end = steps(evaluator, found.x, nu, LAST_DIGITS * _value(evaluator, found.x, nu, settings))
     if not end.steps:
         return found
     promise, reached = end.optimality, _value(evaluator, end.x, nu, settings)

@@ -10,6 +10,7 @@ point leaves, and stands in as referee for it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ TEST_RADIUS = 1.0
 #: Second-order corrections tried before the radius is cut.
 CORRECTIONS = 3
 SMALLEST_RADIUS = 1e-9
+#: Share of the promise of a unit below which a step creeps.
+CREEP = 0.01
 #: From so many rows on the bands of the slacks are sparse.
 MANY_ROWS = 100
 
@@ -128,14 +131,26 @@ def _promise(rows: FloatArray, matrix: FloatArray, slope: FloatArray, step: Floa
     return max(float(np.sum(np.abs(rows)) - after), 0.0)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How long linearised steps are followed.
+
+    `steps` at most; `farthest` the largest change of one variable in a step, in units of x;
+    `creeping` steps in a row are enough that lower J by a hundredth of what a unit promises, or by
+    no more than the tolerance; None: never.
+    """
+
+    steps: int = 40
+    farthest: float = TEST_RADIUS
+    creeping: int | None = None
+
+
 def follow(
     evaluator: Evaluator,
     start: FloatArray,
     nu: Nu,
     tolerance: float,
-    *,
-    steps: int = 40,
-    farthest: float = TEST_RADIUS,
+    pace: Pace = Pace(),
 ) -> Finish:
     """Lower sum |r| + J_reg by linearised steps until no step promises more than the tolerance.
 
@@ -148,16 +163,15 @@ def follow(
         start: search vector in the box, shape (n,).
         nu: weight of the Tikhonov term, one or (n,).
         tolerance: promised decrease of J that is no longer worth a step.
-        steps: at most.
-        farthest: largest change of one variable in a step, in units of x.
+        pace: how many steps, and how far they go.
 
     Source: R. Fletcher, "A model algorithm for composite nondifferentiable optimization problems"
     and "Second order corrections for non-differentiable optimization" (1982).
     """
     x, radius = np.array(start, dtype=float), 0.1
-    taken, promise = 0, float("inf")
+    taken, crept, promise = 0, 0, float("inf")
     try:
-        while taken <= steps:
+        while taken <= pace.steps:
             promise = promised_decrease(evaluator, x, nu, "slack")
             if promise <= tolerance:
                 return Finish(
@@ -166,9 +180,16 @@ def follow(
                     steps=taken,
                     message="no linearised step promises a decrease",
                 )
-            if taken == steps:
+            if taken == pace.steps:
                 break
-            moved, radius = _one_step(evaluator, x, nu, radius, farthest)
+            if crept == pace.creeping:
+                return Finish(
+                    x=x,
+                    optimality=promise,
+                    steps=taken,
+                    message="the steps lower J by less than they promise",
+                )
+            moved, radius = _one_step(evaluator, x, nu, radius, pace.farthest)
             if moved is None:
                 return Finish(
                     x=x,
@@ -176,12 +197,24 @@ def follow(
                     steps=taken,
                     message="the steps became too short to lower J",
                 )
-            x, taken = moved, taken + 1
+            gain = _value(evaluator, x, nu) - _value(evaluator, moved, nu)
+            x, taken, crept = (
+                moved,
+                taken + 1,
+                0 if gain > max(tolerance, CREEP * promise) else crept + 1,
+            )
     except ArithmeticError as error:
         return Finish(x=x, optimality=promise, steps=taken, message=str(error))
     return Finish(
-        x=x, optimality=promise, steps=taken, message=f"{steps} linearised steps were not enough"
+        x=x,
+        optimality=promise,
+        steps=taken,
+        message=f"{pace.steps} linearised steps were not enough",
     )
+
+
+def _value(evaluator: Evaluator, x: FloatArray, nu: Nu) -> float:
+    return total(evaluator.point(x), nu, "slack")
 
 
 def _one_step(
