@@ -72,7 +72,7 @@ def cost(
     objective = problem.objective
     planning_runs, planning_s = workers.counts.runs - runs_before, time.perf_counter() - begun
     x = to_search(record.parameters, starts_of(record.parameters))
-    points = [x, *stencil(objective, x)]
+    points = [x, *stencil(objective, x).nodes]
     runs_before, begun = workers.counts.runs, time.perf_counter()
     evaluate_many(objective, points)
     seconds_each = (time.perf_counter() - begun) / len(points)

@@ -291,10 +291,10 @@ class Problem:
         """
         table = self._checked(p)
         xs = to_search(self.record.parameters, table.reshape(-1, table.shape[-1]))
-        nodes = [stencil(self.objective, x) for x in xs]
-        points = evaluate_many(self.objective, [node for each in nodes for node in each])
-        size = 2 * table.shape[-1]
-        found = [jacobian_of(points[k : k + size]) for k in range(0, len(points), size)]
+        around = [stencil(self.objective, x) for x in xs]
+        nodes = [node for each in around for node in each.nodes]
+        points = iter(evaluate_many(self.objective, nodes))
+        found = [jacobian_of(each, [next(points) for _ in each.nodes]) for each in around]
         scaled = np.array(found) / scales(self.record.parameters)
         return np.asarray(scaled.reshape(*table.shape[:-1], *scaled.shape[-2:]))
 

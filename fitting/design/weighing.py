@@ -366,8 +366,8 @@ def _gradients(data: Series, target: str, places: Sequence[Place]) -> FloatArray
         for place, each in zip(places, around, strict=True)
         for x in each.nodes
     ]
-    values = _values(data, target, nodes).reshape(len(places), -1)
-    return np.stack([each.quotients(list(v)) for each, v in zip(around, values, strict=True)])
+    values = iter(_values(data, target, nodes))
+    return np.stack([each.quotients([next(values) for _ in each.nodes]) for each in around])
 
 
 def _values(data: Series, target: str, places: Sequence[Place]) -> FloatArray:

@@ -2,6 +2,8 @@
 
     df/dx_i = (f(a_i) - f(b_i))/(a_i - b_i)_i
 
+Where one side has no room, two quotients to the other side are extrapolated to none.
+
 A stencil says at which points a function of the search vector is wanted, so that all of them go to
 the model in one batch, and makes the derivatives from what comes back, be that residual rows or
 derived outputs.
@@ -19,15 +21,24 @@ from fitting.text.arrays import FloatArray
 
 
 @dataclass(frozen=True)
+class Quotient:
+    """Of the values at two nodes, by their places, the minuend first; `weight` in a derivative."""
+
+    above: int
+    below: int
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
 class Stencil:
     """Points of difference quotients along every axis.
 
-    `nodes` are search vectors (n,); `pairs` has for each axis the places in `nodes` of the two
-    points that differ along it, the minuend first.
+    `nodes` are search vectors (n,); `along` has for each axis the quotients whose weighted sum is
+    the derivative, each of two nodes that differ along it.
     """
 
     nodes: tuple[FloatArray, ...]
-    pairs: tuple[tuple[int, int], ...]
+    along: tuple[tuple[Quotient, ...], ...]
 
     def quotients(
         self,
@@ -41,10 +52,14 @@ class Stencil:
             difference: of two values, e.g. of their logarithms.
         """
         columns = []
-        for i, (above, below) in enumerate(self.pairs):
-            span = self.nodes[above][i] - self.nodes[below][i]
-            one, other = np.asarray(values[above]), np.asarray(values[below])
-            columns.append(difference(one, other) / span)
+        for axis, parts in enumerate(self.along):
+            of_parts = [
+                part.weight
+                * difference(np.asarray(values[part.above]), np.asarray(values[part.below]))
+                / (self.nodes[part.above][axis] - self.nodes[part.below][axis])
+                for part in parts
+            ]
+            columns.append(sum(of_parts[1:], of_parts[0]))
         return np.stack(columns, axis=-1)
 
     def between(self, axis: int, above: FloatArray, below: FloatArray) -> Stencil:
@@ -55,10 +70,10 @@ class Stencil:
             above: search vector, shape (n,).
             below: another that differs along the axis, shape (n,).
         """
-        nodes, pairs = list(self.nodes), list(self.pairs)
+        nodes, along = list(self.nodes), list(self.along)
         nodes += [above, below]
-        pairs[axis] = (len(nodes) - 2, len(nodes) - 1)
-        return replace(self, nodes=tuple(nodes), pairs=tuple(pairs))
+        along[axis] = (Quotient(len(nodes) - 2, len(nodes) - 1),)
+        return replace(self, nodes=tuple(nodes), along=tuple(along))
 
     def turned(self, axes: Sequence[int]) -> Stencil:
         """The stencil of `forward` with the steps along some axes taken the other way.
@@ -73,9 +88,11 @@ class Stencil:
 
 
 def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: FloatArray) -> Stencil:
-    """Central differences about x, cut at the box: 2n nodes, above and below in turn.
+    """Central differences about x; inward where the box has no room for a step to both sides.
 
-    The error is that of the step squared; next to a bound, where one side is cut, of the step.
+    (f(x + h) - f(x - h))/(2 h), two nodes along an axis, above and below in turn. Where a side has
+    no room the quotient is taken from x to h and to 2 h on the other side, 2 q(h) - q(2 h), which
+    are three nodes. The error is that of the step squared either way.
 
     Args:
         x: search vector, shape (n,).
@@ -83,13 +100,30 @@ def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: Float
         lower: bounds of the box, shape (n,).
         upper: likewise.
     """
-    nodes = []
+    nodes: list[FloatArray] = []
+    along = []
     for i, step in enumerate(np.broadcast_to(steps, x.shape)):
-        for sign in (1.0, -1.0):
+        shifts, parts = _shifts(float(step), float(lower[i] - x[i]), float(upper[i] - x[i]))
+        first = len(nodes)
+        for shift in shifts:
             moved = np.array(x, dtype=float)
-            moved[i] = min(max(x[i] + sign * step, lower[i]), upper[i])
+            moved[i] = min(max(x[i] + shift, lower[i]), upper[i])
             nodes.append(moved)
-    return Stencil(tuple(nodes), tuple((2 * i, 2 * i + 1) for i in range(x.size)))
+        along.append(tuple(Quotient(first + a, first + b, weight) for a, b, weight in parts))
+    return Stencil(tuple(nodes), tuple(along))
+
+
+def _shifts(
+    step: float, down: float, up: float
+) -> tuple[tuple[float, ...], tuple[tuple[int, int, float], ...]]:
+    """Where nodes stand along one axis, and their quotients: places of both nodes, weight.
+
+    `down` and `up` is the room in the box, at most zero and at least zero.
+    """
+    if min(up, -down) >= step or max(up, -down) < 2.0 * step:
+        return (step, -step), ((0, 1, 1.0),)
+    inward = step if up > -down else -step
+    return (0.0, inward, 2.0 * inward), ((1, 0, 2.0), (2, 0, -1.0))
 
 
 def forward(x: FloatArray, steps: npt.ArrayLike, upper: FloatArray) -> Stencil:
@@ -107,4 +141,4 @@ def forward(x: FloatArray, steps: npt.ArrayLike, upper: FloatArray) -> Stencil:
         moved = np.array(x, dtype=float)
         moved[i] += step if x[i] + step <= upper[i] else -step
         nodes.append(moved)
-    return Stencil(tuple(nodes), tuple((i + 1, 0) for i in range(x.size)))
+    return Stencil(tuple(nodes), tuple((Quotient(i + 1, 0),) for i in range(x.size)))

@@ -175,25 +175,24 @@ def evaluate_many(
     return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
 
 
-def stencil(objective: Objective, x: FloatArray) -> list[FloatArray]:
-    """Search vectors of a central-difference Jacobian at x, kept inside the box, 2n of them.
+def stencil(objective: Objective, x: FloatArray) -> Stencil:
+    """Points of a central-difference Jacobian at x, kept inside the box.
 
     Args:
         objective: rows, parameters and weights.
         x: search vector (n,).
     """
-    return list(central(x, objective.steps, *search_bounds(objective.parameters)).nodes)
+    return central(x, objective.steps, *search_bounds(objective.parameters))
 
 
-def jacobian_of(points: Sequence[Point]) -> FloatArray:
-    """dr/dx, shape (n_rows, n), from the points of `stencil` in its order.
+def jacobian_of(around: Stencil, points: Sequence[Point]) -> FloatArray:
+    """dr/dx, shape (n_rows, n), from the points at the nodes of a stencil.
 
     Args:
-        points: evaluated at the nodes of the stencil.
+        around: the stencil.
+        points: evaluated at its nodes, in their order.
     """
-    pairs = tuple((k, k + 1) for k in range(0, len(points), 2))
-    nodes = Stencil(tuple(point.x for point in points), pairs)
-    return nodes.quotients([point.residuals for point in points])
+    return around.quotients([point.residuals for point in points])
 
 
 def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
@@ -205,7 +204,8 @@ def jacobian(objective: Objective, x: FloatArray) -> FloatArray:
         objective: rows, parameters and weights.
         x: search vector (n,).
     """
-    return jacobian_of(evaluate_many(objective, stencil(objective, x)))
+    around = stencil(objective, x)
+    return jacobian_of(around, evaluate_many(objective, around.nodes))
 
 
 def make_objective(
@@ -227,11 +227,12 @@ def make_objective(
     start = to_search(parameters, starts(parameters))
     middle = np.clip(np.zeros_like(start), lower, upper)
     draft = Objective(response=response, parameters=parameters, data=data, steps=1e-3 * longest)
-    points = evaluate_many(draft, [*stencil(draft, start), *stencil(draft, middle)])
-    half = len(points) // 2
+    one, other = stencil(draft, start), stencil(draft, middle)
+    points = evaluate_many(draft, [*one.nodes, *other.nodes])
+    first = len(one.nodes)
     slopes = np.maximum(
-        np.max(np.abs(jacobian_of(points[:half])), axis=0),
-        np.max(np.abs(jacobian_of(points[half:])), axis=0),
+        np.max(np.abs(jacobian_of(one, points[:first])), axis=0),
+        np.max(np.abs(jacobian_of(other, points[first:])), axis=0),
     )
     lengths = np.minimum(longest, 1.0 / np.maximum(slopes, np.finfo(float).tiny))
     unit = float(np.cbrt(3.0 * noise_level(draft, middle, lengths)))

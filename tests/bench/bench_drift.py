@@ -82,7 +82,7 @@ def _row(bound: BoundCampaign, workers: FmuWorkers) -> None:
     begun = time.perf_counter()
     [point] = evaluate_many(objective, [x])
     middle = time.perf_counter()
-    points = evaluate_many(objective, stencil(objective, x))
+    points = evaluate_many(objective, stencil(objective, x).nodes)
     end = time.perf_counter()
     shared = sum(p.runs for p in points)
     print(

@@ -223,7 +223,7 @@ class Bench:
         """Print the timings; of our plan alone, and of the wide sweep in a Jacobian's batch."""
         x = moved(self.adaptive, 40)
         turn = iter(range(10**9))
-        nodes = len(stencil(self.adaptive, x[0]))
+        nodes = len(stencil(self.adaptive, x[0]).nodes)
         found: dict[tuple[int, int], Timing] = {}
         for label, which in (
             ("our plan", self.adaptive),
@@ -233,7 +233,7 @@ class Bench:
 
                 def work(which: Objective = which, size: int = size) -> object:
                     here = x[next(turn) % 40]
-                    return evaluate_many(which, [here] if size == 1 else stencil(which, here))
+                    return evaluate_many(which, [here] if size == 1 else stencil(which, here).nodes)
 
                 done = timing(self.workers, size, work)
                 plural = "workers" if count > 1 else "worker"

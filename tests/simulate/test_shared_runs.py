@@ -100,7 +100,7 @@ def test_values_of_one_experiment_cost_one_run_each(oscillator_fmu: Path, tmp_pa
         )  # offsets leave the sweep alone
         objective = make_objective(response, bound.parameters, problem_of([bound]).data)
         x = np.array([0.0, 0.1, 0.1, 0.2, 0.3])
-        points = evaluate_many(objective, stencil(objective, x))
+        points = evaluate_many(objective, stencil(objective, x).nodes)
     # the last two variables are of one experiment: both steps, both middles, one sweep of 5 points
     assert sum(point.runs for point in points[6:]) == 4 + 2 + 5
     assert all(point.runs == 7 for point in points[:6])

@@ -82,8 +82,9 @@ class Laboratory:
         found = []
         for series in self.series:
             objective = series.objective(place.alternative, self.steps)
-            here, *around = evaluate_many(objective, [place.x, *stencil(objective, place.x)])
-            found.append((here.residuals, jacobian_of(around)))
+            around = stencil(objective, place.x)
+            here, *nodes = evaluate_many(objective, [place.x, *around.nodes])
+            found.append((here.residuals, jacobian_of(around, nodes)))
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
     def expected(self, p: FloatArray, gradient: FloatArray, errors: dict[str, float]) -> float:

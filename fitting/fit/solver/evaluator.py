@@ -84,7 +84,8 @@ class Evaluator:
         """
         key = x.tobytes()
         if key not in self._jacobians:
-            matrix = jacobian_of(self._evaluate(stencil(self.objective, x)))
+            around = stencil(self.objective, x)
+            matrix = jacobian_of(around, self._evaluate(around.nodes))
             self.counts += Counts(jacobians=1)
             self._remember(self._jacobians, key, matrix)
         return self._jacobians[key]

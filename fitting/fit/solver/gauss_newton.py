@@ -19,6 +19,9 @@ from fitting.text.arrays import BoolArray, FloatArray
 LONGEST = 0.5
 #: First and largest damping, relative to the curvature of each variable.
 GENTLE, STIFFEST = 1e-9, 1e6
+#: Corrections of a step for the bend of the rows, tried before it is damped; the share of its
+#: promise from which a step needs none.
+CORRECTIONS, PAYS = 3, 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +65,19 @@ def squares_model(evaluator: Evaluator, x: FloatArray, nu: Nu) -> SquaresModel:
         x: search vector, shape (n,).
         nu: weight of the Tikhonov term, one or (n,).
     """
-    point, tikhonov = evaluator.point(x), np.sqrt(np.broadcast_to(nu, x.shape))
-    root = np.sqrt(2.0 * point.row_weights)
-    rows = np.concatenate([root * point.residuals, tikhonov * x])
+    root = np.sqrt(2.0 * evaluator.point(x).row_weights)
+    tikhonov = np.sqrt(np.broadcast_to(nu, x.shape))
+    rows = _rows(evaluator, x, nu)
     matrix = np.concatenate([root[:, np.newaxis] * evaluator.jacobian(x), np.diag(tikhonov)])
     slope = matrix.T @ rows
     pushes = ((x <= evaluator.lower) & (slope > 0.0)) | ((x >= evaluator.upper) & (slope < 0.0))
     return SquaresModel(rows, matrix, ~pushes)
+
+
+def _rows(evaluator: Evaluator, x: FloatArray, nu: Nu) -> FloatArray:
+    """Half the sum of the squares of these, (m + n,), is the misfit + J_reg."""
+    point, tikhonov = evaluator.point(x), np.sqrt(np.broadcast_to(nu, x.shape))
+    return np.concatenate([np.sqrt(2.0 * point.row_weights) * point.residuals, tikhonov * x])
 
 
 def newton_decrement(evaluator: Evaluator, x: FloatArray, nu: Nu) -> float:
@@ -130,18 +139,43 @@ def finish_squares(
 def _one_step(
     evaluator: Evaluator, x: FloatArray, nu: Nu, damping: float
 ) -> tuple[FloatArray | None, float]:
-    here, around = total(evaluator.point(x), nu, "squares"), squares_model(evaluator, x, nu)
+    """The next lower x with the damping for the step after it; None where none is found."""
+    around = squares_model(evaluator, x, nu)
     free = np.flatnonzero(around.free)
-    seen = around.matrix[:, free]
-    scale = np.sqrt(np.maximum(np.sum(seen**2, axis=0), np.finfo(float).tiny))
     while damping <= STIFFEST and free.size:
-        step = damped_step(seen / scale, around.rows, damping) / scale
-        if float(np.max(np.abs(step))) > LONGEST:  # the rows are straight for so long only
-            damping *= 10.0
-            continue
-        trial = x.copy()
-        trial[free] = np.clip(x[free] + step, evaluator.lower[free], evaluator.upper[free])
-        if total(evaluator.point(trial), nu, "squares") < here:
-            return trial, max(0.1 * damping, GENTLE)
+        moved, gain, promise = _best_trial(evaluator, x, nu, around, damping)
+        if gain > 0.0:
+            pays = gain > PAYS * promise
+            return moved, max(0.1 * damping, GENTLE) if pays else damping
         damping *= 10.0
     return None, damping
+
+
+def _best_trial(
+    evaluator: Evaluator, x: FloatArray, nu: Nu, around: SquaresModel, damping: float
+) -> tuple[FloatArray, float, float]:
+    """The lowest of a damped step and its corrections; what it gains, and what it promised.
+
+    A step along a bent valley raises the stiff rows by its square; solving again with
+    c = r(x + d) - J d in place of r takes that back without a new Jacobian.
+    """
+    here, free = total(evaluator.point(x), nu, "squares"), np.flatnonzero(around.free)
+    seen, rows = around.matrix[:, free], around.rows
+    scale = np.sqrt(np.maximum(np.sum(seen**2, axis=0), np.finfo(float).tiny))
+    best, gain, promise = x, 0.0, 0.0
+    for correction in range(CORRECTIONS + 1):
+        step = damped_step(seen / scale, rows, damping) / scale
+        if float(np.max(np.abs(step))) > LONGEST:  # the rows are straight for so long only
+            break
+        trial = x.copy()
+        trial[free] = np.clip(x[free] + step, evaluator.lower[free], evaluator.upper[free])
+        if not correction:
+            left = around.rows + seen @ step
+            promise = 0.5 * float(around.rows @ around.rows - left @ left)
+        here_gain = here - total(evaluator.point(trial), nu, "squares")
+        if here_gain > gain:
+            best, gain = trial, here_gain
+        if gain > PAYS * promise:
+            break
+        rows = _rows(evaluator, trial, nu) - seen @ (trial - x)[free]
+    return best, gain, promise
