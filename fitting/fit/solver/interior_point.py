@@ -26,9 +26,9 @@ from scipy.sparse import diags_array
 
 from fitting.fit.objective import Nu, j_reg
 from fitting.fit.solver.evaluator import Evaluator, total
-from fitting.fit.solver.gauss_newton import Finish, finish_squares, squares_model
-from fitting.fit.solver.kinked_valley import follow_valley
+from fitting.fit.solver.gauss_newton import Finish, squares_model
 from fitting.fit.solver.linear_program import Pace, follow, promised_decrease, with_slacks
+from fitting.fit.solver.narrow_valley import finish_squares_in_valley, follow_valley
 from fitting.fit.solver.symmetry import off_symmetry
 from fitting.text.arrays import FloatArray
 
@@ -41,13 +41,13 @@ LAST_DIGITS = 1e-8
 #: What finishes a solve of each smooth misfit, by linearised steps.
 FINISHES: dict[str, Callable[[Evaluator, FloatArray, Nu, float], Finish]] = {
     "slack": follow,
-    "squares": finish_squares,
+    "squares": finish_squares_in_valley,
 }
 #: What gets its last digits. Along a valley that the data leave open J falls by less than a step
 #: may be off elsewhere, over hundreds of units of x: steps are many there, and as long as they go.
 LAST_FINISHES: dict[str, Callable[[Evaluator, FloatArray, Nu, float], Finish]] = {
     "slack": partial(follow, pace=Pace(steps=60, farthest=1000.0, creeping=6)),
-    "squares": partial(finish_squares, steps=20),
+    "squares": partial(finish_squares_in_valley, steps=20),
 }
 
 
@@ -212,7 +212,7 @@ def crept(promise: float, value: float, misfit: str) -> bool:
         value: J there.
         misfit: of the solve.
     """
-    return misfit == "slack" and promise > LAST_DIGITS * value
+    return misfit in LAST_FINISHES and promise > LAST_DIGITS * value
 
 
 def along_the_valley(evaluator: Evaluator, found: Solve, nu: Nu, settings: SolveSettings) -> Solve:
@@ -227,7 +227,8 @@ def along_the_valley(evaluator: Evaluator, found: Solve, nu: Nu, settings: Solve
     Raises:
         FmuFailure: the model failed at a point inside the box.
     """
-    return _further(evaluator, found, nu, settings, follow_valley)
+    steps = partial(follow_valley, misfit=settings.misfit)
+    return _further(evaluator, found, nu, settings, steps)
 
 
 def _further(

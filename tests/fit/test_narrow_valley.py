@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fitting.fit.solver.evaluator import Evaluator, total
-from fitting.fit.solver.interior_point import Solve, SolveSettings, to_the_last_digits
-from fitting.fit.solver.kinked_valley import along_kinks
+from fitting.fit.solver.interior_point import Solve, SolveSettings, along_the_valley
+from fitting.fit.solver.narrow_valley import along_floor
 from fitting.text.arrays import FloatArray
 from tests.support.rows import rows_evaluator
 
@@ -29,7 +29,7 @@ def j(evaluator: Evaluator, x: FloatArray) -> float:
 def test_a_narrow_valley_on_a_kink_is_gone_along_to_its_end() -> None:
     """J = 1 at (1, 1, 1), begun beyond the bend."""
     evaluator = rows_evaluator(banana, [-3.0] * 3, [3.0] * 3)
-    found = to_the_last_digits(evaluator, rough([-0.5, 0.4, -0.15]), 0.0, SolveSettings())
+    found = along_the_valley(evaluator, rough([-0.5, 0.4, -0.15]), 0.0, SolveSettings())
     assert j(evaluator, found.x) == pytest.approx(1.0, abs=1e-8)
     assert found.x == pytest.approx([1.0, 1.0, 1.0], abs=5e-3)
 
@@ -37,7 +37,7 @@ def test_a_narrow_valley_on_a_kink_is_gone_along_to_its_end() -> None:
 def test_the_valley_may_end_at_a_bound() -> None:
     """With x <= 0.5 the least is (1 - 0.5)^2 on y = 0.25, z = 0.125."""
     evaluator = rows_evaluator(banana, [-3.0] * 3, [0.5, 3.0, 3.0])
-    found = to_the_last_digits(evaluator, rough([-0.5, 0.4, -0.15]), 0.0, SolveSettings())
+    found = along_the_valley(evaluator, rough([-0.5, 0.4, -0.15]), 0.0, SolveSettings())
     assert j(evaluator, found.x) == pytest.approx(1.00025, abs=1e-8)
     assert found.x == pytest.approx([0.5, 0.25, 0.125], abs=5e-3)
 
@@ -46,7 +46,7 @@ def test_where_nothing_vanishes_all_variables_are_free() -> None:
     evaluator = rows_evaluator(
         lambda p: banana(np.array([*p, p[0] * p[1] + 1.0])), [-3.0] * 2, [3.0] * 2
     )
-    x, _ = along_kinks(evaluator, np.array([-1.2, 1.4]), 0.0, 100)
+    x, _ = along_floor(evaluator, np.array([-1.2, 1.4]), 0.0, 100)
     assert j(evaluator, x) == pytest.approx(11.0, abs=1e-8)
 
 
@@ -58,14 +58,14 @@ def test_a_corner_stays_where_it_is() -> None:
         [3.0] * 2,
     )
     x = np.ones(2)
-    assert along_kinks(evaluator, x, 0.0, 60) == (x, 0)
+    assert along_floor(evaluator, x, 0.0, 60) == (x, 0)
 
 
 def test_a_row_that_vanishes_twice_is_one_kink() -> None:
     evaluator = rows_evaluator(
         lambda p: np.array([*banana(p), 3.0 * (p[2] - p[0] * p[1])]), [-3.0] * 3, [3.0] * 3
     )
-    x, _ = along_kinks(evaluator, np.array([0.5, 0.2, 0.1]), 0.0, 100)
+    x, _ = along_floor(evaluator, np.array([0.5, 0.2, 0.1]), 0.0, 100)
     assert j(evaluator, x) == pytest.approx(1.0, abs=1e-8)
 
 
@@ -73,7 +73,7 @@ def test_the_tikhonov_term_counts() -> None:
     """Against a grid of x and y, z = x y being on the kink."""
     nu = 2e-3
     evaluator = rows_evaluator(banana, [-3.0] * 3, [3.0] * 3)
-    x, _ = along_kinks(evaluator, np.array([0.5, 0.2, 0.1]), nu, 100)
+    x, _ = along_floor(evaluator, np.array([0.5, 0.2, 0.1]), nu, 100)
     a, b = np.meshgrid(np.linspace(0.0, 1.0, 1001), np.linspace(0.0, 1.0, 1001))
     on = 1.0 + 1e-3 * ((1.0 - a) ** 2 + 100.0 * (b - a**2) ** 2)
     least = np.min(on + 0.5 * nu * (a**2 + b**2 + (a * b) ** 2))
