@@ -26,6 +26,29 @@ def test_central_differences_of_a_quadratic_are_exact() -> None:
     assert found == pytest.approx(np.array([[0.6, 2.0, -0.7], [0.0, 1.0, -3.0]]), abs=1e-12)
 
 
+def test_derivatives_at_a_bound_are_of_second_order_too() -> None:
+    """A one-sided quotient of x0^2 would be off by the step, 0.1."""
+    lower, upper = np.array([0.3, -10.0, -10.0]), np.array([9.0, -0.7, 2.0])
+    around = central(X, 0.1, lower, upper)
+    assert len(around.nodes) == 9  # three along each axis
+    assert all(np.all((lower <= x) & (x <= upper)) for x in around.nodes)
+    found = around.quotients([quadratic(x) for x in around.nodes])
+    assert found == pytest.approx(np.array([[0.6, 2.0, -0.7], [0.0, 1.0, -3.0]]), abs=1e-12)
+
+
+def test_derivatives_next_to_a_bound_are_as_good_as_anywhere() -> None:
+    """exp has itself as derivative; a step cut to a tenth would be off by its half, 4.5e-4."""
+    for shift in (0.0, 1e-4, 5e-4):
+        around = central(np.zeros(1), 1e-3, np.array([-shift]), np.array([1.0]))
+        [found] = around.quotients([np.exp(x) for x in around.nodes])
+        assert found == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_box_that_is_narrower_than_two_steps_is_used_whole() -> None:
+    around = central(np.zeros(1), 1.0, np.array([-0.2]), np.array([0.5]))
+    assert [float(x[0]) for x in around.nodes] == [0.5, -0.2]
+
+
 def test_numbers_have_a_gradient() -> None:
     around = central(X, 1e-3, *WIDE)
     found = around.quotients([float(quadratic(x)[0]) for x in around.nodes])

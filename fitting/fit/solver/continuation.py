@@ -72,8 +72,8 @@ class Schedule:
 class ContinuationStep:
     """One solved level of one start: where it ended, at what misfit, and how well.
 
-    What a search found is lowered at the last nu, as one level more than the schedule has; the next
-    level beyond it goes along a curved valley, where straight steps crept.
+    What a search found is lowered at the last nu, as one level more than the schedule has; a level
+    beyond that goes along a bent valley, where straight steps crept, and is told with the last.
     `x` search vector, `parameters` the same in their units; `change` the paper's E; `optimality`
     the decrease of J that a linearised step still promises; counts and seconds of this level.
     """
@@ -112,7 +112,7 @@ class Chain:
     """One start and the levels it went through.
 
     `joined` is the start whose minimum it ended in, None if there is none; `ended` says why it
-    stopped.
+    stopped; `polished` whether its end went on along a bent valley.
     """
 
     start: int
@@ -121,6 +121,7 @@ class Chain:
     steps: tuple[ContinuationStep, ...] = ()
     joined: int | None = None
     ended: str = ""
+    polished: bool = False
 
     @property
     def nu(self) -> float:
@@ -224,13 +225,13 @@ def has_crept(course: Course, chain: Chain) -> bool:
         course: schedule and settings.
         chain: with a level done.
     """
-    last, schedule = chain.steps[-1], course.schedule
-    done = chain.ended and chain.joined is None and last.level <= schedule.levels
-    return bool(done) and crept(last.optimality, last.j, course.settings.misfit)
+    last = chain.steps[-1]
+    open_ = chain.ended and chain.joined is None and not chain.polished
+    return bool(open_) and crept(last.optimality, last.j, course.settings.misfit)
 
 
 def polished(course: Course, chain: Chain) -> Chain:
-    """The chain with one level more, at the same nu: curved steps from where straight ones crept.
+    """The chain with its last level taken on by curved steps, where straight ones crept.
 
     Args:
         course: schedule, settings and journal.
@@ -245,7 +246,17 @@ def polished(course: Course, chain: Chain) -> Chain:
     if step is None:
         step = _solved(course, chain.start, level, last.nu, np.array(last.x), _curved_from(last))
         course.journal.record(step)
-    return replace(chain, steps=(*chain.steps, step))
+    whole = replace(
+        step,
+        level=last.level,
+        change=last.change,
+        iterations=last.iterations,
+        evaluations=last.evaluations + step.evaluations,
+        jacobians=last.jacobians + step.jacobians,
+        runs=last.runs + step.runs,
+        seconds=last.seconds + step.seconds,
+    )
+    return replace(chain, steps=(*chain.steps[:-1], whole), polished=True)
 
 
 class _Solver(Protocol):

@@ -45,6 +45,8 @@ STRAIGHT_SQUARES = 3
 VANISHING, DEPENDENT = 1e-6, 1e-9
 #: Singular values of the squares, over the largest, below which the floor is level.
 LEVEL = 1e-2
+#: Length of the first step, in units of x.
+FIRST_STEP = 0.1
 #: Share of J that is one in the quasi-Newton method, and the change that ends it.
 UNIT, LEAST_CHANGE = 1e-6, 1e-7
 #: Newton steps to the floor, and the misfit that is left there, in that unit.
@@ -122,12 +124,16 @@ def along_floor(
     floor = (_OfSquares if misfit == "squares" else _OfKinks)(evaluator, start, nu)
     if not floor.free.size:
         return start, 0
-    room = zip(evaluator.lower[floor.free], evaluator.upper[floor.free], strict=True)
+    # the method knows no curvature at first: its first step is the gradient, in its unit of length
+    begun = start[floor.free]
+    steepest = float(np.max(np.abs(floor.slope(begun)), initial=0.0))
+    unit = np.sqrt(FIRST_STEP / steepest) if steepest > 0.0 else 1.0
+    lower, upper = evaluator.lower[floor.free], evaluator.upper[floor.free]
     answer = minimize(
-        floor.value,
-        start[floor.free],
-        jac=floor.slope,
-        bounds=list(room),
+        lambda z: floor.value(begun + unit * z),
+        np.zeros(begun.size),
+        jac=lambda z: unit * floor.slope(begun + unit * z),
+        bounds=list(zip((lower - begun) / unit, (upper - begun) / unit, strict=True)),
         method="SLSQP",
         options={"maxiter": steps, "ftol": LEAST_CHANGE},
     )
