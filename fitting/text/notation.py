@@ -347,6 +347,11 @@ def _outwards(value: float, place: int, *, up: bool) -> Decimal:
     return exact.quantize(Decimal(1).scaleb(max(place, least)), way) + 0  # no sign before a zero
 
 
+def _digits_to(place: int, value: float) -> int:
+    """Significant digits of a value down to a power of ten, as many as a float tells."""
+    return min(math.floor(math.log10(abs(value))) - place + 1, _DIGITS)
+
+
 def as_known(value: float, error: float, unit: str = "") -> str:
     """A value alone, with the digits that its error leaves and five at least, and plain spaces.
 
@@ -355,8 +360,13 @@ def as_known(value: float, error: float, unit: str = "") -> str:
         error: standard deviation, in the same unit; NaN: nobody knows it.
         unit: of the values.
     """
-    sure = 0.0 < error < abs(value) * 10.0**-_LEAST
-    shown = _rounded_alike(value, error)[0] if sure else number(value, _LEAST)
+    shown = number(value, _LEAST)
+    if math.isfinite(error) and error > 0.0 and value != 0.0:
+        place = math.floor(math.log10(error)) - 1
+        digits = _digits_to(place, value)
+        if digits > _LEAST:
+            fixed = -12 <= place < 6
+            shown = _rounded_alike(value, error)[0] if fixed else number(value, digits)
     return f"{shown} {unit}".rstrip().replace("\u00a0", " ")
 
 
@@ -382,9 +392,8 @@ def span(low: float, high: float, unit: str = "", error: float = math.nan) -> st
     elif 0.0 < 100.0 * low < high < 1e4 * low:
         return f"{bound(low, 3, up=False)} to {bound(high, 3, up=True)}{tail}"
     if not -12 <= place < 6:
-        size = math.floor(math.log10(max(abs(low), abs(high))))
-        digits = min(max(6, size - place + 1), _DIGITS)
-        return f"{bound(low, digits, up=False)} to {bound(high, digits, up=True)}{tail}"
+        first, last = (max(_LEAST, _digits_to(place, v)) if v else _LEAST for v in (low, high))
+        return f"{bound(low, first, up=False)} to {bound(high, last, up=True)}{tail}"
     ends = (f"{_outwards(v, place, up=v == high):f}" for v in (low, high))
     return f"{' to '.join(end.replace('-', '−') for end in ends)}{tail}"
 
