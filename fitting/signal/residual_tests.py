@@ -145,13 +145,15 @@ def residual_structure(
     unequal = sizes_p < STRUCTURED or (
         p_value < STRUCTURED and one_size_p(residuals, slopes.whole) < STRUCTURED
     )
-    if unequal and STRUCTURED <= (robust := white_noise_p(residuals, equal=False)):
+    robust = white_noise_p(residuals, equal=False) if unequal else 0.0
+    if robust >= STRUCTURED:
         p_value = robust  # a few large ones among small ones only look as if they hung together
         coefficients, news, sizes_p = _whitened(residuals, slopes, p_value)
     together = min(_correlated(coefficients, slopes, m - n), float(m - n))
     square = together
     if sizes_p < STRUCTURED:
-        square = max(square, _unequal(residuals, news, slopes, coefficients) * (m - n))
+        part, by_chance = _unequal(residuals, news, slopes, coefficients)
+        square, sizes_p = max(square, part * (m - n)), max(sizes_p, by_chance)
     square = min(square, float(m - n))
     return Structure(
         p_value=p_value,
@@ -196,8 +198,10 @@ class _Slopes:
 
 def _unequal(
     residuals: FloatArray, news: FloatArray, slopes: _Slopes, coefficients: FloatArray
-) -> float:
-    """Square of the widening by sizes as they are, over m - n; zero where it may be chance.
+) -> tuple[float, float]:
+    """Square of the widening by sizes as they are, over m - n, and how probably chance does as much.
+
+    Both are zero where it may be chance, the second where nothing is drawn.
 
     Args:
         residuals: r, (m,).
@@ -214,16 +218,18 @@ def _unequal(
 
     plain = worst(news) / float(residuals @ residuals)
     if news.size < LEAST_DRAWN:
-        return plain
+        return plain, 0.0
     rng = np.random.default_rng(SEED)
     noise = (rng.standard_normal(news.size) for _ in range(DRAWS))
     left = (e - whole @ (whole.T @ e) for e in noise)
     drawn = np.array([worst(e) / float(e @ e) for e in left])
     found = worst(news) / float(news @ news)
-    if 1 + np.count_nonzero(drawn >= found) >= STRUCTURED * (1 + DRAWS):
-        return 0.0
+    by_chance = (1.0 + np.count_nonzero(drawn >= found)) / (1.0 + DRAWS)
+    if by_chance >= STRUCTURED:
+        return 0.0, 0.0
     freedom = news.size - whole.shape[1]
-    return plain if coefficients.size else found / (float(np.median(drawn)) * freedom)
+    beyond = found / (float(np.median(drawn)) * freedom)
+    return plain if coefficients.size else beyond, float(by_chance)
 
 
 def _whitened(

@@ -182,7 +182,7 @@ def test_noise_in_one_curve_s_scale_alone_widens_nothing() -> None:
     truth = np.linalg.norm(sizes[:, None] * asked, 2) ** 2 / np.mean(sizes**2)
     found = residual_structure(e - whole @ (whole.T @ e), slopes, scales)
     assert truth < 1.0
-    assert found.widening == 1.0
+    assert found.widening < 1.03  # less than is told
     as_asked = residual_structure(e - whole @ (whole.T @ e), np.column_stack([scales, slopes]))
     assert as_asked.widening > 1.5  # the scale's own error is wider
 
