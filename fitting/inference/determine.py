@@ -52,6 +52,7 @@ from fitting.inference.likelihood.outside import (
 from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
 from fitting.inference.likelihood.ranges import OutputRange, output_ranges
 from fitting.inference.likelihood.twins import with_values_nearby
+from fitting.inference.sampled_twins import sampling_sentences
 from fitting.inference.verdicts import Basis
 from fitting.inference.verdicts import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
@@ -159,6 +160,7 @@ def determine(
         resampled = bootstrap_of(
             optimum, profiles, options.bootstrap, options.seed, options.executor
         )
+    rates = [rate for m in objective.data.measurements for rate in m.sampled_hz]
     spent = Effort(evaluator.evaluations, evaluator.derived, evaluator.runs)
     named = [p.name for p in parameters]
     return Knowledge(
@@ -179,6 +181,7 @@ def determine(
             *beyond_sentences(optimum.likelihood, outside, profiles),
             *held_sentences(profiles),
             *identifiability.sentences(profiles, directions, idle, equivalents),
+            *sampling_sentences(rates, profiles, equivalents),
         ),
         effort=spent,
         bootstrap=resampled,

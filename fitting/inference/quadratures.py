@@ -28,7 +28,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.measurements.measurement import Estimated, Prediction
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import number
+from fitting.text.notation import bound, number, span
 
 #: Step of x for slopes of derived outputs, in units of the search vector.
 STEP = 1e-3
@@ -235,8 +235,8 @@ def _quality_words(q: Quality) -> str:
     if math.isnan(low):
         return f"{q.name} would be negative: the dip is not of that wiring{loaded}."
     if math.isinf(high):
-        return f"{q.name} is {number(low, 3)} or more at 95 %{loaded}."
-    interval = f"{number(low, 6)} to {number(high, 6)} at 95 %"
+        return f"{q.name} is {bound(low, 3, up=False)} or more at 95 %{loaded}."
+    interval = f"{span(low, high)} at 95 %"
     return f"{q.name} = {number(q.value, 6)} ± {number(q.std, 2)}, {interval}{loaded}."
 
 

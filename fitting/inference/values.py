@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from fitting.inference.verdict import Verdict
+from fitting.text.notation import span
 
 Floats = tuple[float, ...]
 
@@ -105,7 +106,7 @@ class DerivedResult(_Reported):
             low, high = self.box if math.isnan(self.ci95[0]) else self.ci95
             if math.isnan(low):
                 return "has no value at any parameters tried"
-            return f"{self.identifiable} by these data ({low:.6g} to {high:.6g})"
+            return f"{self.identifiable} by these data ({span(low, high)})"
         if not self.is_most_likely:
             return f"{self.value:.9g} (most likely {self.most_likely:.9g} ± {self.std:.2g})"
         return f"{self.value:.9g} ± {self.std:.2g}"

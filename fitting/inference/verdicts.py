@@ -23,7 +23,7 @@ from fitting.inference.likelihood.profiles import ProfilePoint, Quantity, interv
 from fitting.inference.verdict import Verdict
 from fitting.signal.student import ROOT_68, ROOT_95
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import number, span
+from fitting.text.notation import as_known, number, span
 
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
 #: (half the width is then half the value), and share of its period for one that goes round.
@@ -435,14 +435,15 @@ def _elsewhere_words(subject: _Subject, found: _Found) -> str:
     there, where = [*found.others], "another minimum"
     if found.exchange is not None:
         there, where = [found.exchange[0]], found.exchange[1]
-    shown = " or ".join(dict.fromkeys(_number(value, subject.unit) for value in there))
+    error = _own_error(subject, found.interval)
+    shown = " or ".join(dict.fromkeys(as_known(value, error, subject.unit) for value in there))
     if found.ends != ("crossed", "crossed"):
         return f"no bound holds at every minimum: {shown} at {where} fits as well"
     determined = _by_width(subject, found)[0] is Verdict.DETERMINED
-    best = number(subject.shown(subject.quantity.best), 5)
+    best = as_known(subject.shown(subject.quantity.best), error)
     low, high = found.interval
     if found.exchange is None and all(low <= value <= high for value in there):
-        within = span(low, high, subject.unit).replace("\u00a0", " ")
+        within = span(low, high, subject.unit, error).replace("\u00a0", " ")
         return f"{best} or {shown}, within {within}: another minimum fits as well"
     if found.exchange is None and determined:
         return f"{best} or {shown}: another minimum fits as well"
@@ -450,8 +451,14 @@ def _elsewhere_words(subject: _Subject, found: _Found) -> str:
     return exchange_words(here, shown, where, determined=determined)
 
 
-def _number(value: float, unit: str) -> str:
-    return f"{number(value, 5)} {unit}".rstrip()
+def _own_error(subject: _Subject, interval: Interval) -> float:
+    """Standard deviation at one of several minima, as the slopes there have it; NaN for none.
+
+    It is no more than a tenth of the interval that holds them all.
+    """
+    error = subject.scale * subject.quantity.sigma
+    widest = 0.1 * (interval[1] - interval[0])
+    return min(error, widest) if 0.0 < error < math.inf and widest > 0.0 else math.nan
 
 
 def _share_of_prior(subject: _Subject, found: _Found) -> float:

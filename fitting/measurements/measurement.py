@@ -127,6 +127,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def sampled_hz(self) -> tuple[float, ...]:
+        """Rates of samples: frequencies that differ by multiples of one have the same rows."""
+        ...
+
+    @property
     def takes_scale_from_rows(self) -> bool:
         """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
         ...
@@ -395,6 +400,11 @@ class MeasurementKind:
     def has_phases(self) -> bool:
         """Its rows hold amplitudes alone."""
         return False
+
+    @property
+    def sampled_hz(self) -> tuple[float, ...]:
+        """Every frequency has rows of its own."""
+        return ()
 
     @property
     def takes_scale_from_rows(self) -> bool:

@@ -11,7 +11,7 @@ from fitting.inference.joint_result import ExternalTest
 from fitting.inference.values import DerivedResult, ParameterResult
 from fitting.result.result import Result
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.notation import quantity
+from fitting.text.notation import quantity, span
 from fitting.text.units import convert, parse_quantity
 
 #: A value and its standard deviation: "0.8604 MHz +- 1 kHz", "0.8604 MHz ± 0.001 MHz".
@@ -73,6 +73,7 @@ def _test(result: Result, text: str) -> ExternalTest:
     outside = quantity(value, std, found.unit) if std > 0.0 else f"{value:.7g} {found.unit}"
     if not found.identifiable.has_value or not math.isfinite(found.std):
         low, high = _allowed(found)
+        allowed = span(low, high, found.unit).replace("\u00a0", " ")
         where = "lies within" if low <= value <= high else "lies outside"
         return ExternalTest(
             name=name,
@@ -83,7 +84,7 @@ def _test(result: Result, text: str) -> ExternalTest:
             found_std=math.nan,
             sigmas=math.nan,
             sentence=f"{name} = {outside} cannot be tested: {name} is {found.identifiable} by "
-            f"these data; the value {where} what they allow, {low:.6g} to {high:.6g} {found.unit}.",
+            f"these data; the value {where} what they allow, {allowed}.",
         )
     own = _towards(found, value)
     best = found.value if found.is_most_likely else found.most_likely  # whose error it is

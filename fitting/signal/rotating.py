@@ -7,9 +7,15 @@ a filter that is slower than a period, it shows
 
 Samples of the response to one pulse, shifted against each other, span all exp(s_k t) and their
 conjugates. From sample to sample this span turns by a matrix F whose eigenvalues are exp(s_k h):
-those that turn as f does, forwards, belong to z, their conjugates do not. A Schur form parts both
-whatever lines lie beside each other, also where two of them meet. No period has to be resolved:
-f h may be any number of turns, if only f and -f differ from sample to sample.
+those that turn forwards belong to z, their conjugates do not. A Schur form parts both whatever
+lines lie beside each other, also where two of them meet. No period has to be resolved: f h may be
+any number of turns, if only f and -f differ from sample to sample.
+
+From one sampling nobody tells which of exp(s_k h) and its conjugate turns forwards where a line is
+not close to f: a line below f, seen every h, turns as the reverse of one above it. A second, short
+response whose samples lie further apart by a part e of a period, 1/(8 f) to 1/2f, does: between
+them exp(s_k (h + e)) is ahead of exp(s_k h) by f_k e turns, and behind it where it turns backwards.
+That tells where the line is, too: its offset from f is (turns ahead)/e - f.
 """
 
 from __future__ import annotations
@@ -28,6 +34,15 @@ MOST_BETWEEN = 64
 #: How far f and -f are wanted apart from sample to sample, in turns, times the samples between two
 #: of the record: lines half a sampling rate of the record beside f are on their own side then.
 APART = 1.0
+#: Turns of the reference by which samples of the second response lie further apart: one of them
+#: keeps that one's turn and its reverse apart. No multiple of a line looks like the line in them.
+AHEAD = (0.1381, 0.3573)
+#: How near turn and reverse may be for the first of them, in turns.
+NEAR_REVERSE = 0.1
+#: Samples of the second response, and by how many of them it is shifted against itself.
+SENSED, SENSED_SHIFTS = 96, 24
+#: Share of a turn to which both responses tell where a line is: what is left of lines that meet.
+SURE = 1e-5
 #: Singular values below this share of the largest are rounding, and states of an FMU at most.
 ROUNDING, MOST_STATES = 1e-11, 16
 
@@ -44,6 +59,22 @@ class Reference:
     def turn(self) -> float:
         """Turns from one sample of a run to the next, of 0 to 1."""
         return float(self._turns / self.between % 1)
+
+    @property
+    def ahead(self) -> float:
+        """Turns of the reference by which the samples of the second response lie further apart."""
+        first, second = AHEAD
+        return first if _apart(self.turn + first) >= 2.0 * NEAR_REVERSE else second
+
+    @property
+    def step_s(self) -> float:
+        """Spacing of the samples of a run, s."""
+        return self.spacing_s / self.between
+
+    @property
+    def sensing_step_s(self) -> float:
+        """Spacing of the samples of the second response, s."""
+        return self.step_s + self.ahead / self.frequency_hz
 
     @property
     def _turns(self) -> Fraction:
@@ -80,38 +111,57 @@ def _apart(turn: float) -> float:
 
 
 def rotating_responses(
-    decay: FloatArray, shifts: IntArray, reference: Reference, samples: int, count: int
+    decay: FloatArray,
+    sensed: FloatArray,
+    shifts: IntArray,
+    reference: Reference,
+    samples: int,
+    count: int,
 ) -> ComplexArray:
     """Columns (samples, count) of demodulated free responses; zeros where there are fewer.
 
     Args:
         decay: response to a pulse at the samples of a run, as long as the record and all shifts.
+        sensed: response at `SENSED` samples, `Reference.sensing_step_s` apart.
         shifts: in samples of a run, (m,), m at least the states of the system.
         reference: of the demodulator.
         samples: of the record.
         count: how many lines are seen: those nearest to the reference.
     """
     rows = (samples - 1) * reference.between + 1
+    basis, turned = _propagated(decay, shifts, rows, count)
+    own = np.arange(SENSED_SHIFTS, dtype=np.intp)
+    _, sensing = _propagated(sensed, own, sensed.size - SENSED_SHIFTS + 1, count)
+    beside = np.linalg.eigvals(sensing).astype(complex)
+    found = np.zeros((samples, count), dtype=complex)
+    distances = np.sort(_distances(np.linalg.eigvals(turned).astype(complex), beside, reference))
+    mine = distances[np.isfinite(distances)][: count + 1]
+    if mine.size:
+        limit = np.inf
+        if mine.size > count:  # the last that is seen may meet the first that is not
+            limit = max(float(np.mean(mine[-2:])), float(mine[-2]) * (1.0 + 1e-9) + 1e-12)
+        _, shapes, kept = schur(
+            turned.astype(complex),
+            output="complex",
+            sort=lambda z: bool(_distances(np.atleast_1d(z), beside, reference)[0] < limit),
+        )
+        kept = min(kept, count)
+        back = reference.backwards(samples)[:, None]
+        found[:, :kept] = back * (basis[:: reference.between] @ shapes[:, :kept])
+    return found
+
+
+def _propagated(
+    decay: FloatArray, shifts: IntArray, rows: int, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """A basis (rows, r) of a response shifted against itself, and F (r, r) from row to row."""
     moved = np.stack([decay[k : k + rows] for k in shifts], axis=1)
     sizes = np.linalg.norm(moved, axis=0)
     left, singular, _ = np.linalg.svd(
         moved / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
     )
     basis = left[:, : _states(singular, 2 * count)]
-    turned = lstsq(basis[:-1], basis[1:])[0]
-    mine = _nearest(np.linalg.eigvals(turned), reference.turn, count)
-    found = np.zeros((samples, count), dtype=complex)
-    if mine.size:
-        limit = float(np.max(mine)) * (1.0 + 1e-9) + 1e-12
-        _, shapes, kept = schur(
-            turned.astype(complex),
-            output="complex",
-            sort=lambda z: bool(_off(np.asarray(z), reference.turn) <= limit),
-        )
-        kept = min(kept, count)
-        back = reference.backwards(samples)[:, None]
-        found[:, :kept] = back * (basis[:: reference.between] @ shapes[:, :kept])
-    return found
+    return basis, np.asarray(lstsq(basis[:-1], basis[1:])[0])
 
 
 def _states(singular: FloatArray, least: int) -> int:
@@ -124,15 +174,44 @@ def _states(singular: FloatArray, least: int) -> int:
     return begin + int(np.argmax(falls[begin - 1 : max(clear, begin)]))
 
 
-def _off(z: ComplexArray, turn: float) -> FloatArray:
-    """How far factors turn otherwise than the reference, in turns, of 0 to 1/2."""
-    return np.asarray(np.abs((np.angle(z) / (2.0 * np.pi) - turn + 0.5) % 1.0 - 0.5))
+def _distances(z: ComplexArray, beside: ComplexArray, reference: Reference) -> FloatArray:
+    """How far the lines of factors z are from the reference, Hz; of what turns backwards infinite.
+
+    Args:
+        z: factors from sample to sample of a run, (m,).
+        beside: the same of the second response, (k,).
+        reference: of the demodulator.
+    """
+    forwards, backwards = (_as_if_forwards(x, beside, reference) for x in (z, np.conj(z)))
+    return np.where(forwards <= backwards, forwards, np.inf)
 
 
-def _nearest(z: ComplexArray, turn: float, count: int) -> FloatArray:
-    """Offsets of the nearest factors that turn with the reference, not with its reverse."""
-    off, reverse = _off(z, turn), _off(z, -turn)
-    return np.sort(off[off < reverse])[:count]
+def _as_if_forwards(z: ComplexArray, beside: ComplexArray, reference: Reference) -> FloatArray:
+    """How far lines would be from the reference if their factors z turned forwards, Hz.
+
+    A pair of both responses tells the offset from how much one is ahead, and its last digits anew
+    from z, but for multiples of the sampling: pairs of two different lines differ there.
+
+    Args:
+        z: factors from sample to sample of a run, (m,).
+        beside: the same of the second response, (k,).
+        reference: of the demodulator.
+    """
+    turns = float(reference.frequency_hz * reference.step_s)
+    ahead = _wrapped((np.angle(beside) - np.angle(z)[:, None]) / (2.0 * np.pi) - reference.ahead)
+    coarse = ahead * turns / reference.ahead
+    off = _wrapped(np.angle(z) / (2.0 * np.pi) - reference.turn)[:, None]
+    sure = SURE * (1.0 + turns)
+    apart = _wrapped(coarse - off) / sure
+    pair = np.argmin(np.abs(coarse) * (1.0 + apart**2), axis=1)[:, None]
+    coarse, apart = (np.take_along_axis(x, pair, axis=1) for x in (coarse, apart))
+    fine = off + np.round(coarse - off)
+    return np.asarray((np.abs(fine) * (1.0 + apart**2))[:, 0] / reference.step_s)
+
+
+def _wrapped(turns: FloatArray) -> FloatArray:
+    """Turns from -1/2 to 1/2."""
+    return np.asarray((turns + 0.5) % 1.0 - 0.5)
 
 
 def line_columns(columns: ComplexArray) -> Sequence[FloatArray]:

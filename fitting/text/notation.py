@@ -11,6 +11,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
 from fitting.text.arrays import Scalar
 
@@ -37,6 +38,10 @@ _SUBSCRIPT = str.maketrans("0123456789+−-", "₀₁₂₃₄₅₆₇₈₉₊
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: A unit as `prefixed` makes it where no prefix will do.
 _POWER_FIRST = re.compile("10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]")
+#: Decimal digits that a float tells.
+_DIGITS = 15
+#: Digits of a value that is told without its error, at least.
+_LEAST = 5
 #: Numbers below this are written without a power of ten.
 _PLAIN_BELOW = 1e9
 #: Values whose range is below this share of their size are shown as differences from one of them.
@@ -289,16 +294,21 @@ def with_error(value: float, error: float, unit: str = "") -> str:
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(error) and error > 0.0 and math.isfinite(value)):
         return number(value, 9) + tail
-    place = math.floor(math.log10(error)) - 1
-    if not -12 <= place < 6:
-        both = f"{number(value, 9)}\u00a0±\u00a0{number(error, 2)}"
-    else:
-        digits = max(0, -place)
-        rounded = [f"{round(v, -place):.{digits}f}".replace("-", "−") for v in (value, error)]
-        both = f"{rounded[0]}\u00a0±\u00a0{rounded[1]}"
+    both = "\u00a0±\u00a0".join(_rounded_alike(value, error))
     if _POWER_FIRST.match(unit):  # it multiplies both
         return f"({both})\u00a0×{tail}"
     return f"{both}{tail}"
+
+
+def _rounded_alike(value: float, error: float) -> tuple[str, str]:
+    """Value and error, both rounded where the error's second digit stands."""
+    if not (math.isfinite(error) and error > 0.0):
+        return number(value, 9), number(error, 2)
+    place = math.floor(math.log10(error)) - 1
+    if not -12 <= place < 6:
+        return number(value, 9), number(error, 2)
+    first, second = (f"{round(v, -place):.{max(0, -place)}f}" for v in (value, error))
+    return first.replace("-", "−"), second.replace("-", "−")
 
 
 def quantity(value: float, error: float, unit: str) -> str:
@@ -315,25 +325,76 @@ def quantity(value: float, error: float, unit: str) -> str:
     return with_error(value / factor, error / factor, shown)
 
 
-def span(low: float, high: float, unit: str = "") -> str:
-    """An interval, its ends rounded where the third digit of its width stands.
+def bound(value: float, digits: int = 6, *, up: bool) -> str:
+    """A bound for people: as `number`, but never rounded inwards.
 
-    Ends that are two to four powers of ten apart have three digits each.
+    Args:
+        value: the bound.
+        digits: significant digits.
+        up: whether it is an upper one: rounded up, a lower one down.
+    """
+    if value == 0.0 or not math.isfinite(value):
+        return number(value, digits)
+    place = math.floor(math.log10(abs(value))) - digits + 1
+    return number(float(_outwards(value, place, up=up)), digits)
+
+
+def _outwards(value: float, place: int, *, up: bool) -> Decimal:
+    """A value rounded up, or down, at a power of ten; the 15 digits of a float are taken for it."""
+    exact = Decimal(f"{value:.{_DIGITS}g}")
+    least = exact.adjusted() - _DIGITS + 1  # beyond these digits nothing is to be rounded
+    way = ROUND_CEILING if up else ROUND_FLOOR
+    return exact.quantize(Decimal(1).scaleb(max(place, least)), way) + 0  # no sign before a zero
+
+
+def _digits_to(place: int, value: float) -> int:
+    """Significant digits of a value down to a power of ten, as many as a float tells."""
+    return min(math.floor(math.log10(abs(value))) - place + 1, _DIGITS)
+
+
+def as_known(value: float, error: float, unit: str = "") -> str:
+    """A value alone, with the digits that its error leaves and five at least, and plain spaces.
+
+    Args:
+        value: the number.
+        error: standard deviation, in the same unit; NaN: nobody knows it.
+        unit: of the values.
+    """
+    shown = number(value, _LEAST)
+    if math.isfinite(error) and error > 0.0 and value != 0.0:
+        place = math.floor(math.log10(error)) - 1
+        digits = _digits_to(place, value)
+        if digits > _LEAST:
+            fixed = -12 <= place < 6
+            shown = _rounded_alike(value, error)[0] if fixed else number(value, digits)
+    return f"{shown} {unit}".rstrip().replace("\u00a0", " ")
+
+
+def span(low: float, high: float, unit: str = "", error: float = math.nan) -> str:
+    """An interval, rounded outwards where the third digit of its width stands.
+
+    What is printed holds the interval. Ends that are two to four powers of ten apart have three
+    digits each. Ends that belong to different values are known better than the width between them:
+    then they are rounded where the second digit of their own error stands.
 
     Args:
         low: lower end.
         high: upper end.
         unit: of the values.
+        error: standard deviation of either end, in the same unit; NaN: the width tells the digits.
     """
     tail = f"\u00a0{unit_text(unit)}" if unit_text(unit) else ""
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        return f"{number(low)} to {number(high)}{tail}"
-    if 0.0 < 100.0 * low < high < 1e4 * low:
-        return f"{number(low, 3)} to {number(high, 3)}{tail}"
+        return f"{bound(low, up=False)} to {bound(high, up=True)}{tail}"
     place = math.floor(math.log10(high - low)) - 2
+    if math.isfinite(error) and error > 0.0:
+        place = min(place, math.floor(math.log10(error)) - 1)
+    elif 0.0 < 100.0 * low < high < 1e4 * low:
+        return f"{bound(low, 3, up=False)} to {bound(high, 3, up=True)}{tail}"
     if not -12 <= place < 6:
-        return f"{number(low)} to {number(high)}{tail}"
-    ends = (f"{round(v, -place):.{max(0, -place)}f}" for v in (low, high))
+        first, last = (max(_LEAST, _digits_to(place, v)) if v else _LEAST for v in (low, high))
+        return f"{bound(low, first, up=False)} to {bound(high, last, up=True)}{tail}"
+    ends = (f"{_outwards(v, place, up=v == high):f}" for v in (low, high))
     return f"{' to '.join(end.replace('-', '−') for end in ends)}{tail}"
 
 

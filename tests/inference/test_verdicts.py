@@ -320,7 +320,7 @@ def test_two_valleys_that_both_fit_are_one_of_several_values() -> None:
     assert found.interval95 == pytest.approx((-end, end), rel=0.01)
     assert found.verdict is Verdict.SEVERAL
     named = re.fullmatch(
-        r"(\S+) or −(\S+), within −1\.83 to 1\.83: another minimum fits as well", found.reason
+        r"(\S+) or −(\S+), within −1\.84 to 1\.84: another minimum fits as well", found.reason
     )
     assert named is not None, found.reason
     assert [float(value) for value in named.groups()] == pytest.approx([1.5, 1.5], rel=0.005)

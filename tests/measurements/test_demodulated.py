@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +95,42 @@ def test_phasors_are_as_sure_as_can_be(fmu: ff.Fmu) -> None:
     for name, true, std in zip(("eta_plus", "d1"), (F_HZ + 0.3, width), bound, strict=True):
         assert fit[name].std == pytest.approx(std, rel=0.05)
         assert abs(fit[name].value - true) < 4.0 * std
+
+
+def test_what_a_rate_of_samples_does_not_tell_apart(fmu: ff.Fmu) -> None:
+    """exp(2 pi i (f - F) n/r) is the same at f + k r, and not at their mirror images about F."""
+    width, rate, offset = 2.0, 250.0, 40.0
+    t = np.arange(120) / rate
+    z = exact(t, 2j * np.pi * offset - np.pi * width, 0.6 - 0.8j)
+    trace = single(t, z, width)
+    box = ff.Parameter("eta_plus", F_HZ, bounds=(F_HZ - 800.0, F_HZ + 800.0), unit="Hz")
+    problem = ff.Problem(fmu, [box, near("d1", width, width)], trace)
+    for turns in (-3, -1, 0, 1, 2):
+        there = problem.residuals(np.array([F_HZ + offset + turns * rate, width]))
+        assert float(np.max(np.abs(there))) < 1e-5  # the free mode turns 5e-7 Hz below
+        mirrored = problem.residuals(np.array([F_HZ - offset + turns * rate, width]))
+        assert float(np.sqrt(np.mean(mirrored**2))) > 0.2
+
+
+def test_frequencies_that_the_samples_do_not_tell_apart_are_named(fmu: ff.Fmu) -> None:
+    width, rate = 2.0, 250.0
+    t = np.arange(120) / rate
+    rng = np.random.default_rng(8)
+    noise = 0.01 * (rng.standard_normal(120) + 1j * rng.standard_normal(120))
+    trace = single(t, exact(t, 80j * np.pi - np.pi * width, 1.0) + noise, width, sigma=0.01)
+    box = (F_HZ - 250.0, F_HZ + 100.0)
+    parameter = ff.Parameter("eta_plus", F_HZ + 39.0, bounds=box, unit="Hz", scale=100.0)
+    settings = {**STILL, "theta": 0.0, "d1": width}
+    still = replace(trace, setup=replace(trace.setup, start_values=settings))
+    problem = ff.Problem(fmu, [parameter], still)
+    found = ff.profile(ff.fit(problem, method=QUICK, starts=1))
+    values = [F_HZ + 40.0, F_HZ + 40.0 - rate]
+    reason = found["eta_plus"].reason
+    assert found.knowledge is not None
+    said = [float(each) for each in re.findall(r"\d{6,}\.\d+", reason)]
+    assert said[:2] == pytest.approx(values, abs=0.1, rel=0.0)
+    assert said[2] < values[1] < values[0] < said[3]
+    assert f"a box narrower than {rate:g} Hz decides" in " ".join(found.knowledge.sentences)
 
 
 def test_amplitudes_drown_in_noise_and_are_still_told(fmu: ff.Fmu) -> None:

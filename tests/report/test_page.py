@@ -219,7 +219,7 @@ def test_no_error_is_given_for_what_the_data_do_not_determine(page: Any) -> None
     assert cells[5].text_content() == "–"
     assert cells[9].text_content() == "not determined"
     said = words(page).replace("\u00a0", " ")
-    assert "theta (0.00 to 3.14 rad), lambda (63 to 781 kHz)" in said
+    assert "theta (0.00 to 3.15 rad), lambda (63 to 781 kHz)" in said
     assert "D11 = 599.1 ± 1.9 1/s" in said
     assert "The errors of theta and d1 are tied (correlation −0.988)" in said
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from scipy.stats import rice
@@ -13,9 +15,22 @@ from fitting.signal.rician import (
     rician_slope,
     scatter_of,
 )
-from fitting.signal.rotating import reference, rotating_responses
+from fitting.signal.rotating import SENSED, Reference, reference, rotating_responses
+from fitting.text.arrays import FloatArray
 
 F_HZ = 1.2345678e6
+
+
+def both_responses(
+    motion: Sequence[tuple[complex, complex]], found: Reference, samples: int, further: int
+) -> tuple[FloatArray, FloatArray]:
+    """Re sum c exp(s t) at the samples of a run and of the second one, (factor c, rate s) each."""
+    count = (samples - 1) * found.between + 1 + further
+    made = []
+    for n, step in ((count, found.step_s), (SENSED, found.sensing_step_s)):
+        t = np.arange(n) * step
+        made.append(np.real(sum(c * np.exp(s * t) for c, s in motion)))
+    return np.asarray(made[0]), np.asarray(made[1])
 
 
 @pytest.mark.parametrize("quality", [1e3, 1e8])
@@ -29,13 +44,9 @@ def test_a_pulse_s_response_spans_what_a_demodulator_shows(quality: float, apart
     samples, spacing = 120, 2.0 / (np.pi * width) / 120
     found = reference(F_HZ, spacing)
     shifts = np.unique(np.round(np.geomspace(1.0, 60.0, 15))).astype(np.intp)
-    count = (samples - 1) * found.between + 1 + int(shifts[-1])
-    t = np.arange(count) * spacing / found.between
-    decay = sum(
-        (part * np.exp(rate * t)).real
-        for part, rate in zip((1.0, 0.4 - 0.7j, 0.3j), (*rates, elsewhere), strict=True)
-    )
-    columns = rotating_responses(np.asarray(decay), shifts, found, samples, 2)
+    motion = ((1.0, rates[0]), (0.4 - 0.7j, rates[1]), (0.3j, elsewhere))
+    decay, sensed = both_responses(motion, found, samples, int(shifts[-1]))
+    columns = rotating_responses(decay, sensed, shifts, found, samples, 2)
     z = np.exp((rates - 2j * np.pi * F_HZ) * (np.arange(samples) * spacing)[:, None])
 
     def left(values: np.ndarray) -> float:
@@ -49,11 +60,30 @@ def test_a_pulse_s_response_spans_what_a_demodulator_shows(quality: float, apart
 
 def test_fewer_lines_than_are_asked_for_leave_columns_of_zeros() -> None:
     found = reference(1e3, 0.01)
-    t = np.arange(100 * found.between) * 0.01 / found.between
-    decay = np.exp(-3.0 * t) * np.cos(2.0 * np.pi * 1e3 * t)
+    decay, sensed = both_responses(((1.0, 2j * np.pi * 1e3 - 3.0),), found, 90, 8)
     shifts = np.arange(8, dtype=np.intp)
-    columns = rotating_responses(decay, shifts, found, 90, 2)
+    columns = rotating_responses(decay, sensed, shifts, found, 90, 2)
     assert np.count_nonzero(np.linalg.norm(columns, axis=0)) == 1
+
+
+@pytest.mark.parametrize("f_hz", [50e3, 1234.5, 7.123e6])
+@pytest.mark.parametrize("offset", [0.012, -0.012, 0.45, -0.6, 0.988, -1.012, 2.3, -7.7])
+def test_lines_beyond_half_the_rate_turn_as_they_do(f_hz: float, offset: float) -> None:
+    """Offsets in sampling rates, of 10/s: exp(2 pi i offset n) over the samples n, and no mirror.
+
+    Another line at other multiples of the frequency is not taken for it.
+    """
+    found, samples = reference(f_hz, 0.1), 150
+    shifts = np.unique(np.round(np.geomspace(1.0, 60.0, 12))).astype(np.intp)
+    line = -0.3 + 2j * np.pi * (f_hz + 10.0 * offset)
+    n = np.arange(samples)
+    z = np.exp((-0.03 + 2j * np.pi * offset) * n)
+    for elsewhere in (0.41, 1.83, 2.0, 3.0):
+        motion = ((0.8 - 0.3j, line), (1.0, -0.2 + 2j * np.pi * elsewhere * f_hz))
+        decay, sensed = both_responses(motion, found, samples, 60)
+        [column] = rotating_responses(decay, sensed, shifts, found, samples, 1).T
+        size = np.linalg.norm(column) * np.linalg.norm(z)
+        assert abs(np.vdot(z, column)) / size == pytest.approx(1.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 4.0, 30.0])

@@ -165,3 +165,71 @@ def test_an_index_is_low_where_it_has_such_signs() -> None:
         "₁₂",
         "_fit",
     ]
+
+
+@st.composite
+def ranges(draw: st.DrawFn) -> tuple[float, float, float]:
+    """Ends over many magnitudes, close together or far apart, and an error, or none."""
+    size = 10.0 ** draw(st.floats(-15.0, 12.0))
+    low = draw(st.floats(-1.0, 1.0)) * size
+    width = 10.0 ** draw(st.floats(-10.0, 6.0)) * max(abs(low), 1e-3 * size)
+    error = draw(st.sampled_from([math.nan, 1e-9, 1e-4, 0.02, 0.3, 5.0])) * width
+    return low, low + width, error
+
+
+def holds(low: float, value: float, high: float) -> bool:
+    """Whether a value lies within bounds, which are known to 15 digits."""
+    slack = 4e-15 * max(abs(low), abs(high), abs(value))
+    return low - slack <= value <= high + slack
+
+
+@given(ranges(), st.floats(0.0, 1.0))
+def test_a_printed_range_holds_the_computed_one(
+    ends: tuple[float, float, float], share: float
+) -> None:
+    """And any value inside, to the digits of the error that gave the range its own."""
+    low, high, error = ends
+    first, last = map(read, notation.span(low, high, "", error).split(" to "))
+    assert holds(first, low, last)
+    assert holds(first, high, last)
+    if not math.isnan(error):  # as verdicts print a value beside the range
+        error = min(error, 0.1 * (high - low))
+        first, last = map(read, notation.span(low, high, "", error).split(" to "))
+        value = low + share * (high - low)
+        assert holds(first, read(notation.as_known(value, error).replace(" ", "")), last)
+
+
+@given(ranges())
+def test_a_printed_range_is_hardly_wider(ends: tuple[float, float, float]) -> None:
+    """By 1 % of its width at each end, or 1 % of the end where those lie decades apart."""
+    low, high, _ = ends
+    first, last = map(read, notation.span(low, high).split(" to "))
+    slack = 4e-15 * max(abs(low), abs(high))
+    assert first >= low - max(0.01 * (high - low), 0.01 * abs(low)) - slack
+    assert last <= high + max(0.01 * (high - low), 0.01 * abs(high)) + slack
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-20.0, 20.0), st.integers(3, 7))
+def test_printed_bounds_are_never_inside(share: float, power: float, digits: int) -> None:
+    value = share * 10.0**power
+    below, above = (read(notation.bound(value, digits, up=up)) for up in (False, True))
+    assert holds(below, value, above)
+    assert above - below <= 2.0 * 10.0 ** (1 - digits) * abs(value) + 1e-300
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "error", "shown"),
+    [
+        (49990.119968, 50000.120045, 2.57e-5, "49990.119968 to 50000.120045"),
+        (49990.1199681, 50000.1200442, 2.57e-5, "49990.119968 to 50000.120045"),
+        (49990.12, 50000.12, math.nan, "49990.1 to 50000.2"),
+        (-0.00123, 0.00123, math.nan, "−0.00123 to 0.00123"),
+        (0.2, 9.08, math.nan, "0.20 to 9.08"),
+        (0.0, 780123.0, math.nan, "0 to 781000"),
+        (12.34, 9876.0, math.nan, "12.3 to 9880"),
+        (5.0, 5.0, math.nan, "5 to 5"),
+    ],
+)
+def test_ranges_as_they_are_printed(low: float, high: float, error: float, shown: str) -> None:
+    assert notation.span(low, high, "", error) == shown
+    assert notation.span(low, high, "Hz", error) == f"{shown}\u00a0Hz"

@@ -20,7 +20,7 @@ from fitting.inference.likelihood.exploration import Exploration
 from fitting.inference.likelihood.knowledge import Direction, Equivalent, Profile
 from fitting.inference.verdict import Verdict
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import number
+from fitting.text.notation import as_known, number
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0
@@ -230,7 +230,7 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
                 delta=max(0.0, point.delta),
                 origin="start",
                 possible=all(map(math.isfinite, derived.values())),
-                sentence=_equivalent_words(named, derived, likelihood),
+                sentence=_equivalent_words(named, derived, explored),
             )
         )
     return tuple(kept)
@@ -274,11 +274,13 @@ def _beyond(explored: Exploration, x: FloatArray) -> bool:
 
 
 def _equivalent_words(
-    values: Mapping[str, float], derived: Mapping[str, float], likelihood: Likelihood
+    values: Mapping[str, float], derived: Mapping[str, float], explored: Exploration
 ) -> str:
-    units = {p.name: p.unit for p in likelihood.parameters}
+    errors = {q.name: q.sigma for q in explored.quantities}
+    parameters = explored.optimum.likelihood.parameters
     shown = ", ".join(
-        f"{name} = {number(value, 5)} {units[name]}".rstrip() for name, value in values.items()
+        f"{p.name} = {as_known(values[p.name], p.scale * errors.get(p.name, math.nan), p.unit)}"
+        for p in parameters
     )
     none = [name for name, value in derived.items() if not math.isfinite(value)]
     said = f"{shown} fits as well"

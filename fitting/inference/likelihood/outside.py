@@ -26,7 +26,7 @@ from fitting.inference.likelihood.knowledge import Profile
 from fitting.inference.likelihood.profiles import ProfilePoint, Quantity
 from fitting.inference.likelihood.ways import value_at, walked_to_ends
 from fitting.signal.student import ROOT_95
-from fitting.text.notation import number
+from fitting.text.notation import as_known, number
 
 #: How many times as wide as the box the surroundings are that are looked at.
 TIMES = 10.0
@@ -186,11 +186,14 @@ def beyond_sentences(
             for name, profile in profiles.items()
             if name not in told and _against(values.get(name, math.nan), profile)
         ]
-        places = [_place(p, values[p.name]) for p in likelihood.parameters if _is_out(p, values)]
+        places = [
+            _place(p, values[p.name], profiles) for p in likelihood.parameters if _is_out(p, values)
+        ]
         if new and places:
             told.update(new)
             there = ", ".join(
-                f"{name} = {number(values[name], 5)} {profiles[name].unit}".rstrip() for name in new
+                f"{name} = {as_known(values[name], profiles[name].sigma, profiles[name].unit)}"
+                for name in new
             )
             at = f"{' and '.join(places)} at {each.where}" if each.where else " and ".join(places)
             said.append(
@@ -230,9 +233,11 @@ def _is_out(parameter: Parameter, values: Mapping[str, float]) -> bool:
     return parameter.period is None and not inside
 
 
-def _place(parameter: Parameter, value: float) -> str:
+def _place(parameter: Parameter, value: float, profiles: Mapping[str, Profile]) -> str:
+    own = profiles.get(parameter.name)
+    shown = as_known(value, math.nan if own is None else own.sigma, parameter.unit)
     box = f"{number(parameter.lower)} to {number(parameter.upper)} {parameter.unit}".rstrip()
-    return f"{parameter.name} = {number(value, 5)} {parameter.unit}".rstrip() + f" (box: {box})"
+    return f"{parameter.name} = {shown} (box: {box})"
 
 
 def _against(value: float, profile: Profile) -> bool:

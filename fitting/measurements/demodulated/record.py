@@ -14,7 +14,7 @@ from fitting.measurements.traces.grid import refuse_clipped, spacing_s
 from fitting.measurements.traces.record import BEGINS, FIRST, SHIFTS
 from fitting.signal.decay import decay_start
 from fitting.signal.rician import Scatter, scatter_of
-from fitting.signal.rotating import Reference, reference
+from fitting.signal.rotating import SENSED, Reference, reference
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput
@@ -228,7 +228,7 @@ class DemodulatedRecord:
     @property
     def run_step_s(self) -> float:
         """Spacing of the samples of its runs, s."""
-        return self.spacing_s / self.reference.between
+        return self.reference.step_s
 
     @property
     def run_samples(self) -> int:
@@ -245,8 +245,7 @@ class DemodulatedRecord:
     @property
     def pulse_window(self) -> Window:
         """Samples of the response to a pulse, as long as the record and its shifts."""
-        step = self.run_step_s
-        return Window(tones_hz=(), settle_s=step, step_s=step, samples=self.run_samples)
+        return _pulse_window(self.run_step_s, self.run_samples)
 
     def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:
         """One spacing of the input at a level, then nothing.
@@ -255,8 +254,27 @@ class DemodulatedRecord:
             per_sample: steps between two samples.
             level: of the pulse, in the FMU's unit.
         """
-        samples = self.run_samples
-        held = np.zeros((per_sample * samples, 1))
+        return self._pulse(self.pulse_window, per_sample, level)
+
+    @property
+    def sensing_window(self) -> Window:
+        """Samples of a second response, which tells what turns forwards."""
+        return _pulse_window(self.reference.sensing_step_s, SENSED)
+
+    def sensing_pulse(self, per_sample: int) -> HeldSignal:
+        """The pulse of the second response.
+
+        Args:
+            per_sample: steps between two samples.
+        """
+        return self._pulse(self.sensing_window, per_sample, 1.0)
+
+    def _pulse(self, window: Window, per_sample: int, level: float) -> HeldSignal:
+        held = np.zeros((per_sample * window.samples, 1))
         held[:per_sample] = level
-        step = self.run_step_s / per_sample
-        return HeldSignal((self.input,), step, held, np.zeros((samples, 1)))
+        step = window.step_s / per_sample
+        return HeldSignal((self.input,), step, held, np.zeros((window.samples, 1)))
+
+
+def _pulse_window(step_s: float, samples: int) -> Window:
+    return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=samples)

@@ -5,7 +5,8 @@
 
 The columns of D (n, modes) are free responses of a linear FMU, demodulated (`signal.rotating`);
 factors c, offset o and noise s are solved inside. One run answers, whose samples lie as far apart
-as those of the record, a few between two: a decay over 1e8 periods costs what one over 1e2 does.
+as those of the record, a few between two, and a short one that tells what turns forwards: a decay
+over 1e8 periods costs what one over 1e2 does.
 """
 
 from __future__ import annotations
@@ -98,6 +99,11 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         """Standard deviation of every row, (rows,); zero where unknown."""
         return np.concatenate([np.full(x.rows, x.sigma / x.largest) for x in self.traces])
 
+    @property
+    def sampled_hz(self) -> tuple[float, ...]:
+        """Rates of the samples, each once."""
+        return tuple(dict.fromkeys(1.0 / trace.spacing_s for trace in self.traces))
+
     def key(self, trace: DemodulatedRecord) -> str:
         """What the plan knows a trace by.
 
@@ -108,8 +114,8 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
 
     def ask(
         self, model: DrivenModel, trace: DemodulatedRecord, p: FloatArray, batch: Batch, owner: int
-    ) -> tuple[int]:
-        """Number of the run after a pulse.
+    ) -> tuple[int, int]:
+        """Numbers of the runs after a pulse: as the record is sampled, and a little slower.
 
         Args:
             model: the FMU as the series drives it.
@@ -119,24 +125,27 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             owner: which evaluation pays for them.
         """
         values = model.values(p, trace.label or None, trace.settings)
-        signal = trace.pulse(model.plan.steps_of(self.key(trace)))
-        return (batch.ask(values, trace.pulse_window, signal, self.output(trace), owner),)
+        steps, output = model.plan.steps_of(self.key(trace)), self.output(trace)
+        return (
+            batch.ask(values, trace.pulse_window, trace.pulse(steps), output, owner),
+            batch.ask(values, trace.sensing_window, trace.sensing_pulse(steps), output, owner),
+        )
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Values of every trace, with the best factors."""
         asked = [
-            [self.ask(model, trace, p, batch, k)[0] for trace in self.traces]
+            [self.ask(model, trace, p, batch, k) for trace in self.traces]
             for k, p in enumerate(table)
         ]
         yield
         return [self._solved(runs, batch) for runs in asked]
 
-    def _solved(self, runs: Sequence[int], batch: Batch) -> SolvedTraces:
+    def _solved(self, runs: Sequence[tuple[int, int]], batch: Batch) -> SolvedTraces:
         found = [
-            solved(trace, batch.samples(run, self.output(trace)))
-            for trace, run in zip(self.traces, runs, strict=True)
+            solved(trace, *(batch.samples(run, self.output(trace)) for run in both))
+            for trace, both in zip(self.traces, runs, strict=True)
         ]
         values = np.concatenate([values for values, _ in found])
         return SolvedTraces(values, designs=tuple(design for _, design in found))
@@ -176,14 +185,19 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         return list(np.split(np.asarray(values, dtype=complex), ends))
 
 
-def solved(trace: DemodulatedRecord, decay: FloatArray) -> tuple[ComplexArray, FloatArray]:
+def solved(
+    trace: DemodulatedRecord, decay: FloatArray, sensed: FloatArray
+) -> tuple[ComplexArray, FloatArray]:
     """Values (n,) of a trace as the model has it, and derivatives (rows, m) of its rows.
 
     Args:
         trace: as measured.
         decay: response of the FMU to a pulse, as long as its run.
+        sensed: the second response, which tells what turns forwards.
     """
-    columns = rotating_responses(decay, trace.shifts, trace.reference, trace.y.size, trace.modes)
+    columns = rotating_responses(
+        decay, sensed, trace.shifts, trace.reference, trace.y.size, trace.modes
+    )
     if trace.is_amplitude:
         size, known = trace.largest, trace.known_noise
         noise = None if known is None else known / size

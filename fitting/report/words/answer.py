@@ -14,7 +14,7 @@ from fitting.report.table import wrapped
 from fitting.report.words.values import reported_words, told_twice
 from fitting.result.result import Result
 from fitting.signal.residual_tests import TOGETHER, UNEQUAL
-from fitting.text.notation import listed, number, prefixed, quantity, span, unit_text
+from fitting.text.notation import bound, listed, number, prefixed, quantity, span, unit_text
 
 Found = ParameterResult | DerivedResult
 
@@ -158,8 +158,8 @@ def _known(name: str, found: Found, line: SweepLine | None) -> Known | None:
         return Known(name, f"= {own}", share=_share(found.value, found.std))
     words = {
         Verdict.BOUNDED: f"between {_range(*found.ci95, found.unit).replace(' to ', ' and ')}",
-        Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit)}",
-        Verdict.BELOW: f"at least {_one(found.ci95[0], found.unit)}",
+        Verdict.ABOVE: f"at most {_one(found.ci95[1], found.unit, up=True)}",
+        Verdict.BELOW: f"at least {_one(found.ci95[0], found.unit, up=False)}",
     }
     if verdict not in words:
         return None
@@ -217,18 +217,19 @@ def _range(low: float, high: float, unit: str) -> str:
     if not (math.isfinite(low) and math.isfinite(high)):
         return "any value"
     if unit and 0.0 < WIDEST * high <= low <= WIDE * high:
-        return f"{_one(low, unit)} to {_one(high, unit)}"
+        return f"{_one(low, unit, up=False)} to {_one(high, unit, up=True)}"
     if not unit_text(unit):
-        return f"{number(low, 3)} to {number(high, 3)}"
+        return f"{bound(low, 3, up=False)} to {bound(high, 3, up=True)}"
     factor, shown = prefixed(max(abs(low), abs(high)), unit)
     if high - low < WIDE * factor:
         factor, shown = 1.0, unit
     return span(low / factor, high / factor, shown)
 
 
-def _one(value: float, unit: str) -> str:
+def _one(value: float, unit: str, *, up: bool) -> str:
+    """A bound of three digits, with a prefix that suits it."""
     factor, shown = prefixed(abs(float(f"{value:.3g}")), unit)
-    return f"{number(value / factor, 3)}\u00a0{shown}".strip()
+    return f"{bound(value / factor, 3, up=up)}\u00a0{shown}".strip()
 
 
 def _otherwise(result: Result) -> str:

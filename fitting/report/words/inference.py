@@ -9,7 +9,7 @@ import math
 
 from fitting.inference.likelihood.knowledge import Bootstrap, Knowledge, Profile
 from fitting.inference.verdict import Verdict
-from fitting.text.notation import number, prefixed, span
+from fitting.text.notation import bound, number, prefixed, span
 
 ENDS = {
     "crossed": "ended by the data",
@@ -37,10 +37,10 @@ def profile_words(name: str, profile: Profile) -> str:
     low, high = profile.interval95
     factor, unit = _size(profile)
     if verdict is Verdict.ABOVE:
-        most = f"{number(high / factor, 4)} {unit}".rstrip()
+        most = f"{bound(high / factor, 4, up=True)} {unit}".rstrip()
         return f"{name}: {verdict}, {most} at most at 95 % ({profile.reason})"
     if verdict is Verdict.BELOW:
-        least = f"{number(low / factor, 4)} {unit}".rstrip()
+        least = f"{bound(low / factor, 4, up=False)} {unit}".rstrip()
         return f"{name}: {verdict}, {least} at least at 95 % ({profile.reason})"
     up, down = (high - profile.best) / factor, (profile.best - low) / factor
     narrow = verdict is Verdict.DETERMINED
@@ -109,10 +109,7 @@ def bootstrap_lines(bootstrap: Bootstrap) -> list[str]:
     lines = [bootstrap.sentence]
     for name, found in bootstrap.values.items():
         low, high = found.interval95
-        lines.append(
-            f"bootstrap of {name}: {number(low, 7)} to {number(high, 7)} at 95 %, "
-            f"std {number(found.std, 2)}"
-        )
+        lines.append(f"bootstrap of {name}: {span(low, high)} at 95 %, std {number(found.std, 2)}")
     return lines
 
 

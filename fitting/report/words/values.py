@@ -13,6 +13,7 @@ from fitting.inference.values import DerivedResult, OffsetResult, ParameterResul
 from fitting.inference.verdict import Verdict
 from fitting.result.result import Result
 from fitting.text.notation import (
+    bound,
     listed,
     number,
     prefixed,
@@ -124,8 +125,8 @@ def verdict_words(found: ParameterResult | DerivedResult | OffsetResult) -> str:
     said = {
         Verdict.DETERMINED: f"determined {found.reason}",
         Verdict.BOUNDED: f"{verdict}, {span(low, high)}",
-        Verdict.ABOVE: f"{verdict}, {number(high)} at most",
-        Verdict.BELOW: f"{verdict}, {number(low)} at least",
+        Verdict.ABOVE: f"{verdict}, {bound(high, up=True)} at most",
+        Verdict.BELOW: f"{verdict}, {bound(low, up=False)} at least",
         Verdict.OPEN: f"{verdict}: {span(low, high)} fits",
         Verdict.LINEARISED: str(verdict),
     }
