@@ -28,6 +28,8 @@ from fitting.text.notation import as_known, number, span
 #: Ratio of the ends of an interval up to which a value that cannot change its sign is determined
 #: (half the width is then half the value), and share of its period for one that goes round.
 NARROW, NARROW_ROUND = 3.0, 0.25
+#: Share of what the model can have, over the room of profiles, from which an interval is all of it.
+NEARLY_ALL = 0.9
 #: Share of the width of its prior from which an interval is that of the prior alone, and up to
 #: which the prior has no part in it: the data answer for a tenth and for nine of the variance.
 PRIOR_ALONE, PRIOR_IDLE = math.sqrt(0.9), math.sqrt(0.1)
@@ -396,7 +398,18 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
         )
     if share > PRIOR_IDLE:
         return Verdict.BOUNDED, "its prior has a part in its interval"
+    if _is_nearly_all(subject, found.interval):
+        return Verdict.OPEN, "nearly all of its range fits"
     return _by_width(subject, found)
+
+
+def _is_nearly_all(subject: _Subject, wide: Interval) -> bool:
+    """Whether an output's interval is what the model can have: what the data cut off says little.
+
+    An eigenfrequency of two coupled modes lies between those of the lines, whatever was measured.
+    """
+    possible = subject.quantity.high - subject.quantity.low
+    return subject.parameter is None and wide[1] - wide[0] > NEARLY_ALL * possible
 
 
 def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:

@@ -32,7 +32,7 @@ class Model:
 
 
 def mirrored(optimum: Optimum, others: Sequence[Model], seed: int) -> tuple[Outside, ...]:
-    """The exact twins of the most likely point that lie beyond the box, in ten times as wide ones.
+    """The exact twins of the most likely point that lie beyond the box, in a much wider one.
 
     Left out are those at which an output is missing that exists at the optimum. Of data at many
     places a few tell what is a twin, of this model alone.

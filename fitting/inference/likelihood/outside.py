@@ -28,8 +28,11 @@ from fitting.inference.likelihood.ways import value_at, walked_to_ends
 from fitting.signal.student import ROOT_95
 from fitting.text.notation import as_known, number
 
-#: How many times as wide as the box the surroundings are that are looked at.
-TIMES = 10.0
+#: How many times as wide as the box the surroundings are that are looked at. In a box of ten times
+#: the guess profiles go ten times as far again: what they would find there is told here.
+TIMES = 100.0
+#: The same of boxes whose ends are no ratio, in their half widths.
+HALF_WIDTHS = 10.0
 #: Ends of walks beyond the box, the best, from which values are brought beyond their intervals.
 BEGINNINGS = 6
 #: Share of an interval by which a value lies beyond it.
@@ -45,9 +48,9 @@ class Outside:
 
 
 def widened(parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Parameters with boxes ten times as wide, inside what the model declares.
+    """Parameters with much wider boxes, inside what the model declares.
 
-    A positive one that may be ten times as large goes by that factor each way, others by that many
+    A positive one that may be ten times as large goes by a factor of 100 each way, others by ten
     half widths; what goes round or has a prior of its own keeps its box.
 
     Args:
@@ -63,7 +66,7 @@ def _widened(parameter: Parameter) -> Parameter:
     if low > 0.0 and high >= DECADE * low:
         low, high = low / TIMES, high * TIMES
     else:
-        more = 0.5 * (TIMES - 1.0) * (high - low)
+        more = 0.5 * (HALF_WIDTHS - 1.0) * (high - low)
         low, high = low - more, high + more
         if parameter.lower >= 0.0:
             low = max(low, 0.0)
