@@ -34,8 +34,8 @@ from fitting.text.arrays import FloatArray
 INSIDE_SHARE = 1e-3
 #: Iterates over which an interior-point solve must lower J, else it is stopped.
 PATIENCE = 12
-#: Slacks, at most, with which the interior point is asked. Its factors fill as their number squared,
-#: since every row sees every parameter: of 2400 rows 0.4 GB, of the 9600 samples of a trace 6 GB.
+#: Slacks, at most, with which the interior point is asked. Its factors fill as their number
+#: squared, since every row sees every parameter: of 2400 rows 0.4 GB, of 9600 samples 6 GB.
 #: Beyond, linearised steps go all the way: their linear programs stay sparse.
 MOST_SLACKS = 2000
 #: Promised decrease, as a share of J, to which the last nu is solved.
