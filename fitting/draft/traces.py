@@ -95,8 +95,8 @@ class TraceFile:
 class TraceDraft:
     """A campaign of traces: ``input`` is empty where nothing drives; ``seen`` are sentences.
 
-    ``start`` are start values of the FMU; with ``decays`` the traces are ringdowns from a state that
-    nobody knows, which a pulse at the input spans.
+    ``start`` are start values of the FMU; with ``decays`` the traces are ringdowns from a state
+    that nobody knows, which a pulse at the input spans.
     """
 
     source: Source

@@ -508,6 +508,12 @@ def test_bad_files_are_told_in_a_sentence(
     ("old", "new", "said"),
     [
         pytest.param('"u"\ninterp', '"v"\ninterp', "no column 'v'", id="no input"),
+        pytest.param(
+            'gain = "fit"',
+            "",
+            'want gain = "fit" in [[trace]]',
+            id="unit",
+        ),
         pytest.param('gain = "fit"', 'gain = "two"', 'wanted one of "one", "fit"', id="gain"),
         pytest.param('level = "1000 mV", ', "", "key 'level' is missing", id="level"),
         pytest.param('kind = "step"', 'kind = "pulse"', "'length' is missing", id="length"),
