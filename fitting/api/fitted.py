@@ -20,7 +20,7 @@ from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Hooks, Memory, Progress, solve_problem
-from fitting.fit.options import Options
+from fitting.fit.options import Options, usual_misfit
 from fitting.fit.path import HistoryRow
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
@@ -72,7 +72,8 @@ class Tikhonov:
         beta: Factor from one weight to the next, above 0 and below 1.
         levels: How many weights, at least 1.
         tolerance: Levels end early where |x_(l+1) - x_l| + |J_fit - J_reg| falls to it.
-        misfit: "slack": |r| with slack variables; "absolute": |r| as it is; "squares": r^2.
+        misfit: "slack": |r| with slack variables; "absolute": |r| as it is; "squares": r^2; None:
+            "squares" where a trace is among the measurements, else "slack".
         quick: Looser tolerances of each solve.
         estimator: Whose estimate is reported as the value: "likelihood": the most likely one;
             "algorithm2": the paper's, the end of the last level. Errors, intervals and verdicts are
@@ -88,7 +89,7 @@ class Tikhonov:
     beta: float = 0.1
     levels: int = 9
     tolerance: float = 2.22e-16
-    misfit: str = "slack"
+    misfit: str | None = None
     quick: bool = False
     estimator: str = LIKELIHOOD
 
@@ -101,7 +102,7 @@ class Tikhonov:
             raise BadInput(f"Tikhonov: levels is {self.levels!r}, wanted at least 1")
         if not self.tolerance > 0.0:
             raise BadInput(f"Tikhonov: tolerance is {self.tolerance!r}, wanted more than zero")
-        if self.misfit not in MISFITS:
+        if self.misfit is not None and self.misfit not in MISFITS:
             raise BadInput(
                 f"Tikhonov: misfit is {self.misfit!r}, wanted one of {', '.join(MISFITS)}"
             )
@@ -127,12 +128,13 @@ class Tikhonov:
             estimator=options.estimator,
         )
 
-    def options(self, starts: int, seed: int) -> Options:
+    def options(self, starts: int, seed: int, usual: str = MISFITS[0]) -> Options:
         """All settings of a search.
 
         Args:
             starts: How many starts, at least 1.
             seed: Of the search, at least 0.
+            usual: The misfit where none is named.
         """
         if starts < 1 or seed < 0:
             raise BadInput(f"starts = {starts}, seed = {seed}: wanted at least 1 and at least 0")
@@ -144,7 +146,7 @@ class Tikhonov:
             starts=starts,
             seed=seed,
         )
-        solve = SolveSettings(misfit=self.misfit)
+        solve = SolveSettings(misfit=self.misfit or usual)
         return Options(
             schedule=schedule,
             solve=quick_settings(solve) if self.quick else solve,
@@ -484,7 +486,9 @@ def search_options(
     """All settings of a search: what is said, else what the problem brings; see `fit`."""
     own = problem.options.schedule
     return (method or Tikhonov.of(problem.options)).options(
-        own.starts if starts is None else starts, own.seed if seed is None else seed
+        own.starts if starts is None else starts,
+        own.seed if seed is None else seed,
+        usual_misfit(problem.record.measurements),
     )
 
 

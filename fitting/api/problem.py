@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from fitting.api.fmu import Fmu, held_fmu
 from fitting.api.start_values import Starts, started
-from fitting.campaign import Campaign, WrittenFmu, bind
+from fitting.campaign import Campaign, ContinuationSettings, WrittenFmu, bind
 from fitting.campaign.arrays import ArrayData, Parameter, Sweep, Tones, bind_arrays
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
@@ -92,7 +92,8 @@ class Problem:
         )
         bound = bind_arrays(data, fmu.variables)
         refuse_repeats(bound)
-        self._take(problem_of(bound), Options(), fmu)
+        record = problem_of(bound)
+        self._take(record, options_of(ContinuationSettings(), record.measurements), fmu)
 
     @classmethod
     def of(
@@ -135,7 +136,7 @@ class Problem:
         record = problem_of(bound)
         refuse_repeats(bound)
         made = cls.__new__(cls)
-        made._take(record, options_of(read[0].file.continuation), fmu, read)
+        made._take(record, options_of(read[0].file.continuation, record.measurements), fmu, read)
         return made
 
     @classmethod
@@ -148,7 +149,8 @@ class Problem:
             record: Parameters and measurements, a `fitting.fit.problem.Problem`.
         """
         made = cls.__new__(cls)
-        made._take(record, Options(), None, respond=respond)
+        options = options_of(ContinuationSettings(), record.measurements)
+        made._take(record, options, None, respond=respond)
         return made
 
     def _take(

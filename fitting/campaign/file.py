@@ -522,9 +522,9 @@ class ContinuationSettings(Keys):
     """Number of ν."""
     tolerance: Positive = 2.22e-16
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
-    misfit: Annotated[Text, OneOf(MISFITS)] = "slack"
+    misfit: Annotated[Text, OneOf(MISFITS)] | None = None
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
-    r^2."""
+    r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
     starts: Repeats = 3
     """The campaign's own start, and the lowest minima that a search of the box finds; 1: no
     search."""

@@ -187,6 +187,8 @@ class _Roles:
         time = usual(recording, TIME) or next(iter(in_seconds), None)
         if self._give(time, "time"):
             self.remarks.append("it is a recording over time, not a sweep of the frequency")
+        elif len(in_hertz) == 1:  # of a map in rows: it rises anew for each value of the control
+            self._give(in_hertz[0], "frequency", why=f"it is the only one in {in_hertz[0].unit}")
 
     def _complex(self) -> None:
         complexes = [c for c in self.recording.channels if c.is_complex]

@@ -271,10 +271,13 @@ def _sentences(
             f"{continued_of(bound).scale}."
         )
     if limits.setting_sigmas:
-        errors = listed(f"{name} by {s:.3g}" for name, s in limits.setting_sigmas.items())
+        errors = listed(
+            f"{name} by {s:.3g} {bound.drift.units.get(name, '')}".rstrip()
+            for name, s in limits.setting_sigmas.items()
+        )
         said.append(
             f"In every experiment, what is believed of what drifts is off by a standard deviation "
-            f"({errors}, the FMU's unit), common to its tones."
+            f"({errors}), common to its tones."
         )
     return tuple(said)
 

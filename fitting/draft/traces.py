@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,15 +28,16 @@ from fitting.draft.campaign import (
 )
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
+from fitting.draft.ringdown import Ringdown, line_boxes, ringdown_of, silenced
 from fitting.draft.source import Source
 from fitting.draft.values import Box
 from fitting.fmu import Run
-from fitting.measurements.traces.record import TraceRecord
+from fitting.measurements.traces.record import UNKNOWN, TraceRecord
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import TIME_PAGE
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
-from fitting.text.notation import listed
+from fitting.text.notation import hertz, listed
 from fitting.text.tables import Column, Table, read_table
 from fitting.text.toml import rewritten, toml_text
 from fitting.text.units import convert, same_kind
@@ -92,7 +93,11 @@ class TraceFile:
 
 @dataclass(frozen=True, kw_only=True)
 class TraceDraft:
-    """A campaign of traces: ``input`` is empty where nothing drives; ``seen`` are sentences."""
+    """A campaign of traces: ``input`` is empty where nothing drives; ``seen`` are sentences.
+
+    ``start`` are start values of the FMU; with ``decays`` the traces are ringdowns from a state
+    that nobody knows, which a pulse at the input spans.
+    """
 
     source: Source
     output: str
@@ -100,6 +105,8 @@ class TraceDraft:
     files: tuple[TraceFile, ...]
     boxes: tuple[Box, ...]
     seen: tuple[str, ...]
+    start: Mapping[str, float] = field(default_factory=dict)
+    decays: bool = False
 
     def text(self, folder: Path | None) -> str:
         """The text of the campaign.
@@ -109,9 +116,13 @@ class TraceDraft:
         """
         remarks: Remarks = {}
         name = self.source.name
-        fmu = (
+        fmu: dict[str, Any] = (
             {"model": name} if self.source.is_model else {"file": relative_path(Path(name), folder)}
         )
+        if self.start:
+            fmu["start"] = dict(self.start)
+            for tone in self.start:
+                remarks["fmu", "start", tone] = "off: nothing drives while it rings down"
         tables: dict[str, Any] = {
             "title": ", ".join(file.path.stem for file in self.files),
             "fmu": fmu,
@@ -141,6 +152,10 @@ class TraceDraft:
             remarks["trace", k, "interpolation"] = _how(file.interpolation)
             if file.driven.name != self.input:
                 columns["input"] = file.driven.name
+        if self.decays:
+            made |= {"input": self.input, "start": UNKNOWN}
+            remarks["trace", k, "input"] = "a pulse at it spans the states that ring down"
+            remarks["trace", k, "start"] = "solved for: nobody knows where a ringdown starts"
         if file.further:
             made["further_inputs"] = [column.name for column in file.further]
         if columns:
@@ -194,6 +209,10 @@ def traces_of(
     output = _output(recordings, offer, answers)
     driven = _input(recordings, offer, answers)
     files = tuple(_file(r, output, driven, offer) for r in recordings)
+    if not driven and offer.inputs:
+        found = _ringdown(files[0], offer)
+        if found is not None:
+            return _decaying(files, source, offer, answers, output, found)
     default, why = _fitted(files[0], source, offer, output, driven)
     names = answers.of(
         Question(
@@ -215,6 +234,53 @@ def traces_of(
             *(_said(file, output, driven) for file in files),
             *([UNDRIVEN] if not driven and offer.inputs else []),
         ),
+    )
+
+
+def _ringdown(file: TraceFile, offer: Offer) -> tuple[Ringdown, tuple[Box, ...]] | None:
+    """The line of a free decay with its boxes; None: it is none, or the FMU has more modes."""
+    table, time = file.recording.table, file.recording.time
+    factor = convert(1.0, time.unit or "s", "s", where=str(table.path))
+    found = ringdown_of(factor * table.numbers(time), table.numbers(file.seen))
+    boxes = () if found is None else line_boxes(found, offer)
+    return (found, boxes) if found is not None and boxes else None
+
+
+def _decaying(
+    files: tuple[TraceFile, ...],
+    source: Source,
+    offer: Offer,
+    answers: Answers,
+    output: str,
+    found: tuple[Ringdown, tuple[Box, ...]],
+) -> TraceDraft:
+    """A campaign of ringdowns of one mode: its drives off, frequency and width from the record."""
+    line, boxes = found
+    names = answers.of(
+        Question(
+            key="fit",
+            words="Which parameters of the FMU are fitted?",
+            options=offer.parameters,
+            default=tuple(box.name for box in boxes),
+            why="a ringdown tells frequency and width of its mode",
+            several=True,
+        )
+    )
+    known = {box.name: box for box in boxes}
+    return TraceDraft(
+        source=source,
+        output=output,
+        input=offer.inputs[0],
+        files=files,
+        boxes=tuple(known[name] if name in known else _box(offer, name) for name in names),
+        seen=(
+            *(_said(file, output, "") for file in files),
+            f"A ringdown: no column drives and it decays. The highest line of its spectrum lies at "
+            f"{hertz(line.frequency_hz, digits=6)}; where it starts is solved for"
+            + (", the FMU's own tones are off." if offer.tones else "."),
+        ),
+        start=silenced(offer),
+        decays=True,
     )
 
 

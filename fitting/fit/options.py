@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from fitting.campaign import ContinuationSettings
 from fitting.fit.solver.continuation import Schedule
 from fitting.fit.solver.interior_point import SolveSettings, quick_settings
-from fitting.text.choices import ALGORITHM2, ESTIMATORS, LIKELIHOOD
+from fitting.measurements.measurement import Measurement
+from fitting.text.choices import ALGORITHM2, ESTIMATORS, LIKELIHOOD, MISFITS
 
-__all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of"]
+__all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of", "usual_misfit"]
 
 
 @dataclass(frozen=True)
@@ -21,11 +23,27 @@ class Options:
     estimator: str = LIKELIHOOD
 
 
-def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
+def usual_misfit(measurements: Iterable[Measurement]) -> str:
+    """The misfit where nobody names one: "squares" where there is a trace, else "slack".
+
+    Sums of absolute values are the paper's, for a few peaks of which some may be wrong. A trace has
+    thousands of samples with like noise: a slack for each buys nothing, and a sum over traces and
+    peaks is one sum, of squares then.
+
+    Args:
+        measurements: that are fitted together.
+    """
+    return "squares" if any(m.is_trace for m in measurements) else MISFITS[0]
+
+
+def options_of(
+    chosen: ContinuationSettings, measurements: Iterable[Measurement] = (), *, quick: bool = False
+) -> Options:
     """The campaign's own settings; `quick` takes its own start alone and looser tolerances.
 
     Args:
         chosen: the campaign's table [continuation].
+        measurements: that are fitted, on which the usual misfit depends.
         quick: whether one start and looser tolerances will do.
     """
     schedule = Schedule(
@@ -36,7 +54,7 @@ def options_of(chosen: ContinuationSettings, *, quick: bool = False) -> Options:
         starts=chosen.starts,
         seed=chosen.seed,
     )
-    solve = SolveSettings(misfit=chosen.misfit)
+    solve = SolveSettings(misfit=chosen.misfit or usual_misfit(measurements))
     if quick:
         schedule = replace(schedule, starts=1)
         solve = quick_settings(solve)

@@ -122,6 +122,11 @@ class Measurement(Protocol):
         ...
 
     @property
+    def is_trace(self) -> bool:
+        """Whether its rows are samples over time: many, and of like noise."""
+        ...
+
+    @property
     def has_phases(self) -> bool:
         """Whether its rows hold amplitudes and phases: two for each value."""
         ...
@@ -394,6 +399,11 @@ class MeasurementKind:
     @property
     def is_curve(self) -> bool:
         """Its rows are no points of a curve."""
+        return False
+
+    @property
+    def is_trace(self) -> bool:
+        """No."""
         return False
 
     @property

@@ -14,6 +14,7 @@ import pytest
 import fitting as ff
 from fitting.api.init import Question, init
 from fitting.cli.main import main
+from fitting.draft.ringdown import ringdown_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import (
@@ -498,3 +499,29 @@ def test_a_narrow_dip_behind_a_cable_is_drafted(tmp_path: Path) -> None:
     boxes = {p["name"]: p["start"] for p in written["parameters"]}
     assert boxes["f1"] == pytest.approx(6e9, abs=3e3)
     assert boxes["d1"] == pytest.approx(3e5, rel=0.02)
+
+
+def test_a_ringdown_is_drafted_with_the_drives_off(tmp_path: Path) -> None:
+    """1234.5 Hz of Q 600 in millivolts: frequency and width are known, the tones play no part."""
+    t = np.arange(4000) / 8000.0
+    width = 1234.5 / 600.0
+    y = 3.0 * np.exp(-np.pi * width * t) * np.cos(2.0 * np.pi * 1234.5 * t + 0.4)
+    y += 0.02 * np.random.default_rng(11).standard_normal(t.size)
+    path = write_csv(tmp_path / "ring.csv", "t [ms],U [mV]", 1e3 * t, y)
+    made, said = init(path, "CoupledModes1", out=tmp_path / "o")
+    written = tomllib.loads(made.read_text("utf-8"))
+    assert written["fmu"]["start"] == {"A1": 0.0, "A2": 0.0}
+    assert written["trace"][0]["start"] == "unknown"
+    boxes = {p["name"]: p for p in written["parameters"]}
+    assert set(boxes) == {"f1", "d1"}
+    assert boxes["f1"]["start"] == pytest.approx(1234.5, abs=0.2)
+    assert boxes["d1"]["start"] == pytest.approx(width, rel=0.2)
+    assert boxes["d1"]["lower"] < width < boxes["d1"]["upper"]
+    assert any("tones are off" in each for each in said)
+    assert written["continuation"]["misfit"] == "squares"
+
+
+def test_a_record_that_does_not_decay_is_no_ringdown() -> None:
+    t = np.arange(4000) / 8000.0
+    assert ringdown_of(t, np.cos(2.0 * np.pi * 1234.5 * t)) is None
+    assert ringdown_of(t, np.exp(-20.0 * t)) is None

@@ -13,6 +13,7 @@ import pytest
 
 import fitting as ff
 from fitting.api.init import init
+from fitting.campaign.recognised import recognised
 from fitting.cli.main import main
 from fitting.draft.crossing import Spectra, crossing_of
 from fitting.resonance.reading import Columns
@@ -307,3 +308,15 @@ def test_powers_and_other_files_and_other_choices_are_refused(tmp_path: Path) ->
         init([path, path], "CoupledModes2", out=tmp_path / "o")
     with pytest.raises(ff.BadInput, match="--fit: of a map f1, f2, lambda12, d1 and d2 are fitted"):
         drafted(path, tmp_path, fit="f1")
+
+
+def test_the_only_column_in_hertz_of_a_map_in_rows_is_the_frequency(tmp_path: Path) -> None:
+    """Whatever it is called: it rises anew for each value of the control."""
+    f, v = np.tile(np.linspace(99.0, 101.0, 41), 3), np.repeat([-1.0, 0.0, 1.0], 41)
+    r = 1.0 / np.hypot(f - 100.0 - 0.1 * v, 0.1)
+    path = write_csv(tmp_path / "map.csv", "Vdc (V),f_drive (kHz),R (mV)", v, f, r)
+    found = recognised(path).role("frequency")
+    assert found is not None
+    assert (found.name, found.unit, found.guessed) == ("f_drive", "kHz", True)
+    seconds = write_csv(tmp_path / "pll.csv", "time (s),f_drive (kHz)", np.arange(9.0), f[:9] % 0.7)
+    assert recognised(seconds).role("frequency") is None

@@ -488,7 +488,7 @@ HEAD = "time (ms),u (mV),y (mV)"
         pytest.param(HEAD, "20=182.5,1000,3", "is 0.0025 s off an even spacing", id="uneven"),
         pytest.param("time,u (mV),y (mV)", "", "'time' has no unit in its header", id="no unit"),
         pytest.param("time (ms),u (mV),z (mV)", "", "no column 'y'", id="no output"),
-        pytest.param("time (ms),u (mV),y (s)", "", "found unit 's', wanted 'V'", id="wrong unit"),
+        pytest.param("time (ms),u (mV),y (s)", "", 'want gain = "fit" in [[trace]]', id="unit"),
         pytest.param("y (ms),u (mV),time (mV)", "", "found unit 'mV', wanted 's'", id="swapped"),
         pytest.param(HEAD, "20=180,1000,much", "row 20, column 'y': found 'much'", id="text"),
     ],

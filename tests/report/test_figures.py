@@ -118,12 +118,12 @@ def points(axes: Axes) -> list[Line2D]:
 
 def test_a_string_campaign_gets_every_figure_in_both_formats(files: list[FigureFile]) -> None:
     assert [f.name for f in files] == [
-        "1_frequency_response",
-        "5_drive",
-        "6_spectra",
-        "7_deviation_over_frequency",
-        "8_improvement",
-        "9_deviation_per_experiment",
+        "01_frequency_response",
+        "05_drive",
+        "06_spectra",
+        "07_deviation_over_frequency",
+        "08_improvement",
+        "09_deviation_per_experiment",
         "10_convergence",
     ]
     for file in files:

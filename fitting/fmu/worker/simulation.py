@@ -161,16 +161,23 @@ def _stride_with_input(
 def _stride_in_steps(
     fmu: FmuInstance, inputs: VariableAccess | None, request: RunRequest, read: Reader
 ) -> None:
-    """Steps of one length, with values of the inputs over each and at each sample."""
+    """Steps of one length, with values of the inputs over each and at each sample.
+
+    An input keeps its value: it is set where that changes, which after a pulse it never does.
+    """
     assert request.held is not None  # noqa: S101  # the caller asked
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
     held, seen = _rows(request.held.held), _rows(request.held.seen)
 
+    last: tuple[float, ...] | None = None
+
     def put(rows: Iterator[tuple[float, ...]]) -> None:
+        nonlocal last
         values = next(rows)
-        if inputs is not None:
+        if inputs is not None and values != last:
             fmu.set(inputs, values)
+            last = values
 
     if lead == 0:
         put(seen)

@@ -22,6 +22,11 @@ REST, UNKNOWN = STARTS = ("rest", "unknown")
 FIRST, FOUND = BEGINS = ("first", "found")
 #: Shifts of the response to a pulse, for each state that is to be spanned.
 SHIFTS = 4
+#: States of one mode that decays.
+STATES_OF_ONE = 2
+#: Largest shift as a share of the trace: near modes are told apart by long ones. One mode needs a
+#: part of its period, of which a trace holds one at least; the run is longer by the shift.
+FARTHEST, FARTHEST_OF_ONE = 0.5, 0.125
 #: Singular values below this share of the largest are rounding.
 ROUNDING = 1e-12
 #: Crossings of its mean that a trace of unknown start needs, for a period.
@@ -254,7 +259,8 @@ class TraceRecord:
     def shifts(self) -> npt.NDArray[np.intp]:
         """Samples by which the responses to a pulse are shifted against each other."""
         count = SHIFTS * self.states
-        spread = np.geomspace(1.0, max(2.0, 0.5 * self.y.size), count - 1)
+        farthest = FARTHEST_OF_ONE if self.states <= STATES_OF_ONE else FARTHEST
+        spread = np.geomspace(1.0, max(2.0, farthest * self.y.size), count - 1)
         return np.unique(np.concatenate([[0], np.round(spread)])).astype(np.intp)
 
     def pulse(self, per_sample: int, level: float = 1.0) -> HeldSignal:

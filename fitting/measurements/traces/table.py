@@ -275,7 +275,7 @@ class ReadTrace:
         if table.gain == ONE and not decays:  # a free decay has no gain of its own
             if seen.unit is None:
                 binder.note_missing_unit(seen)
-            values = values.into(seen.unit)
+            values = _as_output(values, seen.unit)
         sigma = 0.0
         if table.sigma is not None:
             sigma = in_unit(table.sigma, values.unit)
@@ -319,6 +319,16 @@ class ReadTrace:
         if driver.unit is None:
             binder.note_missing_unit(driver)
         return np.array(self.time.values), column.into(driver.unit).values
+
+
+def _as_output(values: ReadColumn, unit: str | None) -> ReadColumn:
+    """Values in the unit of the output that they are compared with as they are."""
+    try:
+        return values.into(unit)
+    except BadInput as error:
+        raise BadInput(
+            f'{error}; values that are in proportion to the output want gain = "fit" in [[trace]]'
+        ) from error
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,11 @@ class TracesTogether(MeasurementKind, Generic[R]):
         return True
 
     @property
+    def is_trace(self) -> bool:
+        """Its rows are samples over time."""
+        return True
+
+    @property
     def solved_inside(self) -> int:
         """What is solved for inside the rows of all traces."""
         return sum(trace.solved_inside for trace in self.traces)

@@ -39,14 +39,15 @@ def numbered(drawings: Sequence[Drawing], result: Result, shown: Sequence[str]) 
     rest = sorted((d for d in drawings if d is not lead), key=lambda d: _place(d.name))
     ordered = rest if lead is None else [lead, *rest]
     missing = _reserved(result) - {d.name for d in drawings}
-    numbers = iter(range(1, 1 + len(ordered) + len(missing)))
+    count = len(ordered) + len(missing)
+    numbers, digits = iter(range(1, 1 + count)), len(str(count))
     found = []
     for drawing in ordered:
         if drawing is not lead:
             for name in [m for m in missing if _place(m) < _place(drawing.name)]:
                 missing.remove(name)
                 next(numbers)
-        found.append(replace(drawing, number=next(numbers)))
+        found.append(replace(drawing, number=next(numbers), digits=digits))
     return found
 
 

@@ -67,7 +67,8 @@ _STYLE: Any = {  # matplotlib's stubs want every key as a literal
 class Drawing:
     """A figure with what is said about it: short name, title, caption, text for the blind.
 
-    ``number`` is that on the page and before the name of its files (0: it has none); ``series``
+    ``number`` is that on the page and before the name of its files (0: it has none), of ``digits``
+    digits there, so that files sort as on the page; ``series``
     the measurement's, where each of several has such a figure.
     """
 
@@ -78,11 +79,13 @@ class Drawing:
     figure: Figure
     series: str = ""
     number: int = 0
+    digits: int = 1
 
     @property
     def stem(self) -> str:
         """Name of its files, without an ending."""
-        return "_".join(filter(None, (str(self.number or ""), self.name, self.series)))
+        number = f"{self.number:0{self.digits}d}" if self.number else ""
+        return "_".join(filter(None, (number, self.name, self.series)))
 
 
 @dataclass(frozen=True, kw_only=True)
