@@ -34,11 +34,13 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.notation import number
 
 #: A direction counts as determined from this many times the precision of the box.
 BETTER_THAN_BOX = 3.0
-#: Disagreement, in standard deviations, that is worth a warning.
-WORTH_A_WARNING = 3.0
+#: Disagreement, in standard deviations, that is worth a warning; and that no noise explains, among
+#: as many tests as people make.
+WORTH_A_WARNING, CONTRADICT = 3.0, 4.0
 #: Step in x for the gradient of a derived output.
 OUTPUT_STEP = 1e-4
 
@@ -139,7 +141,7 @@ def _gradients(solution: Solution) -> dict[str, tuple[float, FloatArray]]:
 
 
 def warnings_of(joint: JointResult) -> list[str]:
-    """Campaigns that contradict each other.
+    """Campaigns that contradict each other, or agree badly.
 
     Args:
         joint: the tests of their agreement.
@@ -210,7 +212,6 @@ def _pair_test(
     value = max(0.0, both.chi_square - a.chi_square - b.chi_square)
     p = tail(value, freedom)
     sigmas = as_sigmas(value, p)
-    verdict = "contradict each other" if sigmas > WORTH_A_WARNING else "agree"
     common = "one number" if freedom == 1 else f"{freedom} numbers"
     return PairTest(
         one=first,
@@ -219,6 +220,20 @@ def _pair_test(
         freedom=freedom,
         p_value=p,
         sigmas=sigmas,
-        sentence=f"{first} and {second} {verdict}: they differ by {sigmas:.2g} standard deviations "
-        f"in the {common} that both determine (chi square {value:.3g}).",
+        sentence=f"{first} and {second} {_verdict(sigmas)}: they differ by {sigmas:.2g} standard "
+        f"deviations in the {common} that both determine (chi square {value:.3g})"
+        f"{_how_often(sigmas, p)}.",
     )
+
+
+def _verdict(sigmas: float) -> str:
+    if sigmas > CONTRADICT:
+        return "contradict each other"
+    return "agree badly" if sigmas > WORTH_A_WARNING else "agree"
+
+
+def _how_often(sigmas: float, p: float) -> str:
+    """How often noise alone does as much, where it may be that."""
+    if not WORTH_A_WARNING < sigmas <= CONTRADICT:
+        return ""
+    return f", as noise alone does once in {number(1.0 / p, 2)} pairs of campaigns"

@@ -27,10 +27,10 @@ from fitting.text.notation import hertz, with_error
 
 #: Factors between the amplitudes of a sweep and of peaks, and what makes them.
 FACTORS = {
-    math.sqrt(2.0): "one of them is rms, the other peak",
-    math.sqrt(0.5): "one of them is rms, the other peak",
-    2.0: "peak to peak, or twice the drive level, in one of them",
-    0.5: "peak to peak, or twice the drive level, in one of them",
+    math.sqrt(2.0): "one of them were rms, the other peak",
+    math.sqrt(0.5): "one of them were rms, the other peak",
+    2.0: "one of them were peak to peak, or driven twice as hard",
+    0.5: "one of them were peak to peak, or driven twice as hard",
 }
 #: Chi square of two peaks from which they may have changed places, and what is left if they did.
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
@@ -158,7 +158,9 @@ def _contradiction(found: SweepAgreement) -> str:
     factor = with_error(found.factor, found.factor_std)
     said += f" If the sweep's amplitudes were {factor} times as large they would agree"
     known = [words for value, words in FACTORS.items() if _is(found, value)]
-    return f"{said}: {known[0]}." if known else f"{said}: is it the same gain and drive level?"
+    return (
+        f"{said}, as if {known[0]}." if known else f"{said}: is it the same gain and drive level?"
+    )
 
 
 def _is(found: SweepAgreement, value: float) -> bool:

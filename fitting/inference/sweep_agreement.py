@@ -27,7 +27,7 @@ from fitting.fit.differences import forward
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.solution import Solution
-from fitting.inference.consistency import BETTER_THAN_BOX
+from fitting.inference.consistency import BETTER_THAN_BOX, CONTRADICT
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.least_squares import damped_step
@@ -37,8 +37,6 @@ from fitting.signal.student import widening95
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 
-#: Standard deviations from which peaks and sweep contradict each other.
-CONTRADICT = 4.0
 #: Chi square over its degrees of freedom up to which a factor between them explains both.
 EXPLAINED = 3.0
 #: Relative scatter of a sweep's points, at least: simulations and rounding.

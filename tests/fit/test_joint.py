@@ -7,6 +7,7 @@ test of agreement are held to those of a chi square.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -282,6 +283,17 @@ def test_samples_of_other_width_contradict_each_other(tmp_path: Path) -> None:
     assert tension.sigmas == pytest.approx(abs(apart), rel=0.1)
     assert tension.sigmas > 5.0
     assert "contradict each other" in tension.sentence
+
+
+def test_what_noise_does_now_and_then_is_no_contradiction(tmp_path: Path) -> None:
+    """A width 3.5 % larger: between three and four standard deviations, and how often that is."""
+    scaled = (TRUTH[0], 1.035 * TRUTH[1], 1.035 * TRUTH[2])
+    [tension] = agreement(tmp_path, (0, 0), 4, scaled).tensions
+    assert 3.0 < tension.sigmas < 4.0
+    assert "agree badly" in tension.sentence
+    often = float(re.search(r"once in (\d+) pairs", tension.sentence)[1])
+    # both tails of a normal distribution
+    assert often == pytest.approx(1.0 / math.erfc(tension.sigmas / math.sqrt(2.0)), rel=0.1)
 
 
 def test_series_that_see_different_things_cannot_contradict(tmp_path: Path) -> None:

@@ -32,8 +32,8 @@ def warned_of(kind: str, seed: int, folder: Path) -> list[Warned]:
 @pytest.mark.parametrize(
     ("seed", "kind", "words"),
     [
-        (0, Kind.SCALE_FACTOR, r"1\.4\d+.* one of them is rms"),
-        (1, Kind.SCALE_FACTOR, r"2\.00\d+.* twice the drive level"),
+        (0, Kind.SCALE_FACTOR, r"1\.4\d+.* one of them were rms"),
+        (1, Kind.SCALE_FACTOR, r"2\.00\d+.* driven twice as hard"),
         (2, Kind.SWEEP, r"the power 1\.9\d+.* decibels"),
         (3, Kind.SWEEP, r"are equal: it is clipped"),
         (4, Kind.SWEEP, r"stands on a background"),
