@@ -141,9 +141,7 @@ def negligible(solution: Solution, misfit: str) -> float:
 def curve_structure(
     objective: Objective, final: Point, matrix: FloatArray, noise: RowNoise
 ) -> Structure | None:
-    """Structure of the residuals along curves, and what it does to the errors of parameters.
-
-    What measurements are solved for inside is fitted, too, but nobody asks for its errors.
+    """Structure of the residuals along curves; what they are solved for inside is fitted, too.
 
     Rows count as the fit weighs them, by their noise over its root mean square: where that is
     stated, residuals that grow with it are of one size.
@@ -159,13 +157,12 @@ def curve_structure(
     rows, columns = final.residuals[mine], matrix[mine]
     if not rows.size:
         return None
-    solved = _solved(objective, final)[mine]
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
-        solved = np.column_stack([solved, rows + data.measured_rows[mine]])  # d r/d ln chi
+        columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
+    columns = np.column_stack([columns, _solved(objective, final)[mine]])
     sigma = noise.sigma[mine]
     weights = float(np.sqrt(np.mean(sigma**2))) / sigma
-    along = weights[:, None]
-    return residual_structure(rows * weights, columns * along, solved * along)
+    return residual_structure(rows * weights, columns * weights[:, None])
 
 
 def _solved(objective: Objective, point: Point) -> FloatArray:

@@ -41,7 +41,7 @@ def test_a_report_is_what_the_command_writes(fit: ff.Fit, tmp_path: Path) -> Non
     page = ff.report(fit, tmp_path, external=["width_plus=94.2 Hz +- 1 Hz"])
     assert page == tmp_path / "report.html"
     assert (tmp_path / "history.csv").is_file()
-    assert (tmp_path / "figures" / "1_frequency_response.svg").is_file()
+    assert (tmp_path / "figures" / "01_frequency_response.svg").is_file()
     assert not earlier.exists()
     assert built.exists()
     assert (tmp_path / "figures" / "mine.svg").exists()
@@ -56,7 +56,7 @@ def test_a_report_is_what_the_command_writes(fit: ff.Fit, tmp_path: Path) -> Non
 
 def test_the_estimate_of_algorithm_2_is_the_value_where_asked_for(fit: ff.Fit) -> None:
     method = ff.Tikhonov.of(options_of(ContinuationSettings(estimator="algorithm2")))
-    assert method == ff.Tikhonov(estimator="algorithm2")
+    assert method == ff.Tikhonov(misfit="slack", estimator="algorithm2")
     asked = replace(fit.record, options=method.options(starts=1, seed=1))
     papers = ff.Fit(fit.problem, asked, 0.0)
     for name in ("width_plus", "Q_plus"):

@@ -46,7 +46,7 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 def test_the_command_says_what_the_data_determine(identified: tuple[Path, str]) -> None:
     out, said = identified
     lines = {line.split(":")[0].strip(): line for line in said.splitlines() if ":" in line}
-    assert "not determined, anything from 0 to 781 kHz" in lines["lambda"]
+    assert "not determined, anything from 0 to 782 kHz" in lines["lambda"]
     assert "not determined" in lines["theta"]
     assert ": determined to " in lines["width_plus"]
     assert "±" not in said

@@ -291,7 +291,7 @@ def test_what_noise_does_now_and_then_is_no_contradiction(tmp_path: Path) -> Non
     [tension] = agreement(tmp_path, (0, 0), 4, scaled).tensions
     assert 3.0 < tension.sigmas < 4.0
     assert "agree badly" in tension.sentence
-    often = float(re.search(r"once in (\d+) pairs", tension.sentence)[1])
+    [often] = map(float, re.findall(r"once in (\d+) pairs", tension.sentence))
     # both tails of a normal distribution
     assert often == pytest.approx(1.0 / math.erfc(tension.sigmas / math.sqrt(2.0)), rel=0.1)
 

@@ -84,7 +84,8 @@ def test_what_is_read_off_is_what_the_file_holds(page: Any, folder: Path) -> Non
     count = 0
     for figure in page.iter("figure"):
         live = json.loads(unpacked(page, f"live-{figure.get('data-number')}"))
-        [path] = (folder / "figures").glob(f"{figure.get('data-number')}_*.csv")
+        number = int(figure.get("data-number"))
+        [path] = (folder / "figures").glob(f"{number:02d}_*.csv")
         rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
         in_file = {(float(row["x"]), float(row["y"])) for row in rows}
         read = set(held(live["document"]))
@@ -201,9 +202,9 @@ def test_a_page_leaves_figures_still_rather_than_grow_too_long(
 ) -> None:
     from fitting.report import page as pages
 
-    picture = folder / "figures" / "5_drive.svg"
+    picture = folder / "figures" / "05_drive.svg"
     shown = FigureFile(
-        name="5_drive",
+        name="05_drive",
         kind="drive",
         number=5,
         title="",
