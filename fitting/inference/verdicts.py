@@ -390,6 +390,8 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
         return Verdict.OPEN, "its interval is that of its prior"
     if found.exchange is not None or found.others:
         return (Verdict.SEVERAL if all(cut) else Verdict.UNKNOWN), _elsewhere_words(subject, found)
+    if _is_nearly_all(subject, found.interval):
+        return Verdict.OPEN, "nearly all of its range fits"
     if not all(cut):
         return (
             (Verdict.BELOW, f"above it {said[1]}")
@@ -398,8 +400,6 @@ def _verdict(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, s
         )
     if share > PRIOR_IDLE:
         return Verdict.BOUNDED, "its prior has a part in its interval"
-    if _is_nearly_all(subject, found.interval):
-        return Verdict.OPEN, "nearly all of its range fits"
     return _by_width(subject, found)
 
 

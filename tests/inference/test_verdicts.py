@@ -420,6 +420,34 @@ def test_a_verdict_that_rests_on_the_box_says_so() -> None:
     assert a > known.parameters["a"].interval95[1]
 
 
+def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
+    """a is 4 ± 0.1 while d stays far below 3000, and 5 ± 0.1 there; the box of d ends at 100."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.full(3, (p[0] - 4.0 - (p[1] / 3000.0) ** 8) / 0.1 / math.sqrt(3.0))
+
+    known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
+    assert known.parameters["a"].verdict is Verdict.DETERMINED
+    [said] = [s for s in known.sentences if s.startswith("Beyond the box")]
+    assert said.endswith("what is said of a rests on the box.")
+
+
+@pytest.mark.parametrize(("sigma", "verdict"), [(0.5, Verdict.OPEN), (0.05, Verdict.DETERMINED)])
+def test_an_output_that_may_be_nearly_all_that_it_can_be_is_not_determined(
+    sigma: float, verdict: Verdict
+) -> None:
+    """f = 100 + sin a is never outside 99 to 101, whatever is measured; a is known to sigma."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        miss = (np.sin(p[0]) - 0.0) / sigma
+        return np.array([miss, 0.0, 0.0])
+
+    objective = whitened(rows, parameter("a", -1.5, 1.5), f=lambda p: 100.0 + float(np.sin(p[0])))
+    known = learnt(objective).derived["f"]
+    # 1.96 sigma: 98 % of the range, and 10 %
+    assert known.verdict is verdict
+
+
 def test_an_end_that_another_box_makes_names_that_box() -> None:
     """a + d is 5 ± 0.1 and d at most 1: the data alone would let a go to 2.8, the box to 4."""
 
