@@ -32,6 +32,8 @@ FACTORS = {
     2.0: "one of them were peak to peak, or driven twice as hard",
     0.5: "one of them were peak to peak, or driven twice as hard",
 }
+#: Faults that make the top of a sweep too low or too high.
+BENT_TOPS = (Fault.SATURATION, Fault.CLIPPING, Fault.BACKGROUND)
 #: Chi square of two peaks from which they may have changed places, and what is left if they did.
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
 #: Highest order of mixtures of tones that explain a line of a spectrum.
@@ -106,8 +108,21 @@ def fault_sentences(
         on_background = [f for f in faults if f.fault is Fault.BACKGROUND]
         if on_background and solution is not None and explained_by_model(solution, name):
             faults = tuple(f for f in faults if f not in on_background)
-        said += [f"{name}: {fault_sentence(f)}" if name else fault_sentence(f) for f in faults]
+        scaled = bool(bound.experiments) and bound.sweep.scale not in ("none", "free")
+        for fault in faults:
+            words = fault_sentence(fault) + (_bent_scale(fault) if scaled else "")
+            said.append(f"{name}: {words}" if name else words)
     return said
+
+
+def _bent_scale(found: SweepFault) -> str:
+    """What a wrong top does to peaks whose scale is taken from the sweep."""
+    if found.fault not in BENT_TOPS:
+        return ""
+    return (
+        " The scale of the peaks is taken from this sweep: widths that they tell may be off by as "
+        'much, beyond their errors (scale = "free" takes none).'
+    )
 
 
 def fault_sentence(found: SweepFault) -> str:
