@@ -176,13 +176,9 @@ def next_level(course: Course, chain: Chain) -> Chain:
         FmuFailure: the model failed inside the box.
     """
     level, schedule = len(chain.steps), course.schedule
-    course.journal.entering(course.alternative, chain.start, level)
-    step = course.journal.recall(course.alternative, chain.start, level)
-    if step is None:
-        x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
-        solver = solve if level + 1 < schedule.levels else _to_the_last_digits(solve)
-        step = _solved(course, chain.start, level, schedule.nu(level), x, solver)
-        course.journal.record(step)
+    x = np.array(chain.steps[-1].x if chain.steps else chain.begun)
+    work = _solving(course, x, solve, last=level + 1 == schedule.levels)
+    step = _level(course, chain.start, level, schedule.nu(level), x, work)
     ended = ""
     if step.change <= schedule.tolerance:
         ended = f"E = {step.change:.2e} fell to the tolerance"
@@ -204,12 +200,8 @@ def lowered(course: Course, start: int, nu: float, begun: FloatArray, x: FloatAr
     Raises:
         FmuFailure: the model failed inside the box.
     """
-    level = course.schedule.levels
-    course.journal.entering(course.alternative, start, level)
-    step = course.journal.recall(course.alternative, start, level)
-    if step is None:
-        step = _solved(course, start, level, nu, x, _to_the_last_digits(finish))
-        course.journal.record(step)
+    work = _solving(course, x, finish, last=True)
+    step = _level(course, start, course.schedule.levels, nu, x, work)
     return Chain(
         start,
         tuple(map(float, begun)),
@@ -240,12 +232,20 @@ def polished(course: Course, chain: Chain) -> Chain:
     Raises:
         FmuFailure: the model failed inside the box.
     """
-    last, level = chain.steps[-1], course.schedule.levels + 1
-    course.journal.entering(course.alternative, chain.start, level)
-    step = course.journal.recall(course.alternative, chain.start, level)
-    if step is None:
-        step = _solved(course, chain.start, level, last.nu, np.array(last.x), _curved_from(last))
-        course.journal.record(step)
+    last, x = chain.steps[-1], np.array(chain.steps[-1].x)
+    found = Solve(
+        x=x,
+        optimality=last.optimality,
+        status=last.status,
+        message=last.message,
+        iterations=0,
+        steps=0,
+    )
+
+    def work(evaluator: Evaluator, nu: Nu, generator: np.random.Generator) -> Solve:
+        return along_the_valley(evaluator, found, nu, course.settings)
+
+    step = _level(course, chain.start, course.schedule.levels + 1, last.nu, x, work)
     whole = replace(
         step,
         level=last.level,
@@ -270,54 +270,41 @@ class _Solver(Protocol):
     ) -> Solve: ...
 
 
-def _to_the_last_digits(solver: _Solver) -> _Solver:
-    """A solver of the last level, which is solved to the last digits."""
-
-    def taken_on(
-        evaluator: Evaluator,
-        start: FloatArray,
-        nu: Nu,
-        settings: SolveSettings,
-        generator: np.random.Generator,
-    ) -> Solve:
-        found = solver(evaluator, start, nu, settings, generator)
-        return to_the_last_digits(evaluator, found, nu, settings)
-
-    return taken_on
+#: What is done at one level: from what the evaluator and the Tikhonov weights say.
+_Work = Callable[[Evaluator, Nu, np.random.Generator], Solve]
 
 
-def _curved_from(last: ContinuationStep) -> _Solver:
-    """A solver that goes on along a curved valley from where a step ended."""
+def _solving(course: Course, x: FloatArray, solver: _Solver, *, last: bool) -> _Work:
+    """A solve from x; at the last nu to the last digits."""
 
-    def taken_on(
-        evaluator: Evaluator,
-        start: FloatArray,
-        nu: Nu,
-        settings: SolveSettings,
-        generator: np.random.Generator,
-    ) -> Solve:
-        found = Solve(
-            x=start,
-            optimality=last.optimality,
-            status=last.status,
-            message=last.message,
-            iterations=0,
-            steps=0,
-        )
-        return along_the_valley(evaluator, found, nu, settings)
+    def work(evaluator: Evaluator, nu: Nu, generator: np.random.Generator) -> Solve:
+        found = solver(evaluator, x, nu, course.settings, generator)
+        return to_the_last_digits(evaluator, found, nu, course.settings) if last else found
 
-    return taken_on
+    return work
+
+
+def _level(
+    course: Course, start: int, level: int, nu: float, x: FloatArray, work: _Work
+) -> ContinuationStep:
+    """A level as it was finished earlier, else solved and recorded."""
+    course.journal.entering(course.alternative, start, level)
+    step = course.journal.recall(course.alternative, start, level)
+    if step is None:
+        step = _solved(course, start, level, nu, x, work)
+        course.journal.record(step)
+    return step
 
 
 def _solved(
-    course: Course, start: int, level: int, nu: float, x: FloatArray, solver: _Solver
+    course: Course, start: int, level: int, nu: float, x: FloatArray, work: _Work
 ) -> ContinuationStep:
     begun = course.journal.clock()
     evaluator = Evaluator(course.objective)
     seeds = [course.schedule.seed, course.alternative, start, level]
     misfit = course.settings.misfit
     tikhonov_weights = weights(course.objective, nu, misfit)
-    answer = solver(evaluator, x, tikhonov_weights, course.settings, np.random.default_rng(seeds))
+    answer = work(evaluator, tikhonov_weights, np.random.default_rng(seeds))
     point = evaluator.point(answer.x)
     following = j_reg(answer.x, weights(course.objective, nu * course.schedule.beta, misfit))
     step = ContinuationStep(

@@ -266,7 +266,7 @@ class _OfSquares(_Floor):
         return squares_model(self.evaluator, x, self.nu).matrix
 
     def _gradient(self, x: FloatArray) -> FloatArray:
-        return self._matrix(x).T @ self._rows(x)
+        return squares_model(self.evaluator, x, self.nu).slope
 
     def _is_back(self, rows: FloatArray, step: FloatArray) -> bool:
         along = self._stiff @ step
