@@ -14,7 +14,7 @@ a few that rows share.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -119,14 +119,15 @@ class RowCovariance:
     def loosened(self, bounded: BoundedErrors) -> RowCovariance:
         """V + j B B^T: by it no bounded error d adds more than one to chi square.
 
-        |d|^2 <= j for all |d_i| <= 1, and (B d)^T (j B B^T)^-1 B d <= |d|^2/j.
+        |d|^2 <= j for all |d_i| <= 1, and (B d)^T (j B B^T)^-1 B d <= |d|^2/j. Scales in doubt
+        loosen nothing: a model that fails is not excused by them.
 
         Args:
             bounded: B; nothing changes without columns.
         """
         if not bounded.columns:
             return self
-        weight = np.sqrt(bounded.columns)
+        weight = np.sqrt(bounded.own.size + bounded.common.shape[1])
         common = np.column_stack([self.common, weight * bounded.common])
         return RowCovariance(np.hypot(self.sigma, weight * bounded.own), common)
 
@@ -144,12 +145,13 @@ def _along(axes: FloatArray, factors: FloatArray, rows: FloatArray) -> FloatArra
 class BoundedErrors:
     """Errors of m rows that have no distribution: B d with all |d_j| <= 1.
 
-    B has a column for every row, `own` (m,) on its diagonal, and those of `common` (m, k); none of
-    both where `own` is empty: the simulation is exact.
+    B has a column for every row, `own` (m,) on its diagonal, those of `common` (m, k), and those of
+    `scales` (m, l), along scales that are in doubt; none where `own` is empty: nothing is.
     """
 
     own: FloatArray
     common: FloatArray
+    scales: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
     def none(cls) -> BoundedErrors:
@@ -159,12 +161,27 @@ class BoundedErrors:
     @property
     def columns(self) -> int:
         """Number j of columns."""
-        return int(self.own.size + self.common.shape[1])
+        return int(self.own.size + self.common.shape[1] + self.scales.shape[1])
+
+    def with_scales(self, columns: FloatArray) -> BoundedErrors:
+        """The same, and scales that are in doubt.
+
+        Args:
+            columns: by how much each moves the rows, shape (m, l).
+        """
+        nothing = np.zeros(columns.shape[0]), np.empty((columns.shape[0], 0))
+        own, common = (self.own, self.common) if self.own.size else nothing
+        return BoundedErrors(own, common, columns)
+
+    @property
+    def together(self) -> FloatArray:
+        """All columns that rows share, (m, k + l)."""
+        return np.hstack([self.common, self.scales]) if self.scales.size else self.common
 
     @property
     def largest(self) -> FloatArray:
         """By how much every row may be off, (m,)."""
-        return np.asarray(np.abs(self.own) + np.sum(np.abs(self.common), axis=1))
+        return np.asarray(np.abs(self.own) + np.sum(np.abs(self.together), axis=1))
 
     def moved(self, slopes: FloatArray) -> float:
         """How far a value may move, sum_j |slopes B_j|.
@@ -172,7 +189,7 @@ class BoundedErrors:
         Args:
             slopes: d value/d rows, shape (m,).
         """
-        return float(np.sum(np.abs(slopes * self.own)) + np.sum(np.abs(slopes @ self.common)))
+        return float(np.sum(np.abs(slopes * self.own)) + np.sum(np.abs(slopes @ self.together)))
 
     def restricted(self, kept: BoolArray) -> BoundedErrors:
         """Those of some of the rows, all columns kept that they may share.
@@ -180,7 +197,10 @@ class BoundedErrors:
         Args:
             kept: which, shape (m,).
         """
-        return self if not self.columns else BoundedErrors(self.own[kept], self.common[kept])
+        if not self.columns:
+            return self
+        scales = self.scales[kept] if self.scales.size else self.scales
+        return BoundedErrors(self.own[kept], self.common[kept], scales)
 
 
 @dataclass(frozen=True)
@@ -194,7 +214,7 @@ class WhitenedErrors:
     def reach(self) -> float:
         """How far a value of unit slope may move in all, sum_j |V^-1/2 B_j|."""
         own = np.sum(np.abs(self.errors.own) * np.sqrt(self.covariance.precision))
-        common = np.linalg.norm(self.covariance.whitened(self.errors.common), axis=0)
+        common = np.linalg.norm(self.covariance.whitened(self.errors.together), axis=0)
         return float(own + np.sum(common))
 
     def moved(self, pull: FloatArray) -> float:

@@ -20,6 +20,7 @@ Expression of Uncertainty in Measurement (JCGM 100:2008), F.2.4.5, on a bias tha
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -35,7 +36,8 @@ from fitting.text.arrays import FloatArray
 class RowNoise:
     """Relative noise of the rows: `sigma` (m,) of each alone, `common` (m, k) shared by rows.
 
-    `bounded` are the columns B of what the simulation may be off by, none where it is exact.
+    `bounded` are the columns B of what the simulation may be off by, none where it is exact, and
+    of scales that are in doubt.
     `scatter` (m,) is zero for rows whose noise is known; for the others, that have the scatter of
     such rows, it tells by what factor they count as wider. It is empty where all noise is known;
     `freedom` are the degrees of freedom of that scatter.
@@ -136,6 +138,25 @@ def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     ]
     common = np.stack(columns, axis=1) if columns else np.empty((share.size, 0))
     return BoundedErrors(share * along, common)
+
+
+def doubted(noise: RowNoise, data: Dataset, point: Point, doubts: Mapping[str, float]) -> RowNoise:
+    """The noise, and scales of series that may be off by so much: bounded errors.
+
+    Args:
+        noise: of the rows.
+        data: whose rows they are.
+        point: where the rows were evaluated.
+        doubts: |ln| of the factor by which the scale of a series may be off, at most, by its name.
+    """
+    columns = [
+        doubts[name] * _along_scale(data, point, series)
+        for series, name in enumerate(data.series)
+        if doubts.get(name, 0.0) > 0.0
+    ]
+    if not columns:
+        return noise
+    return replace(noise, bounded=noise.bounded.with_scales(np.stack(columns, axis=1)))
 
 
 def _along_scale(data: Dataset, point: Point, series: int) -> FloatArray:

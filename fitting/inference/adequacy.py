@@ -20,6 +20,7 @@ then, and no fault of the model.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -36,10 +37,15 @@ from fitting.text.notation import number
 
 #: Chi square over its degrees of freedom, and probability, beyond which a model is given up.
 RATIO, IMPROBABLE = 4.0, 1e-4
+#: A scale that may be off by more than this factor bends what peaks tell beyond its linearisation.
+SCALE_OFF = 1.05
 
 
 def adequacy_of(
-    optimum: Optimum, structure: Structure | None = None, closer: Adequacy | None = None
+    optimum: Optimum,
+    structure: Structure | None = None,
+    closer: Adequacy | None = None,
+    scale_off: float = math.nan,
 ) -> Adequacy:
     """Chi square of the rows of known noise at the most likely point, and whether it will do.
 
@@ -49,10 +55,16 @@ def adequacy_of(
             no model, the noise is known.
         closer: what another form of a line says of a sweep whose residuals tell its noise, where it
             leaves far less.
+        scale_off: factor by which the scale of peaks may be off; beyond `SCALE_OFF` the scale is no
+            datum, and what the peaks tell with it is not judged by errors about one point.
     """
     widening = 1.0 if structure is None else structure.widening
     found = _of_known_noise(optimum, widening)
-    return closer if closer is not None and found.describes else found
+    if closer is not None and found.describes:
+        return closer
+    if found.describes and scale_off > SCALE_OFF:
+        return replace(found, describes=False, scale_off=scale_off)
+    return found
 
 
 def _of_known_noise(optimum: Optimum, widening: float) -> Adequacy:
@@ -156,6 +168,8 @@ def misfit_sentence(adequacy: Adequacy, *, drifts: bool) -> str:
         adequacy: of the rows of known noise.
         drifts: whether there are experiments between which something may drift.
     """
+    if adequacy.scale_off > 1.0:
+        return misfit_advice(adequacy, drifts=drifts)
     return (
         f"The model does not describe the data: χ² = {number(adequacy.chi_square, 3)} on "
         f"{number(adequacy.freedom, 3)} degrees of freedom. "
@@ -170,6 +184,12 @@ def misfit_advice(adequacy: Adequacy, *, drifts: bool) -> str:
         adequacy: of the rows of known noise.
         drifts: whether there are experiments between which something may drift.
     """
+    if adequacy.scale_off > 1.0:
+        return (
+            "The scale of the peaks is taken from a sweep whose top is not that of a line: it may "
+            f"be off by a factor of {number(adequacy.scale_off, 2)}. No value is called "
+            'determined; wanted a sweep without that, or scale = "free".'
+        )
     times = f"{adequacy.chi_square / adequacy.freedom:.3g} times"
     if adequacy.against:
         way = adequacy.remedy or "a sweep without that, or phases"

@@ -79,7 +79,8 @@ class InferenceOptions:
     profiled (all, if empty); other minima are looked for from `starts` seeded points. `beyond`:
     whether fits beyond the box are looked for. `structure` is that of the residuals of curves, by
     which their noise was taken wider. `closer` is another form of a line that leaves
-    far less of a sweep than the model. `models` are the alternatives among which exact twins beyond
+    far less of a sweep than the model, `scale_off` the factor by which the scale of peaks may be
+    off for the top of its sweep. `models` are the alternatives among which exact twins beyond
     the box are looked for. `progress` is told the evaluations so far.
     """
 
@@ -99,6 +100,7 @@ class InferenceOptions:
     beyond: bool = True
     structure: Structure | None = None
     closer: Adequacy | None = None
+    scale_off: float = math.nan
     models: tuple[Model, ...] = ()
     progress: Callable[[int], None] = lambda evaluations: None
 
@@ -141,7 +143,7 @@ def determine(
     separate = identifiability.equivalents(found)
     separate = with_values_nearby(evaluator, found, twins, separate)
     equivalents = (*separate, *options.alternatives)
-    adequacy = adequacy_of(optimum, options.structure, options.closer)
+    adequacy = adequacy_of(optimum, options.structure, options.closer, options.scale_off)
     basis = Basis(
         equivalents=equivalents,
         units=options.units,

@@ -10,10 +10,11 @@ from typing import TypeVar
 import numpy as np
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
+from fitting.fit.covariance import WhitenedErrors
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.descent import let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.noise import RowNoise
+from fitting.fit.noise import RowNoise, doubted
 from fitting.fit.objective import evaluate_many
 from fitting.fit.search.minima import Minimum
 from fitting.fit.solution import Solution
@@ -47,9 +48,9 @@ from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import (
     Kind,
     Warned,
+    doubt_sentences,
     estimator_sentences,
     fit_warnings,
-    simulation_sentences,
     verdict_sentences,
     warned,
 )
@@ -127,13 +128,14 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         FmuFailure: the model failed at the solution.
     """
     request = request or InferenceRequest()
-    knowledge, missing = _knowledge(fit, request)
+    fit, sweeps = _with_doubts(fit, request.sweeps)
+    knowledge, missing = _knowledge(fit, request, sweeps)
     lower = _lowered(fit, knowledge)
     if lower is not fit:
-        fit, request = lower, replace(request, sweeps=None)
-        knowledge, missing = _knowledge(fit, request)
+        fit, sweeps = _with_doubts(lower, None)
+        knowledge, missing = _knowledge(fit, request, sweeps)
     solution, problem = fit.solution, fit.problem
-    best, adequacy, inflation = _best(fit, knowledge)
+    best, adequacy, inflation = _best(fit, knowledge, sweeps)
     # one estimator: its errors are as wide as its own residuals make them
     errors = solution.errors.widened(inflation / solution.errors.inflation)
     if inflation > 1.0:  # then they tell the noise of all rows
@@ -152,7 +154,6 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     if not describes:
         derived = {n: _withdrawn(d) for n, d in derived.items()}
         offsets = tuple(replace(o, std=math.nan, identifiable=Verdict.WITHDRAWN) for o in offsets)
-    sweeps = request.sweeps or sweep_findings(problem, solution)
     sweeps = _with_names(sweeps, fit, {**parameters, **derived})
     named: dict[str, ParameterResult | DerivedResult | OffsetResult]
     named = {**parameters, **derived, **{o.parameter: o for o in offsets}}
@@ -172,7 +173,9 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         warnings=(
             *warned(Kind.VERDICT, verdict_sentences({**parameters, **derived})),
             *warned(Kind.ESTIMATOR, estimator_sentences(fit.options, named)),
-            *warned(Kind.SIMULATION, simulation_sentences(solution.final.promised, named)),
+            *warned(
+                Kind.SIMULATION, doubt_sentences(solution.final.promised, sweeps.scale_off, named)
+            ),
             *warned(Kind.EXCHANGE, reason_sentences(reasons)),
             *warned(Kind.AGREEMENT, _disagreement(fit, knowledge, joint)),
             *fit_warnings(fit, offsets, sweeps, best, inflation, describes),
@@ -183,6 +186,18 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
         sweeps=sweeps,
         quadratures=_quadratures(solution, request, named) if describes else Quadratures(),
     )
+
+
+def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFindings]:
+    """The fit, its errors with scales that a sweep's wrong top leaves in doubt; and the sweeps."""
+    solution = fit.solution
+    found = sweeps or sweep_findings(fit.problem, solution)
+    noise = doubted(solution.noise, solution.objective.data, solution.final, found.doubts)
+    if noise is solution.noise:
+        return fit, found
+    counted = noise_at(solution).covariance.times(solution.errors.inflation)
+    errors = replace(solution.errors, bounded=WhitenedErrors(noise.bounded, counted))
+    return replace(fit, solution=replace(solution, noise=noise, errors=errors)), found
 
 
 def _withdrawn(derived: DerivedResult) -> DerivedResult:
@@ -241,7 +256,9 @@ def _lowered(fit: Fit, knowledge: Knowledge | None) -> Fit:
         return fit
 
 
-def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, list[str]]:
+def _knowledge(
+    fit: Fit, request: InferenceRequest, sweeps: SweepFindings
+) -> tuple[Knowledge | None, list[str]]:
     """The profiles of some values; or none, and why."""
     if not request.profiles or fit.status is Status.INTERRUPTED:
         return None, []
@@ -261,6 +278,7 @@ def _knowledge(fit: Fit, request: InferenceRequest) -> tuple[Knowledge | None, l
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
             closer=closer_form(solution),
+            scale_off=sweeps.scale_off,
             models=_other_models(fit),
             progress=request.progress,
         )
@@ -285,7 +303,9 @@ def _disagreement(fit: Fit, knowledge: Knowledge | None, joint: JointResult | No
     return said
 
 
-def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy | None, float]:
+def _best(
+    fit: Fit, knowledge: Knowledge | None, sweeps: SweepFindings
+) -> tuple[FloatArray, Adequacy | None, float]:
     """The most likely parameters (n,), in their units, whether the model will do, the inflation.
 
     Where no profiles were walked it is looked for from the end of Algorithm 2 and from the lowest
@@ -308,7 +328,7 @@ def _best(fit: Fit, knowledge: Knowledge | None) -> tuple[FloatArray, Adequacy |
     p = to_model(solution.parameters, optimum.expansion.x)
     return (
         p,
-        adequacy_of(optimum, solution.structure, closer_form(solution)),
+        adequacy_of(optimum, solution.structure, closer_form(solution), sweeps.scale_off),
         optimum.likelihood.inflation,
     )
 

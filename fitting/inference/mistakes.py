@@ -34,6 +34,9 @@ FACTORS = {
 }
 #: Faults that make the top of a sweep too low or too high.
 BENT_TOPS = (Fault.SATURATION, Fault.CLIPPING, Fault.BACKGROUND)
+BENT_SCALE = ' The scale of the peaks is taken from this sweep (scale = "free" takes none).'
+#: Share of a top that is missing, at most.
+MOST_MISSING = 0.9
 #: Chi square of two peaks from which they may have changed places, and what is left if they did.
 SWAPPED_BEYOND, SWAPPED_SHARE = 50.0, 0.1
 #: Highest order of mixtures of tones that explain a line of a spectrum.
@@ -44,13 +47,20 @@ MIXED_ORDER = 5
 class SweepFindings:
     """What the sweeps of a problem show: each by itself, and beside the peaks of its series.
 
-    `lines` are by series, `faults` sentences on what makes a sweep no line; `agreement` with the
-    peaks, a series each, none where a sweep itself is at fault.
+    `lines` are by series, `faults` sentences on what makes a sweep no line; `doubts` how far the
+    scale that peaks take from such a sweep may be off, |ln| of its factor, by series; `agreement`
+    with the peaks, a series each, none where a sweep itself is at fault.
     """
 
     lines: Mapping[str, SweepLine] = field(default_factory=dict)
     faults: tuple[str, ...] = ()
+    doubts: Mapping[str, float] = field(default_factory=dict)
     agreement: tuple[SweepAgreement, ...] = ()
+
+    @property
+    def scale_off(self) -> float:
+        """Factor by which a scale of peaks may be off, at most; NaN where none is in doubt."""
+        return math.exp(max(self.doubts.values())) if self.doubts else math.nan
 
 
 def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
@@ -61,7 +71,8 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         solution: end of the fit.
     """
     explained = _explained(problem, solution)
-    faults = tuple(fault_sentences(problem, tuple(explained), solution))
+    found = _faults(problem, tuple(explained), solution)
+    faults = tuple(_sentences(problem, found))
     sweeps = {name: bound.sweep for name, bound in problem.campaigns.items()}
     return SweepFindings(
         lines={
@@ -70,6 +81,7 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
             if sweep is not None
         },
         faults=faults,
+        doubts=_doubts(problem, found),
         # a sweep that is no line contradicts the peaks for that reason
         agreement=() if faults else sweep_agreement(solution),
     )
@@ -100,7 +112,14 @@ def fault_sentences(
         explained: series whose sweep the fitted model explains.
         solution: end of the fit, if there is one: its model may have what one line lacks.
     """
-    said = []
+    return _sentences(problem, _faults(problem, explained, solution))
+
+
+def _faults(
+    problem: Problem, explained: Collection[str], solution: Solution | None
+) -> dict[str, tuple[SweepFault, ...]]:
+    """What is wrong with the sweep of each campaign, by its name."""
+    found = {}
     for name, bound in problem.campaigns.items():
         if bound.sweep is None or bound.sweep.background != "none" or name in explained:
             continue
@@ -108,21 +127,41 @@ def fault_sentences(
         on_background = [f for f in faults if f.fault is Fault.BACKGROUND]
         if on_background and solution is not None and explained_by_model(solution, name):
             faults = tuple(f for f in faults if f not in on_background)
-        scaled = bool(bound.experiments) and bound.sweep.scale not in ("none", "free")
+        found[name] = faults
+    return found
+
+
+def _sentences(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> list[str]:
+    said = []
+    for name, faults in found.items():
         for fault in faults:
-            words = fault_sentence(fault) + (_bent_scale(fault) if scaled else "")
+            bent = fault.fault in BENT_TOPS and _gives_scale(problem, name)
+            words = fault_sentence(fault) + (BENT_SCALE if bent else "")
             said.append(f"{name}: {words}" if name else words)
     return said
 
 
-def _bent_scale(found: SweepFault) -> str:
-    """What a wrong top does to peaks whose scale is taken from the sweep."""
-    if found.fault not in BENT_TOPS:
-        return ""
-    return (
-        " The scale of the peaks is taken from this sweep: widths that they tell may be off by as "
-        'much, beyond their errors (scale = "free" takes none).'
-    )
+def _gives_scale(problem: Problem, name: str) -> bool:
+    """Whether peaks take their scale from the sweep of a campaign."""
+    bound = problem.campaigns[name]
+    takes = bound.sweep is not None and bound.sweep.scale not in ("none", "free")
+    return takes and bool(bound.experiments)
+
+
+def _doubts(problem: Problem, found: Mapping[str, tuple[SweepFault, ...]]) -> dict[str, float]:
+    """How far the scale of each series may be off, |ln| of its factor, for the top of its sweep."""
+    doubts = {}
+    for name, faults in found.items():
+        bent = [fault for fault in faults if fault.fault in BENT_TOPS]
+        if bent and _gives_scale(problem, name):
+            doubts[name] = max(map(_off_by, bent))
+    return doubts
+
+
+def _off_by(found: SweepFault) -> float:
+    """|ln| of the factor by which the top may be off; the law of a saturated one is not known."""
+    missing = min(abs(found.size) + 2.0 * found.std, MOST_MISSING)
+    return -math.log1p(-missing) * (2.0 if found.fault is Fault.SATURATION else 1.0)
 
 
 def fault_sentence(found: SweepFault) -> str:

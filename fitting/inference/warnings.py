@@ -183,13 +183,16 @@ def verdict_sentences(values: Mapping[str, ParameterResult | DerivedResult]) -> 
     return said
 
 
-def simulation_sentences(
-    promised: Sequence[float], values: Mapping[str, ParameterResult | DerivedResult | OffsetResult]
+def doubt_sentences(
+    promised: Sequence[float],
+    scale_off: float,
+    values: Mapping[str, ParameterResult | DerivedResult | OffsetResult],
 ) -> list[str]:
-    """Values whose errors hold more of the simulation's own than can be left unsaid.
+    """Values whose errors hold more of what is no noise than can be left unsaid.
 
     Args:
         promised: relative errors of simulated amplitudes, at most.
+        scale_off: factor by which a scale of peaks may be off, at most; NaN: none is in doubt.
         values: as they are reported, by name.
     """
     told = []
@@ -199,6 +202,12 @@ def simulation_sentences(
             told.append(f"{name} by {number(value.simulation, 2)} {value.unit}".rstrip())
     if not told:
         return []
+    if scale_off > 1.0:  # far more than the simulation's own error
+        return [
+            "The top of a sweep is not that of a line, so that the scale taken from it may be off "
+            f"by {number(100.0 * (scale_off - 1.0), 2)} %, which may move {listed(told)}: standard "
+            "deviations and intervals are wider for it."
+        ]
     return [
         f"Simulated amplitudes are known to {max(promised):.1e} only, which may move "
         f"{listed(told)}: standard deviations and intervals are wider for it. Finer steps of the "

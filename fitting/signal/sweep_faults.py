@@ -104,14 +104,22 @@ def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[Swe
     return tuple(replace(f, two_lines=two_lines) for f in found if f.p_value <= as_good)
 
 
+def _equal(line: FloatArray, _: float) -> FloatArray:
+    return np.ones(line.size)
+
+
 @dataclass(frozen=True)
 class _Form:
-    """A line with a fault: its curve from g and x (more,), where x begins, its number from x."""
+    """A line with a fault: its curve from g and x (more,), where x begins, its number from x.
+
+    `noise` is what the fault makes of noise of one size, from the curve and the number.
+    """
 
     fault: Fault
     curve: Callable[[ComplexArray, FloatArray], FloatArray]
     begin: tuple[float, ...]
     size: Callable[[FloatArray], float]
+    noise: Callable[[FloatArray, float], FloatArray] = _equal
 
 
 def _softly(g: ComplexArray, x: FloatArray) -> FloatArray:
@@ -126,9 +134,20 @@ def _exponent(x: FloatArray) -> float:
     return math.exp(min(float(x[0]), 5.0))
 
 
+def _of_a_power(line: FloatArray, exponent: float) -> FloatArray:
+    """d(a^k) = k a^(k - 1) da, over that at the top, where a^k is one."""
+    return np.asarray(np.maximum(line, ROUNDING) ** (1.0 - 1.0 / exponent))
+
+
 PLAIN = _Form(Fault.OUTLIER, lambda g, _: np.asarray(np.abs(g)), (), lambda _: 0.0)
 FORMS = (
-    _Form(Fault.POWER, lambda g, x: np.asarray(np.abs(g) ** _exponent(x)), (0.0,), _exponent),
+    _Form(
+        Fault.POWER,
+        lambda g, x: np.asarray(np.abs(g) ** _exponent(x)),
+        (0.0,),
+        _exponent,
+        _of_a_power,
+    ),
     # beyond 1/3 the curve has two tops: begun on the near side, where a detector begins
     _Form(Fault.SATURATION, _softly, (0.05,), lambda x: float(x[0])),
     _Form(Fault.SATURATION, _softly, (0.3,), lambda x: float(x[0])),
@@ -149,9 +168,10 @@ FORMS = (
 
 @dataclass(frozen=True)
 class _Line:
-    """A form fitted to the sweep: eta, ln width and height first, over their guesses."""
+    """A form fitted to the sweep `shape`: eta, ln width and height first, over their guesses."""
 
     form: _Form
+    shape: FloatArray
     fit: LeastSquaresFit
     eta_hz: float
     width_hz: float
@@ -162,7 +182,10 @@ class _Line:
 
     @property
     def is_noise(self) -> bool:
-        return white_noise_p(self.fit.residuals) >= STRUCTURED
+        """Whether what is left is white, as it is or over what the fault makes of equal noise."""
+        left, line = self.fit.residuals, self.shape + self.fit.residuals
+        alike = left / self.form.noise(line, self.size)
+        return max(white_noise_p(left), white_noise_p(alike)) >= STRUCTURED
 
     @property
     def height(self) -> float:
@@ -213,7 +236,7 @@ class _Sweep:
             return None
         eta_hz, width_hz = line(fit.values)
         inside = self.f[0] <= eta_hz <= self.f[-1] and width_hz < 3.0 * self.span_hz
-        return _Line(form, fit, eta_hz, width_hz) if fit.converged and inside else None
+        return _Line(form, self.a, fit, eta_hz, width_hz) if fit.converged and inside else None
 
     def two_lines_p(self, plain: _Line) -> float:
         """Probability that noise gains as much as a second line does; one where it leaves more."""

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import build_fmu
 from fitting.result.result import Result, read_result
-from tests.support.processes import Job
+from tests.support.processes import Job, ignored_ends
 from tests.support.small_campaign import small_campaign
 
 LEFT = {"result.json", "history.csv", ".fmu-fit-files.json"}
@@ -117,6 +117,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="tries at a time (1)")
     parser.add_argument("--seed", type=int, default=1, help="of the times (1)")
     args = parser.parse_args()
+    for number, how in ignored_ends().items():  # jobs hand it on; threads may not change it
+        signal.signal(number, how)
     rng = random.Random(args.seed)
     with tempfile.TemporaryDirectory(prefix="bench-kills-") as name:
         bench = prepared(Path(name))

@@ -62,6 +62,11 @@ class Clock:
         return self.now
 
 
+def ignored_ends() -> dict[signal.Signals, signal.Handlers]:
+    """Signals that should end a job and are ignored, as after nohup, and what they should do."""
+    return {s: signal.SIG_DFL for s in ENDS if signal.getsignal(s) == signal.SIG_IGN}
+
+
 class Job:
     """``fmu-fit`` as a process of its own, with a folder of its own for temporary files.
 
@@ -79,8 +84,7 @@ class Job:
         self._workers: set[int] = set()
 
     def __enter__(self) -> Job:
-        # a test that was started by nohup, or in the background, ignores signals and hands that on
-        changed = {s: signal.SIG_DFL for s in ENDS if signal.getsignal(s) == signal.SIG_IGN}
+        changed = ignored_ends()
         if self._ignored:
             changed[signal.Signals(self._ignored)] = signal.SIG_IGN
         before = {s: signal.signal(s, how) for s, how in changed.items()}

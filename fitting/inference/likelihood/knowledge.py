@@ -5,6 +5,7 @@ All values are in the units that stand beside them, `nan` (JSON null) where ther
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -28,6 +29,8 @@ class Adequacy:
     `against` names the form of a line whose residuals the noise was taken from, where they are a
     sweep's own (`fitting.inference.closer_form`); empty where the noise is known. `remedy` is what
     would describe them so: a key of the campaign, or an output; empty where nobody knows one.
+    `scale_off` is the factor by which the scale that peaks take from a sweep may be off, where its
+    top is so wrong that no value is trusted (`fitting.inference.mistakes`); else NaN.
     """
 
     chi_square: float
@@ -36,6 +39,7 @@ class Adequacy:
     describes: bool
     against: str = ""
     remedy: str = ""
+    scale_off: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -236,6 +236,8 @@ def _otherwise(result: Result) -> str:
     """What may describe data that the model does not."""
     adequacy = None if result.knowledge is None else result.knowledge.adequacy
     against = "" if adequacy is None else adequacy.against
+    if adequacy is not None and adequacy.scale_off > 1.0:
+        return 'a sweep whose top is that of a line, or scale = "free"'
     if adequacy is not None and adequacy.remedy:
         return f"{adequacy.remedy}, as {against} describes the sweep better"
     if against:
