@@ -37,8 +37,6 @@ from fitting.text.notation import number
 
 #: Chi square over its degrees of freedom, and probability, beyond which a model is given up.
 RATIO, IMPROBABLE = 4.0, 1e-4
-#: A scale that may be off by more than this factor bends what peaks tell beyond its linearisation.
-SCALE_OFF = 1.05
 
 
 def adequacy_of(
@@ -55,14 +53,14 @@ def adequacy_of(
             no model, the noise is known.
         closer: what another form of a line says of a sweep whose residuals tell its noise, where it
             leaves far less.
-        scale_off: factor by which the scale of peaks may be off; beyond `SCALE_OFF` the scale is no
-            datum, and what the peaks tell with it is not judged by errors about one point.
+        scale_off: factor by which the scale of peaks may be off, where that is beyond their noise:
+            what they tell with it is not judged by errors about one point; else NaN.
     """
     widening = 1.0 if structure is None else structure.widening
     found = _of_known_noise(optimum, widening)
     if closer is not None and found.describes:
         return closer
-    if found.describes and scale_off > SCALE_OFF:
+    if found.describes and scale_off > 1.0:
         return replace(found, describes=False, scale_off=scale_off)
     return found
 

@@ -200,6 +200,21 @@ def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFind
     return replace(fit, solution=replace(solution, noise=noise, errors=errors)), found
 
 
+def _scale_off(solution: Solution, sweeps: SweepFindings) -> float:
+    """Factor by which a scale may be off beyond the noise of its peaks; NaN where none is.
+
+    Within that noise bounded errors hold it; beyond it parameters that no peak tells bend the rest.
+    """
+    data, sigma = solution.objective.data, noise_at(solution).sigma
+    beyond = []
+    for name, doubt in sweeps.doubts.items():
+        mine = (data.series_of_rows == data.series.index(name)) & (data.measured_rows != 0.0)
+        mine[data.curve_rows] = False
+        if np.any(mine) and doubt > float(np.median(sigma[mine])):
+            beyond.append(math.exp(doubt))
+    return max(beyond, default=math.nan)
+
+
 def _withdrawn(derived: DerivedResult) -> DerivedResult:
     """An output without errors of single places: the model does not describe the data."""
     nothing = (math.nan,) * len(derived.stds)
@@ -278,7 +293,7 @@ def _knowledge(
             minima=[minimum.x for minimum in _minima(fit)],
             twins=fit.outcome.twins,
             closer=closer_form(solution),
-            scale_off=sweeps.scale_off,
+            scale_off=_scale_off(solution, sweeps),
             models=_other_models(fit),
             progress=request.progress,
         )
@@ -328,7 +343,9 @@ def _best(
     p = to_model(solution.parameters, optimum.expansion.x)
     return (
         p,
-        adequacy_of(optimum, solution.structure, closer_form(solution), sweeps.scale_off),
+        adequacy_of(
+            optimum, solution.structure, closer_form(solution), _scale_off(solution, sweeps)
+        ),
         optimum.likelihood.inflation,
     )
 

@@ -62,6 +62,16 @@ def test_what_a_simulation_may_be_off_by_is_that_of_its_columns() -> None:
     loose = dense(noise) + columns.shape[1] * columns @ columns.T
     assert dense(noise.loosened(errors)) == pytest.approx(loose)
     assert noise.loosened(BoundedErrors.none()) is noise
+    # scales in doubt move values, and excuse no misfit
+    doubts = RNG.standard_normal((m, 1))
+    for each in (errors, BoundedErrors.none()):
+        more, pull = each.with_scales(doubts), RNG.standard_normal(m)
+        assert more.columns == max(each.columns, m) + 1
+        before = each.moved(pull) if each.columns else 0.0
+        assert more.moved(pull) == pytest.approx(before + float(abs(pull @ doubts)[0]))
+        assert dense(noise.loosened(more)) == pytest.approx(dense(noise.loosened(each)))
+        kept = np.arange(m) > 3
+        assert more.restricted(kept).scales == pytest.approx(doubts[kept])
     # among whitened rows: every column whitened by itself, slopes by differences of nothing at all
     white, slopes = WhitenedErrors(errors, noise), RNG.standard_normal(m)
     whitened = noise.whitened(columns)

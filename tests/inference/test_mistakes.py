@@ -7,26 +7,36 @@ their files written and read. What was done wrong is known.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import fitting as ff
+from fitting.fit.fit import Status
+from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.mistakes import SweepFindings
+from fitting.inference.verdict import Verdict
 from fitting.inference.warnings import Kind, Warned
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
+from tests.support.virtual.laboratory import Laboratory
 
 #: Kinds of warnings that name a mistake.
 MISTAKES = {Kind.SWEEP, Kind.SCALE_FACTOR, Kind.SWAPPED, Kind.LINES}
 
 
-def warned_of(kind: str, seed: int, folder: Path) -> list[Warned]:
-    """What a fit of that laboratory warns of, mistakes only."""
-    laboratory = KINDS[kind](seed)
+def fitted(laboratory: Laboratory, folder: Path) -> Inference:
+    """A short fit of what a laboratory wrote."""
     record = ff.Problem.of(laboratory.write(folder), ff.Fmu("CoupledOscillator")).record
     problem = ff.Problem.answered_by(lambda chosen: ModesResponse(record, chosen), record)
-    found = ff.fit(problem, ff.Tikhonov(nu=1e-3, levels=3), starts=1)
-    return [w for w in found.inferred.warnings if w.kind in MISTAKES]
+    return ff.fit(problem, ff.Tikhonov(nu=1e-3, levels=3), starts=1).inferred
+
+
+def warned_of(kind: str, seed: int, folder: Path) -> list[Warned]:
+    """What a fit of that laboratory warns of, mistakes only."""
+    found = fitted(KINDS[kind](seed), folder)
+    return [w for w in found.warnings if w.kind in MISTAKES]
 
 
 @pytest.mark.parametrize(
@@ -51,3 +61,42 @@ def test_a_mistake_is_named_by_its_kind(seed: int, kind: Kind, words: str, tmp_p
 def test_nothing_is_named_where_nothing_is_wrong(kind: str, seed: int, tmp_path: Path) -> None:
     assert KINDS[kind](seed).honest
     assert warned_of(kind, seed, tmp_path) == []
+
+
+def test_a_scale_from_a_clipped_top_determines_nothing(tmp_path: Path) -> None:
+    """A quarter of the top is missing: by linearised errors the width was 8 sigma off."""
+    found = fitted(KINDS["misuse"](20027), tmp_path)
+    assert found.status is Status.MISFIT
+    assert {d.identifiable for d in found.derived.values()} == {Verdict.WITHDRAWN}
+    assert 'scale = "free"' in found.message
+
+
+@pytest.mark.parametrize("seed", [8, 32])
+def test_errors_hold_a_scale_that_is_off_by_little(seed: int, tmp_path: Path) -> None:
+    """The same peaks beside a sweep of larger amplitudes: the width moves by what is said."""
+    off, laboratory = 0.001, KINDS["misuse"](seed)
+    [series] = laboratory.series
+    assert series.sweep is not None
+    larger = replace(series.sweep, amplitude_v=(1.0 + off) * series.sweep.amplitude_v)
+    widths = []
+    for k, sweep in enumerate((series.sweep, larger)):
+        series = replace(series, sweep=sweep, sweep_amplitude="V peak")
+        found = fitted(replace(laboratory, series=(series,)), tmp_path / str(k))
+        widths.append(found.derived["width_plus"].most_likely)
+    doubt = SweepFindings(doubts={"": off})
+    said = infer(found.fit, InferenceRequest(profiles=False, sweeps=doubt)).derived["width_plus"]
+    none = infer(found.fit, InferenceRequest(profiles=False)).derived["width_plus"]
+    assert 0.8 < abs(widths[1] - widths[0]) / said.simulation < 1.2
+    assert none.simulation == 0.0
+    assert said.std == pytest.approx(none.std + said.simulation)
+
+
+def test_a_scale_that_is_off_beyond_the_noise_determines_nothing(tmp_path: Path) -> None:
+    """Peaks are good to 0.5 %: 0.4 % are in the errors, of 0.6 % no linearisation tells enough."""
+    laboratory = KINDS["misuse"](32)
+    [series] = laboratory.series
+    series = replace(series, sweep_amplitude="V peak")  # without its mistake
+    found = fitted(replace(laboratory, series=(series,)), tmp_path)
+    for off, status in ((0.004, Status.CONVERGED), (0.006, Status.MISFIT)):
+        doubt = SweepFindings(doubts={"": off})
+        assert infer(found.fit, InferenceRequest(profiles=False, sweeps=doubt)).status is status

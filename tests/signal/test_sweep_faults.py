@@ -41,6 +41,17 @@ def test_decibels_of_the_wrong_kind_show_as_a_power(power: float) -> None:
     assert abs(found.width_hz[0] / WIDTH_HZ - 1.0) > 0.2  # what is reported without a warning
 
 
+def test_squares_of_noisy_amplitudes_are_named_though_their_noise_grows_with_them() -> None:
+    """d(a^2) = 2 a da: large at the top, nothing in the tails, few points across the line."""
+    f = ETA_HZ + WIDTH_HZ * np.sinh(np.linspace(-2.5, 2.5, 37))
+    named = 0
+    for seed in range(60):
+        scatter = 0.005 * np.random.default_rng(seed).standard_normal(f.size)
+        found = sweep_faults(f, np.abs(np.abs(line(f)) + scatter) ** 2)
+        named += Fault.POWER in {each.fault for each in found}
+    assert named >= 55
+
+
 @pytest.mark.parametrize("missing", [0.25, 0.4])
 def test_a_detector_that_saturates_is_named(missing: float) -> None:
     """Soft or with a limit; its law, and so size and width, need not be told by the points."""
