@@ -17,7 +17,7 @@ from fitting.fit.solver.continuation import Chain, ContinuationStep, Schedule
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.fit.solver.symmetry import secants
 from fitting.signal.residual_tests import Structure, residual_structure
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 
 #: Decrease of chi square that matters to nobody.
 UNSEEN = 1e-3
@@ -143,6 +143,9 @@ def curve_structure(
 ) -> Structure | None:
     """Structure of the residuals along curves; what they are solved for inside is fitted, too.
 
+    Of the many spectra of a map each has a scale of its own. Where noise is of one size in volts,
+    rows of a small spectrum have more, and so has its scale: nobody asks for that error.
+
     Rows count as the fit weighs them, by their noise over its root mean square: where that is
     stated, residuals that grow with it are of one size.
 
@@ -159,18 +162,24 @@ def curve_structure(
         return None
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
         columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
-    columns = np.column_stack([columns, _solved(objective, final)[mine]])
+    solved, of_maps = _solved(objective, final)
+    columns = np.column_stack([columns, solved[mine][:, ~of_maps]])
+    scales = solved[mine][:, of_maps]
     sigma = noise.sigma[mine]
     weights = float(np.sqrt(np.mean(sigma**2))) / sigma
-    return residual_structure(rows * weights, columns * weights[:, None])
+    along = weights[:, None]
+    return residual_structure(rows * weights, columns * along, scales * along)
 
 
-def _solved(objective: Objective, point: Point) -> FloatArray:
-    """Derivatives of all rows by what measurements are solved for inside, (m, s)."""
+def _solved(objective: Objective, point: Point) -> tuple[FloatArray, BoolArray]:
+    """Derivatives of all rows by what measurements are solved for inside, (m, s); which of maps."""
     data = objective.data
     if not any(m.solved_inside for m in data.measurements):
-        return np.empty((point.residuals.size, 0))
+        return np.empty((point.residuals.size, 0)), np.empty(0, dtype=np.bool_)
     [answer] = objective.response.evaluate_many([point.parameters])
-    pairs = zip(data.measurements, answer.predictions, strict=True)
+    pairs = list(zip(data.measurements, answer.predictions, strict=True))
     blocks = [m.solved_columns(prediction) for m, prediction in pairs]
-    return np.asarray(block_diag(*blocks))
+    of_maps = [
+        np.full(b.shape[1], bool(m.control_units)) for b, (m, _) in zip(blocks, pairs, strict=True)
+    ]
+    return np.asarray(block_diag(*blocks)), np.concatenate(of_maps)

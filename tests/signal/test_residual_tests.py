@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
@@ -127,6 +128,63 @@ def test_unequal_sizes_that_do_not_touch_the_slopes_change_nothing() -> None:
     swapped = residual_structure(e[::-1], np.ascontiguousarray(1.0 - column[::-1]))
     # the noisy hundred is read: 10^2 against the mean square (200 + 100 10^2)/300
     assert swapped.widening == pytest.approx(math.sqrt(100.0 / (10200.0 / 300.0)), rel=0.2)
+
+
+# --- a map: many curves, a scale solved for each ------------------------------------------------
+
+VOLTAGES, MAP_F = np.linspace(-5.0, 5.0, 21), np.linspace(99e3, 101e3, 201)
+#: Two modes that meet at 0.67 V, 100 Hz apart: a0, a1, a2, f2, coupling, d1, d2, and steps of them.
+MODES = np.array([1e5, 120.0, 1.5, 100080.0, 100.0 * 100050.0, 18.0, 11.0])
+STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-3, 10.0, 1e-3, 1e-3])
+
+
+def map_of(p: FloatArray) -> FloatArray:
+    """Amplitudes of the first mode, (21 curves, 201 points)."""
+    a0, a1, a2, f2, square, d1, d2 = p
+    one = (a0 + a1 * VOLTAGES + a2 * VOLTAGES**2)[:, None] ** 2 - MAP_F**2 + 1j * MAP_F * d1
+    two = f2**2 - MAP_F**2 + 1j * MAP_F * d2
+    return np.asarray(np.abs(two / (one * two - square**2)) * 1e6)
+
+
+def map_slopes() -> tuple[FloatArray, FloatArray]:
+    """Derivatives of all points by the parameters, (4221, 7), and by the scales, (4221, 21)."""
+    each = [
+        (map_of(MODES + step) - map_of(MODES - step)).ravel() / step.sum()
+        for step in np.diag(STEPS)
+    ]
+    return np.stack(each, axis=1), np.asarray(block_diag(*map_of(MODES)[:, :, None]))
+
+
+def without(slopes: FloatArray) -> FloatArray:
+    """An orthonormal basis of what a fit takes away."""
+    return np.asarray(np.linalg.qr(slopes / np.linalg.norm(slopes, axis=0))[0])
+
+
+def test_white_maps_are_told_to_be_unequal_no_more_often_than_said() -> None:
+    """One in a hundred, and then by what chance does: not by the error of one curve's scale."""
+    slopes, scales = map_slopes()
+    taken, rng = without(np.column_stack([scales, slopes])), np.random.default_rng(3)
+    noise = rng.standard_normal((200, taken.shape[0]))
+    found = [residual_structure(e - taken @ (taken.T @ e), slopes, scales) for e in noise]
+    widened = [each.widening for each in found if each.widening > 1.0 and not each.order]
+    assert len(widened) <= 6  # of 200: more than six are one in 250
+    assert max(widened, default=1.0) < 2.0
+
+
+def test_noise_that_grows_in_a_map_widens_as_its_parameters_scatter() -> None:
+    """2 % of each point beside 1 % of the mean: the sandwich with the sizes that are true."""
+    slopes, scales = map_slopes()
+    whole, rng = without(np.column_stack([scales, slopes])), np.random.default_rng(5)
+    asked, curve = whole[:, 21:], map_of(MODES).ravel()
+    sizes = 0.01 * np.mean(curve) + 0.02 * curve
+    truth = np.linalg.norm(sizes[:, None] * asked, 2) / math.sqrt(np.mean(sizes**2))
+    widenings = []
+    for _ in range(10):
+        e = sizes * rng.standard_normal(sizes.size)
+        found = residual_structure(e - whole @ (whole.T @ e), slopes, scales)
+        assert found.is_unequal
+        widenings.append(found.widening)
+    assert np.median(widenings) == pytest.approx(truth, rel=0.25)
 
 
 def test_points_are_counted_as_their_mean_scatters() -> None:
