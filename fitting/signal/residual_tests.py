@@ -201,7 +201,7 @@ class _Slopes:
 def _unequal(
     residuals: FloatArray, news: FloatArray, slopes: _Slopes, coefficients: FloatArray
 ) -> tuple[float, float]:
-    """Square of the widening by sizes as they are, over m - n, and how probably chance does as much.
+    """Square of the widening by sizes as they are, over m - n, and the probability of as much.
 
     Both are zero where it may be chance, the second where nothing is drawn.
 
